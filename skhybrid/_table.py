@@ -43,7 +43,7 @@ from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import refuse_order as refuse_order
 from ._target import refuse_other_quantity, refuse_target_among
-from ._time import Stamps, joined_stamps, read_index, spell
+from ._time import Stamps, joined_stamps, read_index, spell, wall_clock
 
 #: hours at the most that it gave, below which a plant hardly ran
 _FEW_HOURS = 1.0
@@ -218,18 +218,10 @@ def read_table(
             f"X has a sampling time of {spell(table.step)}, but {type(estimator).__name__} was fitted at "
             f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
-    if not reset:
-        table = _on_clock_of(getattr(estimator, "training_", None), table)
+    if not reset:  # what was learned by the hour holds in the time zone of the training
+        stamps = Stamps(table.index, table.time, table.utc)
+        table = table.replace(time=wall_clock(stamps, getattr(estimator, "training_", None)))
     return table if holidays is None else table.replace(holidays=read_holidays(holidays, table.index))
-
-
-def _on_clock_of(training: Any, table: ZoneTable) -> ZoneTable:
-    """A table whose hours are those of the training's time zone: what was learned by the hour holds there."""
-    zone = getattr(getattr(training, "first", None), "tz", None)
-    own = getattr(table.index, "tz", None)
-    if zone is None or own is None or table.utc is None or str(zone) == str(own):
-        return table
-    return table.replace(time=table.utc.tz_convert(zone).tz_localize(None))
 
 
 class _Request(NamedTuple):

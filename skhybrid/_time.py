@@ -201,6 +201,14 @@ class Stamps(NamedTuple):
     utc: pd.DatetimeIndex | None
 
 
+def wall_clock(stamps: Stamps, training: Any) -> pd.DatetimeIndex:
+    """Local times of rows in the zone of an estimator's training span, where both have one; else their own."""
+    zone, own = (getattr(stamp, "tz", None) for stamp in (getattr(training, "first", None), stamps.shown))
+    if zone is None or own is None or stamps.utc is None or str(zone) == str(own):
+        return stamps.time
+    return stamps.utc.tz_convert(zone).tz_localize(None)
+
+
 #: of the tables that were joined last: zones on one clock share their stamps
 _joined: OrderedDict[Hashable, Stamps] = OrderedDict()
 

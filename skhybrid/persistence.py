@@ -159,7 +159,10 @@ def load_model_and_metadata(path: str | os.PathLike[str]) -> tuple[Any, dict[str
 
 def _read(path: str | os.PathLike[str]) -> tuple[bytes, bytes, bytes]:
     """Version, checksum and archive of a file that begins as a model file does."""
-    found = os.stat(path)
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"there is no model file {path}; check the path.") from None
     if not stat.S_ISREG(found.st_mode):  # a pipe or a device may never end
         raise ModelFileError(f"{path} is not a file; give the path of a model file.")
     with open(path, "rb") as file:

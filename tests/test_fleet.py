@@ -551,6 +551,28 @@ def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
     assert (folder / "status.html").exists()
 
 
+def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
+    """Each command is a process of its own: why a zone failed is kept in the store."""
+    folder = tmp_path / "houses"
+    put(folder / "data", TRAIN, "first")
+    bad = folder / "data" / "zone=bad"
+    bad.mkdir()
+    ZONES["a"][TRAIN].drop(columns="T_oa").to_parquet(bad / "first.parquet")
+    (folder / "fleet.toml").write_text(CONFIG)
+    with pytest.warns(SkhybridWarning, match="could not be fitted"):
+        FleetFolder(folder).fit()
+    table = FleetFolder(folder).status().set_index("zone")
+    assert table.index[0] == "bad"
+    assert table.loc["bad", "verdict"] == "not usable"
+    assert "T_oa" in table.loc["bad", "reasons"]
+    assert "bad" in (folder / "status.html").read_text()
+    bad.joinpath("first.parquet").unlink()
+    ZONES["a"][TRAIN].to_parquet(bad / "first.parquet")
+    FleetFolder(folder).fit()
+    assert "bad" in set(FleetFolder(folder).status()["zone"])
+    assert "failed" not in FleetFolder(folder).status().set_index("zone").loc["bad", "reasons"]
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

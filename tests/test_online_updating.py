@@ -18,6 +18,7 @@ from skhybrid import (
     InputDisturbanceID,
     OutputDisturbanceID,
     PeriodicDisturbanceID,
+    TwoStagePredictor,
 )
 from skhybrid._table import read_table
 from skhybrid.datasets import make_office
@@ -419,3 +420,21 @@ def test_a_refit_is_made_on_the_span_that_forecast_the_last_week_best(changed, d
     refit = WeeklyRefit(DisturbanceForecaster("profile"))
     assert refit._span(steps) == (None if days is None else pd.Timedelta(days=days))
     assert refit._span(steps.rows(slice(0, 20 * 24))) is None  # all of it is no more than 14 days
+
+
+@pytest.mark.parametrize("make", [HybridPredictor, lambda: TwoStagePredictor(random_state=0)])
+def test_a_history_that_repeats_the_known_rows_adds_nothing(make):
+    """It may be all of them, their end, or these and the rows after them; other values are another room's."""
+    office = make_office(n_days=13, random_state=0)
+    X, y, end = office.X, office.y, 10 * 96
+    model = make().fit(X[:end], y[:end])
+    ahead, levels = X[end : end + 96].drop(columns="T_za"), (0.1, 0.9)
+    expected = model.forecast(None, ahead, quantiles=levels)
+    for history in (X[:end], X[end - 300 : end]):
+        pd.testing.assert_frame_equal(model.forecast(history, ahead, quantiles=levels), expected, rtol=1e-12)
+    later, grown = X[end + 96 : end + 192].drop(columns="T_za"), deepcopy(model).update(X[end : end + 96])
+    expected = grown.forecast(None, later)
+    for history in (X[: end + 96], X[end : end + 96]):
+        pd.testing.assert_frame_equal(model.forecast(history, later), expected, rtol=1e-12)
+    moved = X[:end].assign(T_za=X["T_za"][:end] + 1.0)
+    assert not np.allclose(model.forecast(moved, ahead)["T_za"], model.forecast(None, ahead)["T_za"], atol=0.1)

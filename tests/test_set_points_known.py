@@ -109,6 +109,33 @@ def test_a_load_of_a_thermostat_is_the_learned_one(log, model):
         model.predict_load(later, sides, limits=(-6.0, 6.0), quantiles=(0.1, 0.9))
 
 
+def test_a_plant_gives_no_more_than_its_stages_can(log, model):
+    """Far set-points ask for all that it has; the corrections of the law do not add to it."""
+    future = ahead(log, TRAINED)
+    for sides in ((18.0, 19.0), (27.0, 28.0)):
+        found = model.forecast(None, future, setpoint=sides, quantiles=(0.1, 0.9))
+        assert found["u_heat"].max() <= 1.0 + 1e-9
+        assert found["u_cool"].max() <= 1.0 + 1e-9
+        assert found["Q_hvac_0.9"].max() <= 6.0 + 1e-9
+
+
+def test_limits_of_a_forecast_reach_its_temperature(log, model):
+    future = ahead(log, TRAINED).assign(T_heat_set=23.0, T_cool_set=26.0)
+    free, held = (model.forecast(None, future, limits=limits) for limits in (None, (None, 1.5)))
+    assert free["Q_hvac"].max() > 2.0
+    assert held["Q_hvac"].max() <= 1.5
+    assert (held["T_za"] - free["T_za"]).min() < -0.2
+    pd.testing.assert_frame_equal(model.forecast(None, future, limits=(-50.0, 50.0)), free)
+    ideal = [model.forecast(None, future.drop(columns=["T_heat_set", "T_cool_set"]), setpoint=23.0, limits=limits)
+             for limits in (None, (0.0, 1.5))]  # fmt: skip
+    assert ideal[1]["Q_hvac"].max() <= 1.5 < ideal[0]["Q_hvac"].max()
+    with pytest.raises(ValueError, match="with given heat leave limits=None"):
+        model.forecast(None, log[TRAINED : TRAINED + DAY].drop(columns="T_za"), limits=(0.0, 1.0))
+    for wrong in ((1.0, 2.0), 3.0, (0.0, np.ones(DAY))):
+        with pytest.raises(ValueError, match="limits"):
+            model.forecast(None, future, limits=wrong)
+
+
 def test_what_cannot_be_right_is_refused(log, model):
     train, future = log[:TRAINED], ahead(log, TRAINED)
     broken = train.assign(T_heat_set=train["T_heat_set"].where(np.arange(TRAINED) != 40))

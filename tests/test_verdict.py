@@ -55,6 +55,15 @@ def test_levels_and_their_reasons(size, given, level, words):
     assert words in str(found)
 
 
+def test_few_forecasts_are_no_ground_for_a_verdict():
+    own, rule = _errors(2.0)[:24], _errors(1.0, seed=1)[:24]
+    compared = compare_errors(own, rule, BLOCKS[:24], "yesterday")
+    found = judge("load", [compared], n_origins=1, coverage=0.2)
+    assert found.level == CARE
+    assert "too few forecasts to tell what chance does" in str(found)
+    assert "by chance" not in str(found)
+
+
 def test_the_hardest_rule_counts():
     easy = compare_errors(_errors(0.5), _errors(4.0, seed=1), BLOCKS, "last week")
     hard = compare_errors(_errors(0.5), _errors(0.2, seed=1), BLOCKS, "yesterday")

@@ -249,7 +249,7 @@ def test_an_old_model_is_fitted_again(log, zone, cheap, tmp_path):
 
 
 def test_rows_after_an_outage_are_learned_from_when_there_are_enough(log, zone, cheap, tmp_path):
-    gap = slice(24 * DAYS + 6, 24 * DAYS + 12)
+    gap = slice(24 * DAYS - 2, 24 * DAYS + 12)
     done = zone.tick(write(log, tmp_path / "log.csv", DAYS + 2, without=gap))
     assert len(done.forecast.frame) == 24
     assert any("rows are missing after" in text and "1.5 days without a gap" in text for text in done.remarks)

@@ -75,6 +75,21 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
     return out
 
 
+def read_plant_limits(limits: Any) -> tuple[float, float] | None:
+    """Limits [kW] that hold in all rows: a pair of numbers, or None as one of them; None where there are none."""
+    if limits is None:
+        return None
+    if not isinstance(limits, tuple | list) or len(limits) != 2 or any(np.ndim(side) for side in limits):
+        raise ValueError("limits is a pair of numbers (lowest, highest) [kW]; those by row are for predict_load.")
+    lowest, highest = (
+        free if side is None else float(as_numbers(side, "limits"))
+        for side, free in zip(limits, (-np.inf, np.inf), strict=True)
+    )
+    if not lowest <= min(highest, 0.0) or not highest >= 0.0:
+        raise ValueError(f"limits=({limits[0]}, {limits[1]}) must have 0 kW, a plant that is off, between them.")
+    return lowest, highest
+
+
 def _columns(frame: pd.DataFrame) -> list[pd.Series]:
     """The columns of a frame, that of heating first where their names contain "heat" and "cool"."""
     columns = [frame.iloc[:, j] for j in range(frame.shape[1])]

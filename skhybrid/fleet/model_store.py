@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -10,11 +11,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
+from .._files import atomic_path
 from ..model_selection.search.store import check_settings
 from ..persistence import load_model, save_model
 from .journal import Journal
 
-_MODEL, _JOURNAL, _LOCK = ".skops", ".npz", "fleet.sqlite"
+_MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
 _PATIENCE = 1.0  # how long a fleet waits for another one before it gives up [s]
 _MOST_ROWS = 4000  # taken in since the model was saved, from which on it is saved with them
 
@@ -60,6 +62,16 @@ class ModelStore:
                 return
             journal.rows = journal.rows.iloc[-_MOST_ROWS:]
         journal.save(self._file(zone, _JOURNAL))
+
+    def failures(self) -> dict[str, str]:
+        """Why zones could not be fitted the last time, by zone."""
+        path = self.path / _FAILURES
+        return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+    def keep_failures(self, whys: Mapping[str, str]) -> None:
+        """Keep why zones could not be fitted."""
+        with atomic_path(self.path / _FAILURES) as made:
+            made.write_text(json.dumps(dict(whys)), encoding="utf-8")
 
     def _file(self, zone: str, kind: str) -> Path:
         name = quote(zone, safe=" ")

@@ -125,8 +125,9 @@ class ZoneFleet(BaseEstimator):
         self.errors_: dict[Any, str] = {}
         with zone_files(X, y, self.key) as files, self._models.locked(self._settings()):
             found = self._run(fit_zone, files.by_zone, files, (self.estimator, self.fallback, last), fitting=True)
-        whys = {files.labels[o.zone]: o.value for o in found if o.value is not None}
-        self.errors_ = self._fit_errors = {**self.errors_, **whys}
+            whys = {files.labels[o.zone]: o.value for o in found if o.value is not None}
+            self.errors_ = self._fit_errors = {**self.errors_, **whys}
+            self._models.keep_failures({str(zone): why for zone, why in self.errors_.items()})
         if self.errors_:
             zone, why = next(iter(self.errors_.items()))
             taken = f", and the fallback took over for {len(whys)} of them" if whys else ""
@@ -258,7 +259,7 @@ class ZoneFleet(BaseEstimator):
         zones = self.zones_
         files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
         found = self._run(zone_status, dict.fromkeys(zones, ()), files)
-        failed = {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
+        failed = self._models.failures() | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
         table, recent = status_table({o.zone: o.value for o in found if o.error is None}, failed, self.key)
         if page is not None:
             write_page(page, table, recent, self.key)
@@ -343,7 +344,7 @@ class ZoneFleet(BaseEstimator):
         if not fitting:
             models.check(self._settings())
             known = getattr(self, "_fit_errors", {})
-            why = {str(label): text for label, text in known.items()}
+            why = models.failures() | {str(label): text for label, text in known.items()}
             failed |= {zone: why.get(zone, _UNFITTED) for zone in paths if not models.has(zone)}
         calls = {
             zone: (job, (zone, self.store_, *([own] if own else []), *given))

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
+from threadpoolctl import threadpool_limits
 
 from ..filtering import sum_of_leaves
 
@@ -48,7 +49,9 @@ class BoostedTrees(NamedTuple):
 def fit_trees(X: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) -> BoostedTrees:
     """Boosted trees of a target (n,) by features (n, n_features), NaN where unknown; the same for the same rows."""
     X = np.where(np.isfinite(X).any(axis=0), X, 0.0)  # a feature of which nothing is known splits no node
-    booster = HistGradientBoostingRegressor(**SETTINGS).fit(X, y, weight)
+    # threads that wait for one another spin: beside another process so few rows took ten times as long with two
+    with threadpool_limits(1, user_api="openmp"):
+        booster = HistGradientBoostingRegressor(**SETTINGS).fit(X, y, weight)
     nodes = [tree.nodes for (tree,) in booster._predictors]
     n_nodes = max(len(tree) for tree in nodes)
     found = {name: np.zeros((len(nodes), n_nodes), dtype=nodes[0].dtype[name]) for name in _FIELDS}

@@ -208,6 +208,8 @@ class BuildingForecastMixin:
         T_za: Any = None,
         setpoint: Any = None,
         quantiles: Sequence[float] | None = None,
+        *,
+        limits: tuple[float | None, float | None] | None = None,
     ) -> pd.DataFrame:
         """Forecast all zones from the last row of a history, under given heat or under their thermostats.
 
@@ -224,6 +226,9 @@ class BuildingForecastMixin:
             ``T_heat_set_<zone>`` and ``T_cool_set_<zone>`` of ``future`` count where it has no heat.
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; see also :meth:`sample`.
+        limits : tuple of (lowest, highest), optional
+            What the plant of each zone can do, as in :meth:`HybridPredictor.forecast`; :meth:`predict_load` has limits
+            that zones share.
 
         Returns
         -------
@@ -240,9 +245,10 @@ class BuildingForecastMixin:
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
-        of = None if known is not None or wanted else self._under_heat(ahead, now, quantiles)
+        alone = known is None and not wanted and limits is None
+        of = self._under_heat(ahead, now, quantiles) if alone else None
         if of is None:
-            of = self._by_frames(known, ahead, now, wanted, quantiles)
+            of = self._by_frames(known, ahead, now, wanted, quantiles, limits)
         return pd.DataFrame(self._joined(of, first_lead=0 if now else 1), future.index)
 
     def _under_heat(
@@ -272,13 +278,14 @@ class BuildingForecastMixin:
         now: Mapping[str, Any],
         wanted: Mapping[str, Any],
         quantiles: Sequence[float] | None,
+        limits: tuple[float | None, float | None] | None,
     ) -> _Columns:
         """Forecasts for which each predictor reads history and rows ahead by itself."""
         among = known if known is None or not self.coupled_ else self._with_measured(known, self._known(known))
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             history, rows, levels = (among, with_next(ahead, T), None) if T else (known, ahead, quantiles)
-            return columns_of(model.forecast(history, rows, now.get(zone), wanted.get(zone), levels))
+            return columns_of(model.forecast(history, rows, now.get(zone), wanted.get(zone), levels, limits=limits))
 
         return of
 
@@ -290,13 +297,17 @@ class BuildingForecastMixin:
             return dict.fromkeys(self.zones_, given)
         if not isinstance(given, Mapping | pd.Series):
             values = np.atleast_1d(as_numbers(given, name))
-            given = dict(zip(self.zones_, values, strict=True)) if len(values) == len(self.zones_) else {}
+            if len(values) != len(self.zones_):
+                raise ValueError(f"{name} has {len(values)} values; give one for each of {listed(self.zones_)}.")
+            given = dict(zip(self.zones_, values, strict=True))
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
-        if name != "T_za":  # the other zones are free
-            by_zone = {zone: (None, None) for zone in self.zones_ if zone not in by_zone} | by_zone
-        if set(by_zone) != set(self.zones_):
-            raise ValueError(f"{name} is given for {listed(by_zone)}; the zones are {listed(self.zones_)}.")
-        return by_zone
+        unknown = [zone for zone in by_zone if zone not in self.zones_]
+        if unknown:
+            raise ValueError(f"{name} names {unknown[0]!r}, which is no zone; the zones are {listed(self.zones_)}.")
+        absent = [zone for zone in self.zones_ if zone not in by_zone]
+        if absent and name == "T_za":
+            raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
+        return dict.fromkeys(absent, (None, None)) | by_zone  # the other zones are free
 
     def _joined(self, of: _Columns, first_lead: int) -> dict[str, np.ndarray]:
         """Columns of all zones; those with neighbours under what was forecast of these."""

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
+from .._table import ZoneTable, is_plant
 from ..control import Band, LoadPaths
 from ..exceptions import TooFewDaysError
 from ..forecasting.features import rows_per_day, rows_per_hour
@@ -80,12 +80,44 @@ class _Tail(NamedTuple):
     intervals: tuple[LeadIntervals, ...]  # of load and temperature; empty after a short training
 
 
+class PlantCapacity(NamedTuple):
+    """The least and most heat of a plant [kW]."""
+
+    lowest: float
+    highest: float
+    is_known: bool  # by the stages, so that it stays; measured heat may grow
+
+    @classmethod
+    def of(cls, scheme: Scheme, training: ZoneTable, heat: np.ndarray) -> Self:
+        """By full stages, or by the measured heat (n_rows,) [kW] of a training."""
+        stages, roles = scheme.stages(), [role for role in training.inputs if is_plant(role)]
+        if set(roles) - set(stages):
+            return cls(*cls(0.0, 0.0, False).after(heat), False)
+        off = training.rows(slice(0, 1))
+        off = off.replace(inputs={**off.inputs, **dict.fromkeys(roles, np.zeros(1))})
+        full = [off.replace(inputs={**off.inputs, role: np.array([stages[role]])}) for role in roles]
+        each = [float(scheme.plant_heat(one)[0]) for one in full]
+        return cls(sum(min(h, 0.0) for h in each), sum(max(h, 0.0) for h in each), True)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        return self.lowest, self.highest
+
+    def after(self, heat: np.ndarray) -> tuple[float, float]:
+        """The range after a heat [kW] was measured."""
+        if self.is_known:
+            return self.range
+        lowest, highest = (_WIDER * float(end) for end in (heat.min(initial=0.0), heat.max(initial=0.0)))
+        return min(self.lowest, lowest), max(self.highest, highest)
+
+
 class ClosedLoop:
     """A learned thermostat and plant; it never changes, but for what it caches."""
 
-    def __init__(self, refits: LawRefits, tail: _Tail, n_leads: int, training: ZoneTable, heat: np.ndarray) -> None:
-        self._refits, self._tail, self.n_leads = refits, tail, n_leads
-        self._heat_range = _range_of(heat)
+    def __init__(
+        self, refits: LawRefits, tail: _Tail, n_leads: int, training: ZoneTable, capacity: PlantCapacity
+    ) -> None:
+        self._refits, self._tail, self.n_leads, self._capacity = refits, tail, n_leads, capacity
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
         self._per_day = rows_per_day(training.step)
 
@@ -98,7 +130,8 @@ class ClosedLoop:
         if not np.isfinite(band).any() or np.ptp(heat) == 0.0 or training.n_rows < _LEAST_DAYS * rows.per_day:
             return None
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
-        ideal = scheme.adapting(None).load_paths(training, origins, n_leads, band, _range_of(heat))
+        capacity = PlantCapacity.of(scheme, training, heat)
+        ideal = scheme.adapting(None).load_paths(training, origins, n_leads, band, capacity.range)
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_TAIL * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
@@ -107,16 +140,23 @@ class ClosedLoop:
         leads, before = _leads(n_leads), learn(pairs.before(begin), rows.per_day)
         values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
         tail = _learn_tail(training, _Errors(origins[later], leads, values), n_leads)
-        return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, heat)
+        return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, capacity)
 
     def paths(
-        self, scheme: Scheme, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray | None = None
+        self,
+        scheme: Scheme,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        levels: np.ndarray | None = None,
+        limits: tuple[float, float] | None = None,
     ) -> ClosedLoopPaths:
         """Forecast load and temperature from increasing origins, with quantiles of the given levels.
 
         The set-points come as history of the table, which begins with the end of the known rows where it follows them.
         Heat is read before an origin only, the temperature up to it.  Column j of the load is the row ``origin + j``,
-        of the temperature the end of that row.
+        of the temperature the end of that row.  Under other ``limits`` of the plant [kW] than those of the training,
+        both are as much lower or higher as the network's ideal ones are.
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
@@ -132,7 +172,7 @@ class ClosedLoop:
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
         span = max(n_leads, self.n_leads)
-        ideal = IdealPaths(every, scheme.load_paths(table, every, span, rows.band, self._heat_range))
+        ideal = IdealPaths(every, scheme.load_paths(table, every, span, rows.band, self._capacity.range))
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
         for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
@@ -142,7 +182,13 @@ class ClosedLoop:
             own = weeks.numbers(origins) == number
             members[own] = member_paths(rows, origins[own], ideal.of(origins[own]), law, np.arange(n_leads))
         errors = _Errors(past, _leads(self.n_leads), values)
-        wanted = _Wanted(rows, origins, members, ideal.of(origins).zeta[:, :n_leads])
+        free = ideal.of(origins)
+        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
+        if limits is not None:
+            within = _within(self._capacity.range, limits)
+            held = scheme.load_paths(table, origins, n_leads, rows.band, within)
+            shift = [a - b[:, :n_leads] for a, b in ((held.heat, free.heat), (held.temperature, free.temperature))]
+            wanted = wanted._replace(shift=np.array(shift), limits=limits)
         return self._blended(scheme, table, wanted, errors, weeks.zero if table.n_history else weeks.begin, levels)
 
     def rows_back(self, known: KnownRows) -> int:
@@ -183,14 +229,14 @@ class ClosedLoop:
             shares = self._shares(known, (origin - begin) / rows.per_day, (origin - known.ends) / rows.per_day)
             for quantity in range(2):
                 weights = by_lead(shares[quantity], self.n_leads, n_leads)
-                path = np.sum(members[i, :, quantity] * weights, axis=-1)
+                path = np.sum(members[i, :, quantity] * weights, axis=-1) + wanted.shift[quantity, i]
                 out[quantity, i] = path[:, None]
                 if levels is not None:
                     missed = self._missed(known, shares, quantity)
                     out[quantity, i, :, 1:] += self._offsets(table, int(origin), n_leads, quantity, missed, levels)
             held = Band(*(side[origin : origin + n_leads] for side in rows.band))
             plausible = scheme.plausible_range(lowest[i], highest[i], held)
-            out[0, i] = np.clip(out[0, i], *_range_of(rows.heat[:origin], self._heat_range))
+            out[0, i] = np.clip(out[0, i], *_within(self._capacity.after(rows.heat[:origin]), wanted.limits))
             out[1, i] = plausible.clip(out[1, i])
         paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.zeta)
         return ClosedLoopPaths(paths, *(() if levels is None else (out[0, ..., 1:], out[1, ..., 1:])))
@@ -227,11 +273,14 @@ class _Wanted(NamedTuple):
     origins: np.ndarray
     members: np.ndarray  # (O, L, 2, M) load [kW] and temperature [degC]
     zeta: np.ndarray  # (O, L)
+    shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
+    limits: tuple[float, float] = (-np.inf, np.inf)
 
 
-def _range_of(heat: np.ndarray, known: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
-    """The least and most heat of a plant [kW], by what it gave and what was known of it."""
-    return min(known[0], _WIDER * float(heat.min(initial=0.0))), max(known[1], _WIDER * float(heat.max(initial=0.0)))
+def _within(known: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:
+    """The least and most heat [kW] within two ranges."""
+    lowest = min(max(known[0], limits[0]), limits[1])
+    return lowest, max(min(known[1], limits[1]), lowest)
 
 
 def _leads(n_leads: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from .._table import SETPOINT_ROLES, ZoneTable, is_plant
 from .._threads import one_blas_thread
 from .._time import rows_of
 from ..control import Band, Limits, LoadPaths
-from ..control.setpoints import read_limits, read_setpoint
+from ..control.setpoints import read_limits, read_plant_limits, read_setpoint
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
@@ -40,6 +40,7 @@ class FramesForecastMixin(FramesReadingMixin):
         quantiles: Sequence[float] | None = None,
         *,
         weather_error: Any = None,
+        limits: tuple[float | None, float | None] | None = None,
     ) -> pd.DataFrame:
         """Forecast from the last row of a history, under given heat or under a thermostat.
 
@@ -49,8 +50,8 @@ class FramesForecastMixin(FramesReadingMixin):
         Parameters
         ----------
         history : DataFrame or None
-            Rows up to the origin, with ``T_za``; where it continues the known rows, those come before it.  None: all
-            that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
+            Rows up to the origin, with ``T_za``; where it continues or repeats the known rows, those come before it.
+            None: all that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
         future : DataFrame
             The rows to forecast, with the known future inputs; it begins one step after the history.
         T_za : float, optional
@@ -62,6 +63,8 @@ class FramesForecastMixin(FramesReadingMixin):
             As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
         weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
             As in :meth:`predict_quantiles`; for given heat only.
+        limits : tuple of (lowest, highest), optional
+            What the plant can do [kW], cooling negative, under a thermostat only; None as one of the two: as learned.
 
         Returns
         -------
@@ -84,10 +87,12 @@ class FramesForecastMixin(FramesReadingMixin):
         weather = read_weather_error(weather_error)
         if setpoint is None and not self._has_setpoints_only(future):
             self._refuse_without_heat(future)
+            if limits is not None:
+                raise ValueError("limits are of a plant that a thermostat runs; with given heat leave limits=None.")
             return self._under_heat(history, future, now, levels, weather)
         if weather is not None:
             raise ValueError("weather_error widens forecasts under given heat; leave weather_error=None here.")
-        return self._under_thermostat(history, future, now, levels, setpoint)
+        return self._under_thermostat(history, future, now, levels, setpoint, read_plant_limits(limits))
 
     def _under_heat(
         self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
@@ -132,7 +137,13 @@ class FramesForecastMixin(FramesReadingMixin):
         return dict(zip(quantile_columns(levels), bands.T, strict=True))
 
     def _under_thermostat(
-        self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, setpoint: Any
+        self,
+        history: Any,
+        future: Any,
+        now: float | None,
+        levels: np.ndarray | None,
+        setpoint: Any,
+        limits: tuple[float, float] | None,
     ) -> pd.DataFrame:
         """The forecast in which the plant answers to set-points."""
         n_ahead, scheme = len(future.index), self._present_scheme()
@@ -149,9 +160,9 @@ class FramesForecastMixin(FramesReadingMixin):
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
         if self._law is None:
-            return self._ideal(scheme, table, int(origin[0]), levels).iloc[-n_ahead:].set_axis(future.index)
+            return self._ideal(scheme, table, int(origin[0]), levels, limits).iloc[-n_ahead:].set_axis(future.index)
         # the heat of the origin's own row is forecast too: what was delivered in it is not yet known at its stamp
-        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels)
+        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels, limits)
         if now is not None:
             found = found.after(now)
         heat, temperature, zeta = found.paths
@@ -169,13 +180,22 @@ class FramesForecastMixin(FramesReadingMixin):
         longer = rows.with_earlier(table, self._law.rows_back(rows))
         return longer, longer.n_rows - table.n_rows
 
-    def _ideal(self, scheme: Scheme, table: ZoneTable, origin: int, levels: np.ndarray | None) -> pd.DataFrame:
+    def _ideal(
+        self,
+        scheme: Scheme,
+        table: ZoneTable,
+        origin: int,
+        levels: np.ndarray | None,
+        limits: tuple[float, float] | None,
+    ) -> pd.DataFrame:
         """The least heat that keeps the set-points, where no law was learned."""
         if levels is not None:
             raise TooFewDaysError(
                 "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set."
             )
         free = self._plant_limits(table.n_rows - origin)
+        if limits is not None:
+            free = Limits(np.maximum(free.lower, limits[0]), np.minimum(free.upper, limits[1]))
         band = Band(*(side[origin:] for side in band_of(table)))
         return _delivered(scheme.required_heat(table, np.array([origin]), band, free))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._joining import join_frames, join_tables, refuse_absent, unmeasured, with_measured
-from .._table import ZoneTable, append_tables
+from .._table import ZoneTable, append_tables, refuse_gap
 from .scheme_intervals import HybridQuantilesMixin
 
 
@@ -48,8 +48,12 @@ class FramesReadingMixin(HybridQuantilesMixin):
         else:
             history = self._scheme.rows.in_own_zone(history)
             whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
-        table, n_tail = self._with_history(whole)
-        return _at_now(table, n_tail + len(history.index), T_za)
+        table = self._read_X(whole)
+        refuse_gap(table)
+        n_past = len(history.index)
+        n_known = self._scheme.rows.n_known_of(table.rows(slice(0, n_past)))  # they are not taken in twice
+        table, n_tail = self._after_tail(table.rows(slice(n_known, None)))
+        return _at_now(table, n_tail + n_past - n_known, T_za)
 
     def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
         """Columns of a frame that are read and known in advance."""

@@ -98,6 +98,19 @@ class KnownRows:
         """Rows whose training table is another one, which ends where these end."""
         return replace(self, settled=(training,), recent=(), n_end=min(self.n_end + self._n_recent, training.n_rows))
 
+    def n_known_of(self, history: ZoneTable) -> int:
+        """How many rows of a history are known already, where it goes on from known rows or ends with the last one."""
+        if history.utc is None or self.last_stamp is None or history.utc[-1] < self.last_stamp:
+            return 0
+        n = int((history.utc <= self.last_stamp).sum())
+        end = self.end()
+        n_alike = min(n, end.n_rows)
+        given, kept = history.rows(slice(n - n_alike, n)), end.rows(slice(end.n_rows - n_alike, None))
+        pairs = [(given.inputs.get(role), v) for role, v in kept.inputs.items()]
+        pairs += [(given.history.get(role), v) for role, v in kept.history.items()]
+        alike = all(a is not None and np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+        return n if alike and n_alike and kept.utc is not None and kept.utc.equals(given.utc) else 0
+
     @property
     def _n_recent(self) -> int:
         return sum(table.n_rows for table in self.recent)

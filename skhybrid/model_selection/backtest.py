@@ -74,8 +74,7 @@ def backtest(
         estimator forecasts no quantiles.
     """
     check_is_fitted(estimator)
-    forecaster, table = _unwrap(estimator, X)
-    _refuse_quantiles(forecaster, quantiles)
+    forecaster, table = _unwrap(estimator, X, quantiles)
     zones = getattr(forecaster, "zones_", ("",))
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
@@ -114,11 +113,6 @@ def backtest(
             made = made.assign(**dict(zip(quantile_columns(quantiles), found[0].T, strict=True)))
         out.append((made.assign(zone=zone) if len(zones) > 1 else made)[there])
     return pd.concat(out, ignore_index=True)
-
-
-def _refuse_quantiles(forecaster: Any, quantiles: Sequence[float] | None) -> None:
-    if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
-        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:
@@ -209,8 +203,8 @@ def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
     return truth.reshape(n_rows, len(zones))
 
 
-def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:
-    """The estimator inside searches and pipelines, and X as it sees it."""
+def _unwrap(estimator: Any, X: Any, quantiles: Sequence[float] | None) -> tuple[Any, Any]:
+    """The estimator inside searches and pipelines, and X as it sees it; refused if it lacks the wanted quantiles."""
     while True:
         if hasattr(estimator, "best_estimator_"):
             estimator = estimator.best_estimator_
@@ -219,7 +213,10 @@ def _unwrap(estimator: Any, X: Any) -> tuple[Any, Any]:
                 X = estimator[:-1].transform(X)
             estimator = estimator.steps[-1][1]
         else:
-            return estimator, X
+            break
+    if quantiles is not None and not hasattr(estimator, "predict_quantiles_from"):
+        raise ValueError(f"{type(estimator).__name__} forecasts no quantiles; leave quantiles=None.")
+    return estimator, X
 
 
 def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timedelta]:

@@ -23,8 +23,8 @@ class Schedule(NamedTuple):
     weekend: Any = None  # Schedule of weekends and holidays, where they differ
 
     @classmethod
-    def of_tables(cls, tables: Mapping[str, Any]) -> Self | None:
-        """The schedule of ``[thermostat]``; None if it is empty.
+    def of_tables(cls, tables: Mapping[str, Any], where: str = "[thermostat]") -> Self | None:
+        """The schedule of ``[thermostat]``, or of what else errors name; None if it is empty.
 
         Raises
         ------
@@ -36,7 +36,7 @@ class Schedule(NamedTuple):
         for key in tables:
             if key not in _KINDS:
                 raise ValueError(f"unknown key {key!r} in [thermostat]; known are {', '.join(_KINDS)}.")
-        sides = [_side(name, tables.get(name)) for name in ("heat", "cool")]
+        sides = [_side(f"{where} {name}", tables.get(name)) for name in ("heat", "cool")]
         if not any(sides):
             raise ValueError("[thermostat] needs heat or cool, such as heat = 21.")
         found = cls(sides[0], sides[1], cls.of_tables(tables["weekend"]) if tables.get("weekend") else None)
@@ -56,7 +56,7 @@ class Schedule(NamedTuple):
         if len(sides) > 2:
             raise ValueError(f"--setpoint {text!r} is not a heating and a cooling set-point, such as 21,24.")
         names = dict(zip(("heat", "cool"), sides, strict=False))
-        made = cls.of_tables({name: _of_text(side) for name, side in names.items() if side})
+        made = cls.of_tables({name: _of_text(side) for name, side in names.items() if side}, where="--setpoint,")
         if made is None:
             raise ValueError("--setpoint is empty; give the heating and the cooling set-point, such as 21,24.")
         return made
@@ -89,9 +89,9 @@ def _of_text(side: str) -> Any:
         raise ValueError(f"--setpoint {side!r} is no set-point such as 21, or 6:00=21,22:00=17.") from None
 
 
-def _side(name: str, given: Any) -> dict[int, float]:
+def _side(where: str, given: Any) -> dict[int, float]:
     """Set-points by minute of one side."""
-    return by_clock(f"[thermostat] {name}", given, "set-point", (0, 45))
+    return by_clock(where, given, "set-point", (0, 45))
 
 
 def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None = None) -> dict[int, float]:
@@ -111,6 +111,7 @@ def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None
         plain = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
         if not plain or not low <= value <= high:
             allowed = f" from {low:g} to {high:g} degC" if span else ""
+            allowed += " (degF must be converted)" if span and plain and high < value < 120 else ""
             raise ValueError(f"{where} at {clock} is {value!r}, which is no {what}{allowed}.")
         out[60 * int(found[1]) + int(found[2])] = float(value)
     return dict(sorted(out.items()))

@@ -29,7 +29,7 @@ class Verdict(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """Ratio of a model's error to that of a simple rule, with an interval by chance."""
+    """Ratio of a model's error to that of a simple rule, with an interval by chance (0 to inf: too few to tell)."""
 
     rule: str
     ratio: float
@@ -38,6 +38,10 @@ class Comparison(NamedTuple):
 
     def words(self) -> str:
         """The comparison as a reason."""
+        if np.isinf(self.high):
+            return (
+                f"its error is {self.ratio:.2f} of that of {self.rule}, in too few forecasts to tell what chance does"
+            )
         span = f"{self.low:.2f} to {self.high:.2f} by chance"
         if self.high < 1.0:
             return f"its error is {self.ratio:.2f} of that of {self.rule} ({span})"
@@ -60,6 +64,9 @@ def compare_errors(own: pd.Series, rule: pd.Series, blocks: pd.Series, name: str
     sums = squares.groupby("block")[["own", "rule"]].sum().to_numpy()
     if not len(sums) or not sums[:, 1].sum():
         return Comparison(name, np.nan, np.nan, np.nan)
+    ratio = float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum()))
+    if len(sums) <= _BLOCK:
+        return Comparison(name, ratio, 0.0, np.inf)
     n_blocks = -(-len(sums) // _BLOCK)
     start = np.random.default_rng(0).integers(0, len(sums), (_DRAWS, n_blocks))
     drawn = (start[..., None] + np.arange(_BLOCK)).reshape(_DRAWS, -1) % len(sums)
@@ -67,7 +74,7 @@ def compare_errors(own: pd.Series, rule: pd.Series, blocks: pd.Series, name: str
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.sqrt(totals[:, 0] / totals[:, 1])
     low, high = np.nanquantile(ratios, _SURE)
-    return Comparison(name, float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum())), float(low), float(high))
+    return Comparison(name, ratio, float(low), float(high))
 
 
 def judge(
@@ -95,10 +102,11 @@ def judge(
     reasons = [hardest.words()]
     care = hardest.high >= 1.0
     failed = hardest.low > 1.0
-    if n_origins < _FEW:
+    few = n_origins < _FEW
+    if few:
         care, reasons = True, [*reasons, f"it was tested on {n_origins} forecast{'s' * (n_origins != 1)} only"]
     if coverage is not None and not _COVERAGE[0] <= coverage <= _COVERAGE[1]:
         care, failed = True, failed or coverage < _WORST_COVERAGE
         reasons.append(f"its 80 % intervals held {100 * coverage:.0f} % of the measurements")
     reasons += doubts
-    return Verdict(quantity, NOT if failed else CARE if care or doubts else USABLE, tuple(reasons))
+    return Verdict(quantity, NOT if failed and not few else CARE if care or doubts else USABLE, tuple(reasons))

@@ -12,6 +12,7 @@ import pandas as pd
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
+from ..logs.zone_csv import to_left_label
 from ..study.data import inputs_of, read_log
 from ..study.doubts import day_beyond
 from ..study.plant import Performance
@@ -20,6 +21,8 @@ from ..study.tariff import energy_cost
 from .tomorrow import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
+_FIRST = 4  # rows on each side of the origin whose weather is compared
+_LARGEST_JUMP = 12.0  # of T_oa from these to those [K]
 _OLD = pd.Timedelta("28D")  # age of what a model knows, from which on it should learn anew
 
 
@@ -73,13 +76,11 @@ def day_ahead(
     history = zone.history(frame)
     origin = history.index[-1]
     measured = settings.roles_of("T_za")
-    later = frame[frame.index > origin].drop(columns=measured)
+    later = _not_past(frame[frame.index > origin], measured)
     given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
     inputs = [str(role) for role in inputs_of(history) if role not in (*measured, *settings.setpoints)]
     ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead.frame)
-    if not ahead.planned:
-        found = with_limits(found, settings)
     setpoints = ahead.frame[[role for role in settings.setpoints if role in ahead.frame]]
     out = (
         found.drop(columns=settings.roles_of("zeta"), errors="ignore")
@@ -87,27 +88,41 @@ def day_ahead(
         .join(ahead.frame[_weather(inputs)])
     )
     out = with_electricity(out, settings).rename_axis("time")
-    return DayAhead(out, _summary(out, settings), tuple(_remarks(zone, history, ahead.frame, ahead.planned)))
+    remarks = [*zone.remarks_on_outages(frame, history), *_remarks(zone, history, ahead.frame, ahead.planned)]
+    return DayAhead(out, _summary(out, settings), tuple(remarks))
+
+
+def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
+    """Rows after the origin, without what is no plan: rows in which a temperature was measured lack weather only."""
+    past = later[measured].notna().any(axis=1).to_numpy()
+    if past.any() and past[-1]:
+        later = later.iloc[:0]
+    elif past.any():
+        after = later.iloc[int(np.flatnonzero(past)[-1]) + 1 :]
+        later = later.drop(columns=[role for role in later if after[role].isna().all() and role not in measured])
+    return later.drop(columns=measured)
 
 
 def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int) -> pd.DataFrame:
-    """Weather of the rows ahead by role, in the time zone of the log; columns of a CSV are found by their names."""
+    """Weather of the rows ahead by role, in the time zone of the log.
+
+    Columns of a CSV that have the names of the log's are read as the log is; others are found by names and values.
+    """
     if Path(path).suffix.lower() in (".epw", ".json"):
         frame = read_weather(path, year=year, **dict(settings.site))
     else:
         given = {} if settings.timezone is None else {"timezone": settings.timezone}
-        frame = LogReport(read_any_log(path, **given)).frame
+        raw = read_any_log(path, **given)
+        own = {role: column for role, column in settings.columns.items() if column in raw.frame}
+        units = {role: unit for role, unit in settings.units.items() if role in own}
+        scale = {role: factor for role, factor in settings.scale.items() if role in own}
+        frame = LogReport(raw, own, units, scale).frame
+        if own and settings.label == "right":
+            frame = to_left_label(frame)
     index = pd.DatetimeIndex(frame.index)
     if tz is None and index.tz is not None:
         raise ValueError("the weather has a time zone and the log has none; give timezone = in the configuration.")
     return frame if tz is None or index.tz is None else frame.tz_convert(tz)
-
-
-def with_limits(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
-    """The forecast with loads within what the plant can deliver by the settings."""
-    most, cold = settings.plant.get("most_heat", np.inf), settings.plant.get("most_cold", np.inf)
-    loads = [name for name in found if str(name).startswith("Q_hvac")]
-    return found.assign(**{str(name): found[name].clip(-cold, most) for name in loads})
 
 
 def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
@@ -151,13 +166,23 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
     return found if cost is None else found | cost.entries()
 
 
+def _jump(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
+    """Change of the outdoor temperature from the end of a history to the begin of the rows ahead [K]."""
+    if "T_oa" not in history or "T_oa" not in ahead:
+        return 0.0
+    return float(abs(ahead["T_oa"].iloc[:_FIRST].mean() - history["T_oa"].iloc[-_FIRST:].mean()))
+
+
 def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planned: bool) -> list[str]:
     """Remarks on this forecast for its user."""
     out = []
     if not planned and not zone.thermostat_learned:
+        out.append(f"the thermostat is an ideal one and the load has no interval: {zone.why_ideal}")
+    jump = _jump(history, ahead)
+    if jump > _LARGEST_JUMP:
         out.append(
-            "the log had no set-points (T_heat_set, T_cool_set), so the thermostat is an ideal one and the load has no "
-            "interval"
+            f"T_oa jumps by {jump:.0f} K from the end of the log to the weather ahead; check the unit and the stamps "
+            "of both"
         )
     if not planned and not is_scaled(zone.covered(), zone.settings.capacities):
         out.append(

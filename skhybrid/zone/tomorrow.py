@@ -85,7 +85,12 @@ def rows_ahead(
     known = weather if weather is not None else plan
     if weather is None and plan is not None and len(plan):  # the rows that the log has, where it has any
         index = index[index <= plan.index[-1]]
-    frame = _weather(known, [r for r in inputs if r not in plant and not r.startswith("q_sol_")], index)
+    computed = [r for r in inputs if r.startswith("q_sol_") and r not in settings.columns]  # of the site's facades
+    frame = _weather(known, [r for r in inputs if r not in (*plant, *computed)], index)
+    if not plant:
+        if schedule is not None:
+            raise ValueError("the model has no heating or cooling, so that --setpoint does nothing; leave it out.")
+        return RowsAhead(frame, True)
     heat = {role: plan[role].reindex(index) for role in plant if plan is not None and role in plan}
     if schedule is None and heat and all(values.notna().any() for values in heat.values()):
         return RowsAhead(frame.assign(**{r: _whole(v, r, "planned heat") for r, v in heat.items()}), True)
@@ -129,15 +134,18 @@ def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeInd
                 "log."
             )
     assert given is not None
-    pair = pd.DataFrame({role: given[role] if role in roles else 0.0 for role in ("T_oa", "q_sol")}, index=given.index)
-    pair.attrs = dict(given.attrs)
-    out = weather_on_steps(pair.dropna(), index)
+    out = {}
     for role in roles:
-        if role not in out:  # a further boundary temperature
+        if role == "T_oa" or role.startswith("q_sol"):
+            kind = "T_oa" if role == "T_oa" else "q_sol"
+            pair = pd.DataFrame({"T_oa": 0.0, "q_sol": 0.0, kind: given[role]}).dropna()
+            pair.attrs = dict(given.attrs)
+            out[role] = weather_on_steps(pair, index)[kind]
+        else:  # a further boundary temperature
             values = given[role].dropna()
             known = pd.DatetimeIndex(values.index).as_unit("ns").asi8
-            out[role] = np.interp(index.as_unit("ns").asi8, known, values)
-    return out[roles].rename_axis("time")
+            out[role] = pd.Series(np.interp(index.as_unit("ns").asi8, known, values), index)
+    return pd.DataFrame(out, index).rename_axis("time")
 
 
 def _whole(values: pd.Series, role: str, what: str) -> pd.Series:

@@ -17,10 +17,11 @@ from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
+from .outages import stretches
 from .posted_rows import keep_log, keep_posted, read_posted
 from .tomorrow import Schedules
-from .zone_model import ZoneModel, stretches
-from .zone_state import like_index, measured_rows, status_of
+from .zone_model import ZoneModel
+from .zone_state import measured_rows, status_of
 
 _REFIT_AFTER = pd.Timedelta(days=28)
 _REFIT_DAYS = pd.Timedelta(days=14)  # without a gap, that a new fit needs; fewer where the model knows fewer
@@ -257,10 +258,9 @@ class ZoneFolder:
 def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
-    if len(new):
-        if new.index[0] - step != like_index(zone.known_until, new.index) or len(stretches(new, step)) > 1:
-            return len(new), f"rows are missing after {zone.known_until}"
-        zone.update(frame)
+    if why := zone.outage(frame):
+        return len(new), why
+    zone.update(frame)
     age = zone.history(frame).index[-1] - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
         return len(new), f"it last learned {age.days} days ago"

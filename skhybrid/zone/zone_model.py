@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from os import PathLike
 from typing import Any, Self
 
@@ -22,9 +21,12 @@ from ..study.data import SETPOINT, with_facades
 from ..study.run import INTERVAL
 from ..study.settings import Settings, settings_from
 from ..study.zone_part import settings_of
+from .outages import bridged, like_index, stretches
 
 _DAYS = 56  # of training: longer logs bring seasons that tomorrow does not have
 _LEAST_DAYS = 3
+_BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
+_ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
 _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
 
 
@@ -123,8 +125,15 @@ class ZoneModel:
             "learned from": f"{record.first} to {record.last}",
             "rows": record.n_rows,
             "inputs": ", ".join(self.covered()),
-            "thermostat": "learned" if self.thermostat_learned else "ideal (no set-points in the log)",
+            "thermostat": "learned" if self.thermostat_learned else f"ideal ({self.why_ideal})",
         }
+
+    @property
+    def why_ideal(self) -> str:
+        """The reason for which no thermostat was learned."""
+        if not any(role in self.settings.columns for role in self.settings.setpoints):
+            return "no set-points in the log"
+        return "the log is too short, or its plant or set-points never moved"
 
     def update(self, frame: pd.DataFrame, *, relearn: bool = False) -> int:
         """Take in the rows of a log that are new, and learn from them if wanted; returns their number.
@@ -137,14 +146,63 @@ class ZoneModel:
         Raises
         ------
         ValueError
-            If they do not follow the known rows without a gap.
+            If they follow the known rows only after an outage of more than twelve hours.
         """
-        new = self.new_rows(frame)
-        if len(new) and relearn:
-            self.predictor.partial_fit(new, measured_of(new, self.settings))
-        elif len(new):
-            self.predictor.update(new)
-        return len(new)
+        n_new, why = len(self.new_rows(frame)), self.outage(frame)
+        if why:
+            raise ValueError(f"{why}, too long to go on from there: fit the model again with skhybrid fit.")
+        if n_new:
+            new = self._following(frame)
+            if relearn:
+                self.predictor.partial_fit(new, measured_of(new, self.settings))
+            else:
+                self.predictor.update(new)
+        return n_new
+
+    def outage(self, frame: pd.DataFrame) -> str:
+        """Why the new rows of a log cannot follow those that the model knows; empty where they can.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role
+        """
+        rows = pd.DatetimeIndex(self.new_rows(frame).index)
+        if not len(rows):
+            return ""
+        stamps = pd.DatetimeIndex([like_index(self.known_until, rows), *rows])
+        last = stamps[:-1][np.diff(stamps) > _BRIDGED]
+        return f"rows are missing after {last[0]}" if len(last) else ""
+
+    def _following(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """The new rows of a log, with those of short outages."""
+        rows = self.complete(frame)
+        until = like_index(self.known_until, pd.DatetimeIndex(rows.index))
+        known = rows[rows.index <= until]
+        parts = stretches(rows[rows.index > until], pd.Timedelta(self.settings.step))
+        if len(known):
+            parts = [known.iloc[-1:], *parts]
+        whole = self._joined(parts)
+        return whole[whole.index > until]
+
+    def _joined(self, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+        return bridged(parts, pd.Timedelta(self.settings.step), self.settings.roles_of("T_za"), self.settings.setpoints)
+
+    def remarks_on_outages(self, frame: pd.DataFrame, history: pd.DataFrame) -> list[str]:
+        """Remarks on outages that a history bridges, or after which it begins.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role
+        history : DataFrame, as :meth:`history` returns
+        """
+        complete = self.complete(frame).index
+        missing = history.index.difference(complete)
+        if len(missing):
+            return [f"no complete rows from {missing[0]} to {missing[-1]}: their inputs are interpolated"]
+        hours = len(history) * pd.Timedelta(self.settings.step) / pd.Timedelta("1h")
+        if history.index[0] == complete[0] or hours * pd.Timedelta("1h") >= _ENOUGH:
+            return []
+        return [f"the forecast starts from the last {hours:.3g} h, since rows are missing before {history.index[0]}"]
 
     def complete(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The rows of a log that have all that the model reads.
@@ -163,12 +221,10 @@ class ZoneModel:
         frame : DataFrame, one column per role
         """
         rows = self.complete(frame)
-        zoned = pd.DatetimeIndex(rows.index).tz is not None
-        until = self.known_until if zoned else self.known_until.tz_localize(None)
-        return rows[rows.index > until]
+        return rows[rows.index > like_index(self.known_until, pd.DatetimeIndex(rows.index))]
 
     def history(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The rows of a log that a forecast starts from: the last unbroken ones.
+        """The rows of a log that a forecast starts from: the last unbroken ones, a day or more if outages are short.
 
         Parameters
         ----------
@@ -179,7 +235,10 @@ class ZoneModel:
             raise ValueError(
                 "no row of the log has all inputs and a temperature; skhybrid check tells which are missing."
             )
-        rows = stretches(rows, pd.Timedelta(self.settings.step))[-1]
+        parts = stretches(rows, pd.Timedelta(self.settings.step))
+        rows = parts.pop()
+        while parts and rows.index[-1] - rows.index[0] < _ENOUGH and rows.index[0] - parts[-1].index[-1] <= _BRIDGED:
+            rows = self._joined([parts.pop(), rows])
         return rows[rows.index > rows.index[-1] - _HISTORY]
 
     def forecast(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
@@ -199,13 +258,13 @@ class ZoneModel:
             several zones each name ends with the zone's.
         """
         future = with_facades(future, self.settings)
-        setpoint = self._ideal_setpoint(future)
+        setpoint, limits = self._ideal_setpoint(future), self._limits(future)
         ahead = future.drop(
             columns=[role for role in self.settings.setpoints if setpoint is not None and role in future]
         )
         if setpoint is None:
-            return self._with_intervals(history, ahead)
-        found = self.predictor.forecast(history, ahead, setpoint=setpoint)
+            return self._with_intervals(history, ahead, limits)
+        found = self.predictor.forecast(history, ahead, setpoint=setpoint, limits=limits)
         planned = future.assign(**{r: found[r] for r in self._plant() if r in found})
         bands = self._with_intervals(history, planned.drop(columns=self.settings.setpoints, errors="ignore"))
         if self.zones:  # each model of a zone has its own heat, and the temperature is that under their blend
@@ -244,11 +303,20 @@ class ZoneModel:
         given = {key: value for key, value in json.loads(text).items() if value is not None}
         return cls(predictor, settings_from(given))
 
-    def _with_intervals(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
+    def _with_intervals(
+        self, history: pd.DataFrame, future: pd.DataFrame, limits: tuple[float | None, float | None] | None = None
+    ) -> pd.DataFrame:
         try:
-            return self.predictor.forecast(history, future, quantiles=INTERVAL)
+            return self.predictor.forecast(history, future, quantiles=INTERVAL, limits=limits)
         except TooFewDaysError:
-            return self.predictor.forecast(history, future)
+            return self.predictor.forecast(history, future, limits=limits)
+
+    def _limits(self, future: pd.DataFrame) -> tuple[float | None, float | None] | None:
+        """Limits of the plant by the settings [kW], where the heat of rows ahead is not planned."""
+        most, cold = (self.settings.plant.get(key) for key in ("most_heat", "most_cold"))
+        if (most is None and cold is None) or not self._plant() or any(map(is_plant, future)):
+            return None
+        return (None if cold is None else -cold), most
 
     def _plant(self) -> list[str]:
         return [role for role in self.settings.columns if is_plant(role)]
@@ -287,9 +355,3 @@ def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> p
     known = np.flatnonzero(frame[measured].notna().any(axis=1).to_numpy())
     rows = frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
     return rows[rows.drop(columns=measured).notna().all(axis=1)]
-
-
-def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:
-    """The rows between gaps, in their order."""
-    breaks = np.flatnonzero(np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8) != step.value) + 1
-    return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]

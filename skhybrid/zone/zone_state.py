@@ -14,6 +14,7 @@ from ..study.settings import Settings
 from ..study.zone_part import forecast_of, rows_of, settings_of
 from .forecast_archive import BEYOND, ForecastArchive
 from .forecast_scores import errors_of, verdicts_of
+from .outages import like_index
 from .zone_model import ZoneModel
 
 _CORRECTED = pd.Timedelta(days=7)  # age up to which rows of the log may still change
@@ -125,14 +126,6 @@ def _heat(rows: pd.DataFrame, settings: Settings) -> pd.Series | None:
     """Delivered heat [kW] of a zone, None where it is not known."""
     load = load_of(rows, settings, plant_roles(rows))
     return None if load is None or load.unit != "kW" else load.values
-
-
-def like_index(stamp: pd.Timestamp, index: pd.Index) -> pd.Timestamp:
-    """A stamp in the time zone of an index, or without one."""
-    tz = pd.DatetimeIndex(index).tz
-    if tz is None:
-        return stamp.tz_localize(None)
-    return stamp.tz_localize(tz) if stamp.tz is None else stamp.tz_convert(tz)
 
 
 def _shown(stamp: pd.Timestamp | None, zone: ZoneModel) -> str | None:

@@ -1,0 +1,137 @@
+"""Weather, plans and outages at the end of a log: what a forecast reads of them, and what its user is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.datasets import make_office
+from skhybrid.study.settings import settings_from
+from skhybrid.study.thermostat import Schedule
+from skhybrid.zone import ZoneModel, day_ahead
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+DAY, N = 24, 15 * 24  # rows of a day, and of the log
+SETTINGS = {
+    "step": "1h",
+    "columns": {
+        "T_za": "room", "T_oa": "AI01", "q_sol": "AI02", "Q_hvac": "heat", "T_heat_set": "low", "T_cool_set": "high",
+    },
+    "units": {"T_oa": "degF"},
+}  # fmt: skip
+SCHEDULE = Schedule.of_text("20,26")
+
+
+@pytest.fixture(scope="module")
+def frame():
+    """A cold office by the hour, by role."""
+    office = make_office(20, "chicago", start="2023-01-09", random_state=3, sampling_time="1h", excitation=None)
+    X = office.X.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=6.0 * office.X["u_heat"] - 6.0 * office.X["u_cool"])
+    return X.join(office.setpoints)
+
+
+@pytest.fixture(scope="module")
+def zone(frame):
+    return ZoneModel.fit(settings_from(SETTINGS), frame[:N])
+
+
+def tomorrow(frame, path, names=None, *, degF=False, shift=0):
+    """Weather of the day after the log as a CSV."""
+    rows = frame[["T_oa", "q_sol"]][N - 1 : N + DAY + 2].rename_axis("time")
+    rows = rows.assign(T_oa=32.0 + 1.8 * rows["T_oa"] if degF else rows["T_oa"])
+    rows = rows.set_axis(rows.index + pd.Timedelta(hours=shift)).rename(columns=names or {})
+    rows.to_csv(path)
+    return path
+
+
+def assert_same(found, expected):
+    np.testing.assert_allclose(found.frame.to_numpy(float), expected.frame.to_numpy(float), atol=1e-6)
+
+
+def test_weather_with_the_columns_of_the_log_has_their_units_and_label(frame, zone, tmp_path):
+    """14 to 24 degF look like a mild day in degC."""
+    plain = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "plain.csv"), SCHEDULE)
+    named = {"T_oa": "AI01", "q_sol": "AI02"}
+    assert_same(day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "f.csv", named, degF=True), SCHEDULE), plain)
+    ending = ZoneModel(zone.predictor, settings_from({**SETTINGS, "label": "right"}))
+    path = tomorrow(frame, tmp_path / "right.csv", named, degF=True)
+    late = day_ahead(ending, frame[:N], path, SCHEDULE)
+    assert not np.allclose(late.frame["q_sol"], plain.frame["q_sol"])
+    np.testing.assert_allclose(late.frame["T_oa"], plain.frame["T_oa"])
+
+
+def test_weather_that_jumps_from_that_of_the_log_is_told(frame, zone, tmp_path):
+    rows = frame[["T_oa", "q_sol"]][N - 1 : N + DAY + 2].rename_axis("time")
+    path = tmp_path / "w.csv"
+    rows.assign(T_oa=rows["T_oa"] + 25.0).to_csv(path)
+    assert any("T_oa jumps by 2" in text for text in day_ahead(zone, frame[:N], path, SCHEDULE).remarks)
+    rows.to_csv(path)
+    assert not any("jumps" in text for text in day_ahead(zone, frame[:N], path, SCHEDULE).remarks)
+
+
+def test_limits_of_the_plant_reach_the_room(frame, zone, tmp_path):
+    path = tomorrow(frame, tmp_path / "w.csv")
+    free = day_ahead(zone, frame[:N], path, SCHEDULE).frame
+    most = 0.5 * free["Q_hvac"].max()
+    weak = ZoneModel(zone.predictor, settings_from({**SETTINGS, "plant": {"most_heat": float(most)}}))
+    held = day_ahead(weak, frame[:N], path, SCHEDULE).frame
+    assert held["Q_hvac"].max() <= most + 1e-9
+    assert held["Q_hvac_0.9"].max() <= most + 1e-9
+    assert (held["T_za"] - free["T_za"]).min() < -0.3
+    assert (held["T_za"] <= free["T_za"] + 0.05).all()
+    strong = ZoneModel(zone.predictor, settings_from({**SETTINGS, "plant": {"most_heat": 100.0}}))
+    pd.testing.assert_frame_equal(day_ahead(strong, frame[:N], path, SCHEDULE).frame, free)
+
+
+def test_measured_heat_in_a_row_without_weather_is_no_plan(frame, zone, tmp_path):
+    path = tomorrow(frame, tmp_path / "w.csv")
+    log = frame[:N].copy()
+    log.iloc[-1, log.columns.get_loc("T_oa")] = np.nan
+    held = ZoneModel(zone.predictor, settings_from({**SETTINGS, "thermostat": {"heat": 20.0, "cool": 26.0}}))
+    found = day_ahead(held, log, path)
+    assert len(found.frame) == DAY
+    assert "Q_hvac" in found.frame
+    with pytest.raises(ValueError, match="T_oa is not known for the rows ahead"):
+        day_ahead(held, log)
+
+
+def test_a_short_outage_is_bridged_and_told(frame, zone, tmp_path):
+    """Nine rows alone say next to nothing of the state; those before an outage of five hours do."""
+    path, gap = tomorrow(frame, tmp_path / "w.csv"), slice(N - 14, N - 9)
+    log = frame[:N].drop(frame.index[gap])
+    found, whole = (day_ahead(zone, rows, path, SCHEDULE) for rows in (log, frame[:N]))
+    assert any(f"no complete rows from {frame.index[gap][0]} to" in text for text in found.remarks)
+    assert (found.frame["T_za"] - whole.frame["T_za"]).abs().max() < 0.5
+    long = day_ahead(zone, frame[:N].drop(frame.index[N - 40 : N - 9]), path, SCHEDULE)
+    assert any("starts from the last 9 h, since rows are missing before" in text for text in long.remarks)
+
+
+def test_an_update_goes_on_after_a_short_outage(frame):
+    zone = ZoneModel.fit(settings_from(SETTINGS), frame[: N - 60])
+    log = frame[:N].drop(frame.index[N - 55 : N - 50])
+    assert zone.update(log) == 55
+    assert zone.known_until == frame.index[N - 1]
+    late = ZoneModel.fit(settings_from(SETTINGS), frame[: N - 60])
+    with pytest.raises(ValueError, match=r"rows are missing after .*fit the model again with skhybrid fit"):
+        late.update(frame[:N].drop(frame.index[N - 55 : N - 30]))
+
+
+def test_irradiance_of_a_zone_s_own_is_read_from_the_weather(frame, tmp_path):
+    rows = frame.drop(columns=["Q_hvac", "T_heat_set", "T_cool_set"]).rename(columns={"q_sol": "q_sol_south"})
+    columns = {"T_za": "T_za", "T_oa": "T_oa", "q_sol_south": "q_sol_south"}
+    zone = ZoneModel.fit(settings_from({"step": "1h", "columns": columns}), rows[:N])
+    path = tomorrow(frame, tmp_path / "w.csv", {"q_sol": "q_sol_south"})
+    found = day_ahead(zone, rows[:N], path)  # a room without a plant needs no set-point
+    assert found.frame["T_za"].notna().all()
+    assert "Q_hvac" not in found.frame
+    assert not any("thermostat" in text or "capacity" in text for text in found.remarks)
+    with pytest.raises(ValueError, match="no heating or cooling, so that --setpoint does nothing"):
+        day_ahead(zone, rows[:N], path, SCHEDULE)
+
+
+def test_a_log_too_short_for_its_thermostat_is_not_said_to_have_no_set_points(frame, tmp_path):
+    zone = ZoneModel.fit(settings_from(SETTINGS), frame[N - 4 * DAY : N])
+    assert "too short" in zone.facts()["thermostat"]
+    remarks = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "w.csv"), SCHEDULE).remarks
+    assert any("an ideal one" in text and "too short" in text for text in remarks)
