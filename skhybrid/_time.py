@@ -14,6 +14,7 @@ import pandas as pd
 SHORTEST_GAP = pd.Timedelta("3h")
 #: assumed start of a table without time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
+_HOUR = pd.Timedelta("1h")
 _FINEST = pd.Timedelta("1s")  # no building is logged more often
 _FEW_ROWS, _MOST_JOINED = 10_000, 16  # of joined stamps that are kept
 _STAMPS = (
@@ -191,6 +192,21 @@ def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
     if not rows >= 1 or abs(rows - round(rows)) > 1e-9:
         raise ValueError(f"{name}={duration!r} is not a positive multiple of the sampling time of {spell(step)}.")
     return round(rows)
+
+
+def rows_in(hours: float, step: pd.Timedelta | float) -> int:
+    """Number of steps in some hours, rounded, at least 1; the step is a duration, or in hours."""
+    return max(1, round(hours / (step / _HOUR if isinstance(step, pd.Timedelta) else step)))
+
+
+def rows_per_day(step: pd.Timedelta | float) -> int:
+    """Number of steps in 24 hours, as of :func:`rows_in`."""
+    return rows_in(24.0, step)
+
+
+def rows_per_hour(step: pd.Timedelta | float) -> int:
+    """Number of steps in an hour, as of :func:`rows_in`."""
+    return rows_in(1.0, step)
 
 
 class Stamps(NamedTuple):

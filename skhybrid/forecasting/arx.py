@@ -13,11 +13,12 @@ from sklearn.utils.validation import check_is_fitted
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
+from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
 from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
 from .arx_multi_step import MultiStepFit, RecursiveMultiStep, fit_multi_step
 from .arx_prior import ZoneEvidence, ZoneSums, prior_of
-from .features import rows_per_day, target_rows
+from .features import target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
 from .reading import read_zone

@@ -12,9 +12,9 @@ from scipy.linalg import cho_factor, cho_solve, solve
 from scipy.signal import lfilter
 
 from .._table import ZoneTable
-from .._time import hour_of_day
+from .._time import hour_of_day, rows_per_day
 from ..filtering import iterate_lags
-from .features import day_type_hour, irradiance_roles, one_hot, rows_per_day
+from .features import day_type_hour, irradiance_roles, one_hot
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
 #: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread

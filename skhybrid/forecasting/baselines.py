@@ -7,7 +7,8 @@ from typing import Self
 import numpy as np
 
 from .._table import ZoneTable
-from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
+from .._time import rows_per_day
+from .features import day_type_hour, last_same_slot, slot_of_day, target_rows, zeta_of
 
 _DAYS_BACK = 14  # that are looked through for a day of the same kind
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one

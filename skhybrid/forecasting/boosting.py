@@ -13,12 +13,12 @@ from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
-from .._time import hour_of_day
+from .._time import hour_of_day, rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor
 from .arx_design import held
-from .features import periods_before, rows_per_day, rows_per_hour, span_means, target_rows
+from .features import periods_before, span_means, target_rows
 from .quantiles import left_out_blocks
 from .reading import read_zone
 

@@ -8,23 +8,13 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from .._time import hour_of_day
+from .._time import hour_of_day, rows_per_day
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
 _HOUR = pd.Timedelta("1h")
 #: feature -> (levels, harmonics); the day is the seventh harmonic of the week
 _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
-
-
-def rows_per_day(step: pd.Timedelta) -> int:
-    """Number of steps in 24 hours, at least 1."""
-    return max(1, round(pd.Timedelta("1D") / step))
-
-
-def rows_per_hour(step: pd.Timedelta) -> int:
-    """Number of steps in an hour, at least 1."""
-    return max(1, round(_HOUR / step))
 
 
 def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:

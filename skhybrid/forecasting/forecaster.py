@@ -14,10 +14,11 @@ from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, append_tables, read_target
 from .._threads import one_blas_thread
+from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
 from .cases import ModelCase, resolve_case
 from .extras import require_networks
-from .features import rows_per_day, zeta_of
+from .features import zeta_of
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
 from .reading import frame_only, read_weather

@@ -13,8 +13,9 @@ from sklearn.utils.validation import check_is_fitted
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable
 from .._threads import one_blas_thread
+from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
-from .features import day_type_hour, rows_per_day, target_rows
+from .features import day_type_hour, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from .._table import ZoneTable
+from .._time import rows_per_day
 from .baselines import rows_ahead
 from .features import (
     day_type_hour,
@@ -21,7 +22,6 @@ from .features import (
     known_at,
     last_same_slot,
     one_hot,
-    rows_per_day,
     target_rows,
     trailing_mean,
     zeta_of,

@@ -7,9 +7,9 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from .._table import ZoneTable
-from .._time import hour_of_day
+from .._time import hour_of_day, rows_per_day
 from ..control import Band, LoadPaths
-from ..forecasting.features import periods_before, rows_per_day, span_means
+from ..forecasting.features import periods_before, span_means
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from .._time import rows_per_day, rows_per_hour
 from ..control import Plan, gain_of
 from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
-from ..forecasting.features import rows_per_day, rows_per_hour
 from ..schedule import (
     ErrorHistory,
     LeadFit,

@@ -10,12 +10,11 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, concatenate_tables, last_rows
-from .._time import rows_of
+from .._time import rows_of, rows_per_day, rows_per_hour
 from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, refuse_boundary
 from ..exceptions import ScaleNotIdentifiableWarning
 from ..forecasting.arx_prior import ZoneEvidence
-from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut
 from ..schedule import (
     NumberedSegment,

@@ -14,9 +14,8 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 
 from .._table import ZoneTable, concatenate_tables
-from .._time import ASSUMED_START
+from .._time import ASSUMED_START, rows_per_day
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, load_frame
-from ..forecasting.features import rows_per_day
 from ..forecasting.joint_fit import fit_each
 from ..forecasting.named_models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks

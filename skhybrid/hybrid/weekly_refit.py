@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._table import ZoneTable
+from .._time import rows_per_day
 from .tables import KEPT, fit_forecaster, forecast_steps
 
 #: how much of the past a new fit may be made on; None is all of it
@@ -70,7 +71,7 @@ def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
 def by_days(steps: ZoneTable, forecaster: Any) -> tuple[pd.DataFrame, pd.DataFrame]:
     """(n_days, n_steps_per_day) estimated disturbance of whole local days but the first, and forecast from midnight."""
     day = steps.time.normalize()
-    per_day = round(_DAY / steps.step)
+    per_day = rows_per_day(steps.step)
     begins = np.flatnonzero(day[1:] != day[:-1]) + 1
     begins = begins[begins + per_day <= steps.n_rows]
     measured = pd.DataFrame(steps.history["zeta"][begins[:, None] + np.arange(per_day)], index=day[begins])

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from .._table import ZoneTable
+from .._time import rows_per_day
 from ..control import Plan
 from ..filtering import ForecastSample
-from ..forecasting.features import rows_per_day
 from ..schedule import HeatResponse, RollingNetwork
 from .members import Member, RollingMember
 from .numbered_table import NumberedTable

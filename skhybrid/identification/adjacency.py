@@ -14,6 +14,7 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
 from .._table import SETPOINT_ROLES, ZoneTable, read_table, read_targets
+from .._time import rows_per_hour
 
 _MEMORIES = (3.0, 12.0, 48.0)  # of a room's own mass [h]: without it, neighbours stand in for the mass
 _DAY_PARTS = (8.0, 12.0, 16.0)  # hours at which the sun may be on a room's windows
@@ -123,7 +124,7 @@ def _read(X: Any, y: Any, zones: Sequence[str] | None) -> _Rooms:
         if list(renamed.columns).count(role) != 1:
             raise ValueError(f"y has not one column {role!r} or {name!r} for the zone {name!r}.")
     T = read_targets(renamed[list(roles)], table, roles)
-    per = max(round(1.0 / table.step_hours), 1)
+    per = rows_per_hour(table.step)
     n = table.n_rows // per
     days = n * per * table.step_hours / 24
     if table.utc is None or days < _FEWEST_DAYS:

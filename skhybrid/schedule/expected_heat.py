@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.signal import lfilter
 
+from .._time import rows_per_day
 from ..filtering import ForecastSample
 from .constrained_ridge import gram
 from .filter_model import FilterModel
@@ -67,7 +68,7 @@ def heat_surprise(segment: Segment, sample: ForecastSample, blocks: np.ndarray, 
 
 def _regressors(segment: Segment, origins: np.ndarray, rows: np.ndarray, step: float) -> Iterator[np.ndarray]:
     """(O, F) standardised regressors with a constant, for each lead."""
-    per_day, heat = max(1, round(_DAY / step)), segment.heat
+    per_day, heat = rows_per_day(step), segment.heat
     names = segment.channels.names
     ahead = [i for i, name in enumerate(names) if name.startswith(_KNOWN_AHEAD) and "swapped" not in name]
     weather = np.hstack([segment.boundary, segment.channels.series[:, [i for i in ahead if "q_sol" in names[i]]]])
