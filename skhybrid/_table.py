@@ -91,7 +91,7 @@ class ZoneTable:
     @property
     def weekend(self) -> np.ndarray:
         """Whether a row lies on a weekend day or a holiday, (n,) bool."""
-        return self.day_of_week >= 5
+        return self.holidays.weekend(self.time)
 
     def hours_run(self, role: str) -> float:
         """Hours that a plant ran, counted at the most that it gave."""

@@ -57,8 +57,12 @@ def read_index(
             f"the index steps by {spell(step)}, but sampling_time={spell(given)} was given; drop the argument or "
             "resample with skhybrid.datasets.regularize."
         )
-    local = index.tz_localize(None) if index.tz is not None else index
-    return step, local, utc, breaks
+    return step, wall_clock(index), utc, breaks
+
+
+def wall_clock(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
+    """Local time of stamps, without their zone."""
+    return index if index.tz is None else index.tz_localize(None)
 
 
 def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:

@@ -53,7 +53,7 @@ STRICT = {
     "exceptions": set(),
     "_docs": set(),
     "_files": set(),
-    "_holidays": set(),
+    "_holidays": {"_time"},
     "_warnings": {"exceptions"},
     "_time": set(),
     "_threads": set(),

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from .._time import hour_of_day, rows_per_day
+from .._time import hour_of_day, rows_per_day, wall_clock
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
@@ -31,9 +31,8 @@ def day_type_hour(table: ZoneTable) -> np.ndarray:
 def day_type_hours(table: ZoneTable, rows: np.ndarray) -> np.ndarray:
     """:func:`day_type_hour` of rows (n,) counted from a table's last one, within it or not."""
     stamps = table.index if isinstance(table.index, pd.DatetimeIndex) else table.time
-    time = stamps[-1] + pd.TimedeltaIndex(rows * table.step.to_timedelta64())
-    time = time if time.tz is None else time.tz_localize(None)
-    return np.floor(hour_of_day(time)).astype(np.int64) + 24 * (table.holidays.day_of_week(time) >= 5)
+    time = wall_clock(stamps[-1] + pd.TimedeltaIndex(rows * table.step.to_timedelta64()))
+    return np.floor(hour_of_day(time)).astype(np.int64) + 24 * table.holidays.weekend(time)
 
 
 def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:

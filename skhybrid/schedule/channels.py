@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._table import ZoneTable
-from .._time import hour_of_day
+from .._time import hour_of_day, wall_clock
 from ..thermal import RCNetwork
 
 #: groups of coefficients that are shrunk alike
@@ -147,8 +147,7 @@ def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:
 
 def _standard_hour(table: ZoneTable) -> np.ndarray:
     """(N,) hour of day without daylight saving."""
-    time = table.time if table.utc is None else table.utc.tz_localize(None)
-    return hour_of_day(time)
+    return hour_of_day(table.time if table.utc is None else wall_clock(table.utc))
 
 
 def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> ChannelPlan:
