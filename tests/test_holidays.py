@@ -12,10 +12,11 @@ from sklearn.base import BaseEstimator, clone
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, SchedulePredictor
 from skhybrid import _holidays as holidays_module
+from skhybrid._calendar import day_type_hour
 from skhybrid._holidays import read_holidays
 from skhybrid._table import read_table
 from skhybrid.datasets import make_office
-from skhybrid.forecasting.features import day_type_hour, encode_time
+from skhybrid.forecasting.features import encode_time
 from skhybrid.hybrid import DriftMonitor
 from skhybrid.identification import InputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.identification.experiment import make_experiment

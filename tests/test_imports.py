@@ -16,8 +16,8 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_docs", "_files", "_holidays", "_joining", "_ranges", "_rolling", "_summary", "_table", "_threads", "_time",
-    "_transaction", "_warnings", "exceptions",
+    "_calendar", "_docs", "_files", "_holidays", "_joining", "_ranges", "_rolling", "_summary", "_table", "_threads",
+    "_time", "_transaction", "_warnings", "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -51,6 +51,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 STRICT = {
     "filtering": set(),
     "exceptions": set(),
+    "_calendar": {"_table", "_time"},
     "_docs": set(),
     "_files": set(),
     "_holidays": {"_time"},

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve
 from scipy.signal import lfilter
 
+from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
 from ..filtering import iterate_lags
-from .features import day_type_hour, irradiance_roles, one_hot
+from .features import irradiance_roles
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
 #: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread
@@ -199,7 +200,7 @@ class ARXDesign:
     @property
     def n_calendar(self) -> int:
         """Columns of the calendar, which stand before the constant."""
-        return self.calendar * (48 + 24 * (self.daily is not None and "T_oa" in self.roles))
+        return self.calendar * (N_CELLS + 24 * (self.daily is not None and "T_oa" in self.roles))
 
     def view(
         self, table: ZoneTable, T: np.ndarray, first: int = 0, before: Mapping[str, np.ndarray] | None = None
@@ -209,7 +210,7 @@ class ARXDesign:
         blocks = [(columns - self.input_mean) / self.input_scale]
         if self.calendar:
             slots = day_type_hour(table)
-            blocks.append(one_hot(slots, 48))
+            blocks.append(one_hot(slots, N_CELLS))
             if self.daily is not None and "T_oa" in self.roles:
                 across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / self.daily.K_per_column
                 blocks.append(one_hot(slots % 24, 24) * across[:, None])

@@ -6,9 +6,10 @@ from typing import Self
 
 import numpy as np
 
+from .._calendar import N_CELLS, day_type_hour, slot_of_day
 from .._table import ZoneTable
 from .._time import rows_per_day
-from .features import day_type_hour, last_same_slot, slot_of_day, target_rows, zeta_of
+from .features import last_same_slot, target_rows, zeta_of
 
 _DAYS_BACK = 14  # that are looked through for a day of the same kind
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
@@ -34,7 +35,7 @@ class WeeklyProfile:
         """Average the training target."""
         overall = float(np.nanmean(target)) if np.isfinite(target).any() else 0.0
         slots, self.n_slots_ = slot_of_day(table.time, table.step), rows_per_day(table.step)
-        by_hour = _means(day_type_hour(table), target, 48, np.full(48, overall))
+        by_hour = _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, overall))
         hours = np.floor(np.arange(self.n_slots_) * 24.0 / self.n_slots_ + 1e-9).astype(np.int64)
         day_types = np.repeat([0, 0, 0, 0, 0, 24, 24], self.n_slots_)
         fallback = by_hour[np.tile(hours, 7) + day_types]

@@ -5,39 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
+from .._calendar import one_hot
 from .._table import ZoneTable
-from .._time import hour_of_day, rows_per_day, wall_clock
+from .._time import hour_of_day
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
-_HOUR = pd.Timedelta("1h")
 #: feature -> (levels, harmonics); the day is the seventh harmonic of the week
 _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
-
-
-def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:
-    """Number of each row's step within its local day, (n,) int below ``rows_per_day(step)``."""
-    slots = np.floor(hour_of_day(time) * (_HOUR / step) + 1e-9).astype(np.int64)
-    return np.minimum(slots, rows_per_day(step) - 1)
-
-
-def day_type_hour(table: ZoneTable) -> np.ndarray:
-    """Hour of day (0 ... 23) on weekdays, 24 + hour of day on weekends and holidays, (n,) int."""
-    return np.floor(hour_of_day(table.time)).astype(np.int64) + 24 * table.weekend
-
-
-def day_type_hours(table: ZoneTable, rows: np.ndarray) -> np.ndarray:
-    """:func:`day_type_hour` of rows (n,) counted from a table's last one, within it or not."""
-    stamps = table.index if isinstance(table.index, pd.DatetimeIndex) else table.time
-    time = wall_clock(stamps[-1] + pd.TimedeltaIndex(rows * table.step.to_timedelta64()))
-    return np.floor(hour_of_day(time)).astype(np.int64) + 24 * table.holidays.weekend(time)
-
-
-def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:
-    """(n, n_levels) float64 with a 1 in each row's level."""
-    return np.eye(n_levels)[levels]
 
 
 def encode_time(table: ZoneTable, feature: str, encoding: str) -> np.ndarray:

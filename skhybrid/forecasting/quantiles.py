@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from .._calendar import day_type_hour
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
-from .features import day_type_hour, target_rows
+from .features import target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
 

@@ -13,15 +13,14 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.linalg import eigh
 
+from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
 from .._time import rows_per_day
 from .baselines import rows_ahead
 from .features import (
-    day_type_hour,
     irradiance_roles,
     known_at,
     last_same_slot,
-    one_hot,
     target_rows,
     trailing_mean,
     zeta_of,
@@ -119,7 +118,7 @@ class StaticModel:
 
     def _design(self, table: ZoneTable, hourly_share: float) -> np.ndarray:
         """Hour x weekday/weekend, day of week, weather and, unless its share is 0, outdoor temperature by hour."""
-        cells = one_hot(day_type_hour(table), 48)
+        cells = one_hot(day_type_hour(table), N_CELLS)
         scaled = (_weather(table) - self.weather_mean_) / self.weather_std_
         blocks = [cells, one_hot(table.day_of_week, 7), _WEATHER_SCALE * scaled]
         if hourly_share > 0.0:  # ventilation and infiltration follow the schedule

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
+from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import SETPOINT_ROLES, ZoneTable, read_table, read_targets
 from .._time import rows_per_hour
 
@@ -138,10 +139,9 @@ def _arrange(
     names: tuple[str, ...], T: np.ndarray, hourly: dict[str, np.ndarray], table: ZoneTable, per: int
 ) -> _Rooms:
     n = len(T)
-    time, weekend = table.time[: n * per : per], table.weekend[: n * per : per]
-    hour = np.asarray(time.hour)
-    calendar = np.eye(48)[hour + 24 * weekend]
-    parts = np.exp(-0.5 * ((hour[:, None] - np.array(_DAY_PARTS)) / 2.5) ** 2)
+    cell = day_type_hour(table)[: n * per : per]
+    calendar = one_hot(cell, N_CELLS)
+    parts = np.exp(-0.5 * ((cell[:, None] % 24 - np.array(_DAY_PARTS)) / 2.5) ** 2)
     sun = [v[:, None] * parts for role, v in hourly.items() if role.startswith("q_sol")]
     owner = {
         role: next((z for z in sorted(names, key=len, reverse=True) if role.endswith(f"_{z}")), None) for role in hourly

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
 from ..._threads import one_blas_thread
 from ..._time import rows_of, wall_clock
@@ -249,7 +250,7 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     per_row = 1 if sampling_time is None else rows_of(sampling_time, step, "sampling_time")
     n_rows = len(index) // per_row * per_row
     time = wall_clock(index[:n_rows])
-    calendar = Calendar.of(time.hour.to_numpy(dtype=np.int64), NO_HOLIDAYS.weekend(time))
+    calendar = Calendar.of(clock_hour(time), NO_HOLIDAYS.weekend(time))
     columns = {role: weather[role].to_numpy(dtype=np.float64)[:n_rows] for role in outside}
     return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, stack_inputs(zone, columns, n_rows))
 
