@@ -12,6 +12,7 @@ from scipy.linalg import cho_factor, cho_solve, solve
 from scipy.signal import lfilter
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
+from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
 from ..filtering import iterate_lags
@@ -214,7 +215,7 @@ class ARXDesign:
             if self.daily is not None and "T_oa" in self.roles:
                 across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / self.daily.K_per_column
                 blocks.append(one_hot(slots % 24, 24) * across[:, None])
-        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, held(T), first)
+        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, carried_forward(T), first)
 
     def pairs(self, view: ARXData, begin: int = 0, end: int | None = None) -> Pairs:
         """Pairs whose row k lies in [begin, end); a missing lag is held as in a forecast, half must be known."""
@@ -326,12 +327,6 @@ def _filter_weights(n_rows: int, decays: tuple[float, ...]) -> np.ndarray:
     weights = (1.0 - decay) * decay**age
     weights[0] = decay ** age[0]
     return weights
-
-
-def held(T: np.ndarray) -> np.ndarray:
-    """Missing values replaced by the last known one, NaN before the first."""
-    last = np.maximum.accumulate(np.where(np.isfinite(T), np.arange(len(T)), -1))
-    return np.where(last >= 0, T[np.maximum(last, 0)], np.nan)
 
 
 def _causally_filled(windows: np.ndarray, default: float) -> np.ndarray:

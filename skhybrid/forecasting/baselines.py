@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from .._calendar import N_CELLS, day_type_hour, slot_of_day
+from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import rows_per_day
 from .features import last_same_slot, target_rows, zeta_of
@@ -100,7 +101,5 @@ class Persistence(_WithProfile):
     """``"persistence"``: the last known value at or before the origin, at all leads; else the profile."""
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        zeta = zeta_of(table)
-        last = np.maximum.accumulate(np.where(np.isfinite(zeta), np.arange(len(zeta)), -1))[origins]
-        held = np.where(last >= 0, zeta[np.maximum(last, 0)], np.nan)[:, None]
-        return np.where(np.isnan(held), self.profile_.forecast(table, origins, n_leads), held)
+        last = carried_forward(zeta_of(table))[origins, None]
+        return np.where(np.isnan(last), self.profile_.forecast(table, origins, n_leads), last)

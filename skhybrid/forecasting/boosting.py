@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.ensemble import HistGradientBoostingRegressor
 
+from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
@@ -17,7 +18,6 @@ from .._time import hour_of_day, rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor
-from .arx_design import held
 from .features import periods_before, span_means, target_rows
 from .quantiles import left_out_blocks
 from .reading import read_zone
@@ -172,7 +172,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
 
     def _held(self, table: ZoneTable) -> np.ndarray:
         """(n_rows,) the last known temperature at each row [degC], the training mean before the first."""
-        T = np.full(table.n_rows, np.nan) if table.T_za is None else held(table.T_za)
+        T = np.full(table.n_rows, np.nan) if table.T_za is None else carried_forward(table.T_za)
         return np.where(np.isfinite(T), T, self._mean)
 
     def _features(self, table: ZoneTable, origins: np.ndarray, leads: np.ndarray, base: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from .._calendar import day_type_hour
+from .._last_known import last_known_row
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable
 from .._threads import one_blas_thread
@@ -215,8 +216,8 @@ def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
     """Leads (since the last measurement), hours and days of the rows after each origin (-1: before the first row)."""
     measured = np.zeros(table.n_rows, dtype=bool) if table.T_za is None else np.isfinite(table.T_za)
-    last = np.maximum.accumulate(np.where(measured, np.arange(table.n_rows), -rows_per_day(table.step)))
-    seen = np.where(origins < 0, -rows_per_day(table.step), last[np.maximum(origins, 0)])
+    long_ago = -rows_per_day(table.step)
+    seen = np.where(origins < 0, long_ago, last_known_row(measured, long_ago)[np.maximum(origins, 0)])
     rows = target_rows(origins, n_leads)
     slots = day_type_hour(table)[np.minimum(rows, table.n_rows - 1)]
     return PathClock((rows - seen[:, None]) * table.step_hours, slots, rows * table.step_hours / 24.0)

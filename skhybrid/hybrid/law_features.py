@@ -6,6 +6,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
 from ..control import Band, LoadPaths
@@ -37,8 +38,8 @@ class LawRows(NamedTuple):
 
     def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
         """(n,) last measured temperature at each origin [degC], or another one where there is none."""
-        at = np.maximum.accumulate(np.where(np.isfinite(self.T), np.arange(len(self.T)), -1))[origins]
-        return np.where(at >= 0, self.T[np.maximum(at, 0)], otherwise)
+        last = carried_forward(self.T)[origins]
+        return np.where(np.isfinite(last), last, otherwise)
 
 
 def same_clock(rows: LawRows, origins: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._calendar import one_hot, profile_cell
+from .._last_known import carried_forward
 from ..thermal import Parameter
 from .experiment import Experiment
 
@@ -121,9 +122,7 @@ def own_priors(n_days: int, hours: HourClasses) -> dict[str, tuple[float, float]
 def ventilation_series(segment: Experiment, outdoor: np.ndarray, output: int = 0) -> np.ndarray:
     """(N,) outdoor minus last measured temperature [K] in the weekday hours of :data:`DAY_HOURS`, else 0."""
     # what is measured up to a row is known before its next innovation, so that the likelihood stays exact
-    y = segment.outputs[:, output]
-    last = np.maximum.accumulate(np.where(np.isfinite(y), np.arange(len(y)), -1))
-    room = np.where(last >= 0, y[last], np.nan)
+    room = carried_forward(segment.outputs[:, output])
     difference = np.where(np.isfinite(room), outdoor - room, 0.0)
     busy = ~segment.weekend & (segment.hour_of_day >= DAY_HOURS[0]) & (segment.hour_of_day < DAY_HOURS[1])
     return difference * busy

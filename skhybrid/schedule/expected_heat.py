@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.signal import lfilter
 
+from .._last_known import last_known_row
 from .._time import rows_per_day
 from ..filtering import ForecastSample
 from .constrained_ridge import gram
@@ -74,8 +75,7 @@ def _regressors(segment: Segment, origins: np.ndarray, rows: np.ndarray, step: f
     weather = np.hstack([segment.boundary, segment.channels.series[:, [i for i in ahead if "q_sol" in names[i]]]])
     weather = np.unique(weather, axis=1)
     series = np.hstack([segment.channels.series[:, ahead], weather, *(_smoothed(weather, tau / step) for tau in _SLOW)])
-    seen = np.maximum.accumulate(np.where(segment.seen, np.arange(segment.n_rows), 0))
-    y = segment.y[seen]
+    y = segment.y[last_known_row(segment.seen, before=0)]
     given = np.column_stack([heat, _smoothed(heat[:, None], 2.0 / step), _smoothed(heat[:, None], _DAY / step)])
     slow = [_smoothed(y[:, None], tau / step)[origins] for tau in _SLOW]
     before = np.maximum(origins - 1, 0)
