@@ -75,6 +75,6 @@ def refuse_no_frames(history: Any, future: Any) -> None:
 
 def with_measured(table: ZoneTable, row: int, T: float, role: str = "T_za") -> ZoneTable:
     """A table in which the temperature of one row is measured."""
-    values = table.history.get(role, np.full(table.n_rows, np.nan)).copy()
+    values = table.measured(role).copy()
     values[row] = T
     return table.replace(history={**table.history, role: values})

@@ -80,10 +80,6 @@ class ZoneTable:
         return [role for role in self.order if role in here] + [role for role in here if role not in self.order]
 
     @property
-    def T_za(self) -> np.ndarray | None:
-        return self.history.get("T_za")
-
-    @property
     def day_of_week(self) -> np.ndarray:
         """Kind of day (n,): Monday is 0, a Sunday or holiday 6."""
         return self.holidays.day_of_week(self.time)
@@ -92,6 +88,10 @@ class ZoneTable:
     def weekend(self) -> np.ndarray:
         """Whether a row lies on a weekend day or a holiday, (n,) bool."""
         return self.holidays.weekend(self.time)
+
+    def measured(self, role: str = "T_za") -> np.ndarray:
+        """A measured series, NaN where it is missing or the table has none, (n,) float64."""
+        return self.history.get(role, np.full(self.n_rows, np.nan))
 
     def hours_run(self, role: str) -> float:
         """Hours that a plant ran, counted at the most that it gave."""
@@ -141,13 +141,9 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
     last = tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
     kept = {role for table in tables for role in table.history}
-
-    def history(role: str) -> np.ndarray:
-        return np.concatenate([table.history.get(role, np.full(table.n_rows, np.nan)) for table in tables])
-
     return ZoneTable(
         {role: np.concatenate([table.inputs[role] for table in tables]) for role in shared},
-        {role: history(role) for role in sorted(kept)},
+        {role: np.concatenate([table.measured(role) for table in tables]) for role in sorted(kept)},
         *joined_stamps([Stamps(table.index, table.time, table.utc) for table in tables]),
         last.step,
         order=last.order,

@@ -201,7 +201,7 @@ def test_the_two_stages_pass_holidays_on(office):
 
 def test_an_identification_reads_a_holiday_as_a_weekend_day():
     table = _table(YEAR, "US", T_za=np.zeros(len(YEAR)))
-    experiment = make_experiment(get_network("1R1C"), ("T_oa",), table, table.T_za)
+    experiment = make_experiment(get_network("1R1C"), ("T_oa",), table, table.measured())
     assert experiment.weekend.sum() == 24 * (104 + len(US_2018) - 1)  # Veterans Day was a Sunday
 
 

@@ -275,11 +275,11 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return read_zone(self, X, reset=False)
 
     def _cold_value(self, table: ZoneTable) -> float:
-        T = table.T_za
-        return float(T[0]) if T is not None and np.isfinite(T[0]) else self._design.T_mean
+        first = float(table.measured()[0])
+        return first if np.isfinite(first) else self._design.T_mean
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        view = self.view(table, np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za)
+        view = self.view(table, table.measured())
         coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, self._n_learned(table))
         return self.iterate(view, origins, n_leads, coefs)
 

@@ -10,7 +10,7 @@ from .._calendar import N_CELLS, day_type_hour, slot_of_day
 from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import rows_per_day
-from .features import last_same_slot, target_rows, zeta_of
+from .features import last_same_slot, target_rows
 
 _DAYS_BACK = 14  # that are looked through for a day of the same kind
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
@@ -84,7 +84,7 @@ class LastWeek(_WithProfile):
     """
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        zeta, rows = zeta_of(table), target_rows(origins, n_leads)
+        zeta, rows = table.measured("zeta"), target_rows(origins, n_leads)
         per_day = rows_per_day(table.step)
         out = last_same_slot(zeta, rows, origins, 7 * per_day, 1)
         if table.holidays:
@@ -101,5 +101,5 @@ class Persistence(_WithProfile):
     """``"persistence"``: the last known value at or before the origin, at all leads; else the profile."""
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        last = carried_forward(zeta_of(table))[origins, None]
+        last = carried_forward(table.measured("zeta"))[origins, None]
         return np.where(np.isnan(last), self.profile_.forecast(table, origins, n_leads), last)

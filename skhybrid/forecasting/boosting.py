@@ -172,7 +172,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
 
     def _held(self, table: ZoneTable) -> np.ndarray:
         """(n_rows,) the last known temperature at each row [degC], the training mean before the first."""
-        T = np.full(table.n_rows, np.nan) if table.T_za is None else carried_forward(table.T_za)
+        T = carried_forward(table.measured())
         return np.where(np.isfinite(T), T, self._mean)
 
     def _features(self, table: ZoneTable, origins: np.ndarray, leads: np.ndarray, base: np.ndarray) -> np.ndarray:

@@ -68,12 +68,6 @@ def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> 
     return np.hstack(blocks)
 
 
-def zeta_of(table: ZoneTable) -> np.ndarray:
-    """The measured disturbance of every row, NaN where unknown, (n,) float64."""
-    known = table.history.get("zeta")
-    return np.full(table.n_rows, np.nan) if known is None else known
-
-
 def target_rows(origins: np.ndarray, n_leads: int) -> np.ndarray:
     """(n_origins, n_leads) row numbers origin + 1, origin + 2, ..."""
     return origins[:, None] + np.arange(1, n_leads + 1)

@@ -18,7 +18,6 @@ from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
 from .cases import ModelCase, resolve_case
 from .extras import require_networks
-from .features import zeta_of
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
 from .reading import frame_only, read_weather
@@ -348,7 +347,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return ("zeta",)
 
     def _cold_value(self, table: ZoneTable) -> float:
-        first = zeta_of(table)[0]
+        first = table.measured("zeta")[0]
         if np.isfinite(first):
             return float(first)
         return self._level if self._base is None else float(self._base.expected(table.rows(slice(0, 1)))[0])

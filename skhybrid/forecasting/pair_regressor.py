@@ -10,7 +10,7 @@ from sklearn.base import clone
 from .._calendar import clock_hour
 from .._table import ZoneTable
 from .baselines import rows_ahead
-from .features import irradiance_roles, target_rows, zeta_of
+from .features import irradiance_roles, target_rows
 from .ridge import StaticModel, lag_features, training_origins
 
 
@@ -53,7 +53,8 @@ class PairRegressor:
         columns += [table.inputs[role] for role in irradiance_roles(table.inputs)]
         here = np.stack([c[rows] for c in columns], axis=-1)
         lead = np.broadcast_to(np.arange(1, n_leads + 1) * table.step_hours, rows.shape)[..., None]
-        return np.concatenate([here, lead, lag_features(table, zeta_of(table) - expected, origins, n_leads)], axis=-1)
+        past = lag_features(table, table.measured("zeta") - expected, origins, n_leads)
+        return np.concatenate([here, lead, past], axis=-1)
 
 
 def _seeded(model: Any, seed: int) -> Any:

@@ -30,11 +30,10 @@ class LawRows(NamedTuple):
 
     @classmethod
     def of(cls, table: ZoneTable, heat: np.ndarray, band: Band) -> Self:
-        T = table.history.get("T_za", np.full(table.n_rows, np.nan))
         chosen = [v for role, v in table.inputs.items() if role == "T_oa" or role.startswith("q_sol")]
         weather = np.column_stack(chosen) if chosen else np.empty((table.n_rows, 0))
         clock = np.column_stack([hour_of_day(table.time), table.day_of_week, table.weekend])
-        return cls(T, heat, band, weather, clock, rows_per_day(table.step))
+        return cls(table.measured(), heat, band, weather, clock, rows_per_day(table.step))
 
     def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
         """(n,) last measured temperature at each origin [degC], or another one where there is none."""

@@ -191,7 +191,7 @@ class ScheduleScheme(Scheme):
 
     def _numbered(self, table: ZoneTable) -> tuple[NumberedTable, int]:
         """The rows of a table, after all known ones where it follows them, and by how many rows origins move."""
-        T = table.history.get("T_za", np.full(table.n_rows, np.nan))
+        T = table.measured()
         if not table.n_history:
             return NumberedTable(table, T, 0, joined=False), 0
         later = table.rows(slice(table.n_history, None)).replace(history={"T_za": T[table.n_history :]})

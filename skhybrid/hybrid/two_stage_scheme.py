@@ -366,7 +366,7 @@ def _path(forecaster: Any, steps: Steps, known: np.ndarray, n_steps: int) -> np.
 def _after_history(table: ZoneTable) -> ZoneTable:
     """The rows of a table after the history that was put before it, with stamps and measured temperatures."""
     here = with_stamps(table.rows(slice(table.n_history, None)), ELSEWHERE)
-    return here if here.T_za is not None else here.replace(history={"T_za": np.full(here.n_rows, np.nan)})
+    return here if "T_za" in here.history else here.replace(history={"T_za": here.measured()})
 
 
 def _fit_gray_box(gray_box: Any, table: ZoneTable, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:
