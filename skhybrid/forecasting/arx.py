@@ -304,7 +304,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return self._design.view(table, T, first, before)
 
     def iterate(
-        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, held: bool = True
+        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True
     ) -> np.ndarray:
         """Forecasts (n_origins, n_leads) [degC] by the recursion from each origin.
 
@@ -314,9 +314,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             The temperature is read up to each origin; after the last row the inputs are held.
         origins, n_leads : ndarray of int, shape (n_origins,), and int
         coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
-        held : bool; whether nothing far outside of the training temperatures is forecast
+        clipped : bool; whether nothing far outside of the training temperatures is forecast
         """
-        return self._design.iterate(view, origins, n_leads, coefs, held=held)
+        return self._design.iterate(view, origins, n_leads, coefs, clipped=clipped)
 
     def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
         """Response (n_leads,) [K] of the temperature after 1, 2 ... steps to a unit of an input over one step.

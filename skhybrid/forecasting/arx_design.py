@@ -37,7 +37,7 @@ class ARXData(NamedTuple):
 
     exogenous: np.ndarray  # (n_rows, p - n_lags) standardised inputs with lags, calendar and constant
     T: np.ndarray  # (n_rows,) measured temperature [degC], NaN where missing
-    held: np.ndarray  # (n_rows,) the same, with the last known value where missing
+    carried_forward: np.ndarray  # (n_rows,) the same, with the last known value where missing
     first: int
 
     @property
@@ -218,7 +218,7 @@ class ARXDesign:
         return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, carried_forward(T), first)
 
     def pairs(self, view: ARXData, begin: int = 0, end: int | None = None) -> Pairs:
-        """Pairs whose row k lies in [begin, end); a missing lag is held as in a forecast, half must be known."""
+        """Pairs whose row k lies in [begin, end); a missing lag is filled as in a forecast, half must be known."""
         earliest = min(self.n_lags, view.end - 1) - 1
         rows = np.arange(max(begin, earliest), view.end - 1 if end is None else min(end, view.end - 1))
         here = rows - view.first
@@ -232,8 +232,8 @@ class ARXDesign:
         return np.isfinite(self._windows(view, view.T, rows)).mean(axis=1) >= _MIN_KNOWN
 
     def windows(self, view: ARXData, rows: np.ndarray) -> np.ndarray:
-        """(n_rows, n_lags) standardised temperatures up to each row, newest first; a missing one is held."""
-        known = _causally_filled(self._windows(view, view.held, rows), self.T_mean)
+        """(n_rows, n_lags) standardised temperatures up to each row, newest first; the last known one where missing."""
+        known = _causally_filled(self._windows(view, view.carried_forward, rows), self.T_mean)
         return (known - self.T_mean) / self.T_scale
 
     def _windows(self, view: ARXData, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -241,9 +241,9 @@ class ARXDesign:
         return T[np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first]
 
     def iterate(
-        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, held: bool = True
+        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True
     ) -> np.ndarray:
-        """See :meth:`ARXRegressor.iterate`; not ``held``: without the limits to what is forecast."""
+        """See :meth:`ARXRegressor.iterate`; not ``clipped``: without the limits to what is forecast."""
         rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
         lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
         if len(coefs) == 1:
@@ -251,7 +251,7 @@ class ARXDesign:
             driven = (view.exogenous[first:end] @ drive[0])[rows - first]
         else:
             driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
-        bounds = self.T_range if held else (-np.inf, np.inf)
+        bounds = self.T_range if clipped else (-np.inf, np.inf)
         low, high = ((bound - self.T_mean) / self.T_scale for bound in bounds)
         begin = np.ascontiguousarray(self.windows(view, origins)[:, ::-1])
         each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1] / self.T_scale, begin.shape))
@@ -335,5 +335,5 @@ def _causally_filled(windows: np.ndarray, default: float) -> np.ndarray:
     if known.all():
         return windows
     oldest = windows.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)
-    held = np.where(known.any(axis=1), windows[np.arange(len(windows)), oldest], default)
-    return np.where(known, windows, held[:, None])
+    filler = np.where(known.any(axis=1), windows[np.arange(len(windows)), oldest], default)
+    return np.where(known, windows, filler[:, None])

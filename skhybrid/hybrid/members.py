@@ -290,7 +290,7 @@ class RollingARX(_RollingErrors):
         return self.arx.coef_ if self.adapt is None else self._recursive.coef()
 
     def unlimited(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
-        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :], held=False), None
+        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :], clipped=False), None
 
     def gain(self, plan: Plan) -> np.ndarray:
         responses = [self.arx.input_response(role, self._coef, len(plan.values)) for role in plan.inputs]
