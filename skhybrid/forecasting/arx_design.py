@@ -15,7 +15,7 @@ from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
-from ..filtering import iterate_lags
+from ..filtering import iterate_lags, low_pass
 from .features import irradiance_roles
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
@@ -127,8 +127,8 @@ class DailyColumns:
             earlier = np.array([before[role] for role in roles]) if before else values[:, :1]
             earlier = earlier if earlier.size else values[:, :1]
             states = earlier @ _filter_weights(earlier.shape[1], tuple(self.decay))
-            filtered = [_filtered(values, decay, state) for decay, state in zip(self.decay, states.T, strict=True)]
-            columns = [series[place] for place in range(len(roles)) for series in filtered]
+            filtered = [low_pass(values.T, decay, state) for decay, state in zip(self.decay, states.T, strict=True)]
+            columns = [series[:, place] for place in range(len(roles)) for series in filtered]
         from_noon = (hour_of_day(table.time) - self.noon) / _FROM_NOON
         for role in irradiance_roles(dict.fromkeys(roles)):
             columns += [table.inputs[role] * np.clip(1.0 - np.abs(from_noon - side), 0.0, 1.0) for side in (-1.0, 1.0)]
@@ -313,11 +313,6 @@ def _input_columns(
     columns = [table.inputs[role][chosen] for role in roles for chosen in lags]
     columns += daily.of(table, roles, before) if daily else []
     return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
-
-
-def _filtered(values: np.ndarray, decay: float, state: np.ndarray) -> np.ndarray:
-    """A first-order filter along values (m, n_rows), from its state (m,) in the row before the first."""
-    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], values, zi=decay * state[:, None])[0])
 
 
 @lru_cache(maxsize=16)

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import SETPOINT_ROLES, ZoneTable, read_table, read_targets
 from .._time import rows_per_hour
+from ..filtering import low_pass
 
 _MEMORIES = (3.0, 12.0, 48.0)  # of a room's own mass [h]: without it, neighbours stand in for the mass
 _DAY_PARTS = (8.0, 12.0, 16.0)  # hours at which the sun may be on a room's windows
@@ -161,9 +161,7 @@ def _arrange(
 
 def _smoothed(values: np.ndarray, hours: float) -> np.ndarray:
     """Exponential mean of the values before each row."""
-    a = 1.0 / hours
-    before = np.concatenate([values[:1], values[:-1]])
-    return lfilter([a], [1.0, a - 1.0], before, zi=[(1.0 - a) * before[0]])[0]
+    return low_pass(np.concatenate([values[:1], values[:-1]]), 1.0 - 1.0 / hours, values[0])
 
 
 class _Regression(NamedTuple):
@@ -242,7 +240,7 @@ class _Regression(NamedTuple):
 
 def _memories(T: np.ndarray) -> np.ndarray:
     """(N, 3) slow means of a room's own temperature, up to the row."""
-    return np.column_stack([lfilter([1 / h], [1.0, 1 / h - 1.0], T, zi=[(1 - 1 / h) * T[0]])[0] for h in _MEMORIES])
+    return np.column_stack([low_pass(T, 1.0 - 1.0 / h, T[0]) for h in _MEMORIES])
 
 
 def _own_columns(rooms: _Rooms, i: int) -> np.ndarray:

@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.signal import lfilter
 
 from .._last_known import last_known_row
 from .._time import rows_per_day
-from ..filtering import ForecastSample
+from ..filtering import ForecastSample, low_pass
 from .constrained_ridge import gram
 from .filter_model import FilterModel
 from .segment import Segment
@@ -91,9 +90,7 @@ def _regressors(segment: Segment, origins: np.ndarray, rows: np.ndarray, step: f
 
 def _smoothed(series: np.ndarray, rows: float) -> np.ndarray:
     """(N, k) first-order low-pass of series, begun at their first value."""
-    a = np.exp(-1.0 / rows)
-    out, _ = lfilter([1.0 - a], [1.0, -a], series, axis=0, zi=a * series[:1])
-    return np.asarray(out)
+    return np.asarray(low_pass(series, np.exp(-1.0 / rows), series[0]))
 
 
 class SurpriseEffect:
