@@ -322,7 +322,7 @@ class ScheduleScheme(Scheme):
         blend, views = self._start(ahead)
         network = blend.network
         if member == "blend":
-            temperature, zeta = blend.unlimited(views, ahead.n_leads)
+            temperature, zeta = blend.forecast(views, ahead.n_leads, None)
             gain = blend.gain(plan, ahead.n_leads - ahead.n_rows + 1)
         else:
             temperature, zeta = network.path(views[0], ahead.n_leads)

@@ -117,12 +117,8 @@ class RollingWithoutHeat:
         self._rolling.advance(self._take(view), origin)
         self._row = origin
 
-    def forecast(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        paths, zeta = self._rolling.forecast(self._take(view), n_leads)
-        return paths + self._ahead(view, n_leads), zeta
-
-    def unlimited(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        paths, zeta = self._rolling.unlimited(self._take(view), n_leads)
+    def forecast(self, view: RowsAndHeat, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
+        paths, zeta = self._rolling.forecast(self._take(view), n_leads, clipped)
         return paths + self._ahead(view, n_leads), zeta
 
     def _ahead(self, view: RowsAndHeat, n_leads: int) -> np.ndarray:
