@@ -69,7 +69,7 @@ STRICT = {
     "_columns": {"_warnings", "exceptions"},
     "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
-    "_joining": {"_ranges", "_table"},
+    "_joining": {"_ranges", "_table", "_time"},
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
