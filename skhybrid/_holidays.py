@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-_THURSDAY, _SUNDAY = 3, 6
+from ._time import wall_clock
+
+_THURSDAY, _SATURDAY, _SUNDAY = 3, 5, 6
 _HOW = "give a country or state such as 'US' or 'DE-BY', or a list of dates such as '2018-12-25'"
 
 
@@ -26,7 +28,7 @@ class Holidays:
 
     def day_of_week(self, stamps: pd.DatetimeIndex) -> np.ndarray:
         """Kind of day (n,) of local stamps: Monday is 0, a Sunday or holiday 6."""
-        stamps = stamps if stamps.tz is None else stamps.tz_localize(None)
+        stamps = wall_clock(stamps)
         dates = stamps.asi8 // (np.timedelta64(1, "D") // np.timedelta64(1, stamps.unit))
         day = np.asarray((dates + _THURSDAY) % 7)  # the first of all dates is one
         if not self or not len(stamps):
@@ -35,6 +37,10 @@ class Holidays:
         known = _dates_between(self, stamps[0].year, stamps[-1].year)
         place = np.searchsorted(known, local)
         return np.where(known[np.minimum(place, len(known) - 1)] == local, _SUNDAY, day)
+
+    def weekend(self, stamps: pd.DatetimeIndex) -> np.ndarray:
+        """Whether local stamps lie on a weekend day or a holiday, (n,) bool."""
+        return self.day_of_week(stamps) >= _SATURDAY
 
 
 NO_HOLIDAYS = Holidays()

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ._ranges import check_range
 from ._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
+from ._time import spell
 
 
 def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
@@ -35,9 +36,17 @@ def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any
 
 def join_tables(history: ZoneTable, future: ZoneTable, training: ZoneTable) -> ZoneTable:
     """History and future, which must follow it, as one table in which nothing of the future is measured."""
-    if not future.follows(history):
-        raise ValueError(f"future begins at {future.index[0]}, but history ends at {history.index[-1]}; join them.")
+    refuse_unless_following(future, history)
     return concatenate_tables([history, unmeasured(future, training)])
+
+
+def refuse_unless_following(future: ZoneTable, history: ZoneTable) -> None:
+    """Raise a ValueError if the future does not begin one step after the history."""
+    if not future.follows(history):
+        raise ValueError(
+            f"future begins at {future.index[0]}, but history ends at {history.index[-1]}; it must begin one step of "
+            f"{spell(history.step)} later."
+        )
 
 
 def refuse_absent(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:
@@ -75,6 +84,6 @@ def refuse_no_frames(history: Any, future: Any) -> None:
 
 def with_measured(table: ZoneTable, row: int, T: float, role: str = "T_za") -> ZoneTable:
     """A table in which the temperature of one row is measured."""
-    values = table.history.get(role, np.full(table.n_rows, np.nan)).copy()
+    values = table.measured(role).copy()
     values[row] = T
     return table.replace(history={**table.history, role: values})

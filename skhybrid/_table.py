@@ -43,7 +43,7 @@ from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import refuse_order as refuse_order
 from ._target import refuse_other_quantity, refuse_target_among
-from ._time import Stamps, joined_stamps, read_index, spell, wall_clock
+from ._time import Stamps, clock_of_training, joined_stamps, read_index, spell
 
 #: hours at the most that it gave, below which a plant hardly ran
 _FEW_HOURS = 1.0
@@ -80,10 +80,6 @@ class ZoneTable:
         return [role for role in self.order if role in here] + [role for role in here if role not in self.order]
 
     @property
-    def T_za(self) -> np.ndarray | None:
-        return self.history.get("T_za")
-
-    @property
     def day_of_week(self) -> np.ndarray:
         """Kind of day (n,): Monday is 0, a Sunday or holiday 6."""
         return self.holidays.day_of_week(self.time)
@@ -91,7 +87,11 @@ class ZoneTable:
     @property
     def weekend(self) -> np.ndarray:
         """Whether a row lies on a weekend day or a holiday, (n,) bool."""
-        return self.day_of_week >= 5
+        return self.holidays.weekend(self.time)
+
+    def measured(self, role: str = "T_za") -> np.ndarray:
+        """A measured series, NaN where it is missing or the table has none, (n,) float64."""
+        return self.history.get(role, np.full(self.n_rows, np.nan))
 
     def hours_run(self, role: str) -> float:
         """Hours that a plant ran, counted at the most that it gave."""
@@ -141,13 +141,9 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
     last = tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
     kept = {role for table in tables for role in table.history}
-
-    def history(role: str) -> np.ndarray:
-        return np.concatenate([table.history.get(role, np.full(table.n_rows, np.nan)) for table in tables])
-
     return ZoneTable(
         {role: np.concatenate([table.inputs[role] for table in tables]) for role in shared},
-        {role: history(role) for role in sorted(kept)},
+        {role: np.concatenate([table.measured(role) for table in tables]) for role in sorted(kept)},
         *joined_stamps([Stamps(table.index, table.time, table.utc) for table in tables]),
         last.step,
         order=last.order,
@@ -220,7 +216,7 @@ def read_table(
         )
     if not reset:  # what was learned by the hour holds in the time zone of the training
         stamps = Stamps(table.index, table.time, table.utc)
-        table = table.replace(time=wall_clock(stamps, getattr(estimator, "training_", None)))
+        table = table.replace(time=clock_of_training(stamps, getattr(estimator, "training_", None)))
     return table if holidays is None else table.replace(holidays=read_holidays(holidays, table.index))
 
 

@@ -14,6 +14,7 @@ import pandas as pd
 SHORTEST_GAP = pd.Timedelta("3h")
 #: assumed start of a table without time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
+_HOUR = pd.Timedelta("1h")
 _FINEST = pd.Timedelta("1s")  # no building is logged more often
 _FEW_ROWS, _MOST_JOINED = 10_000, 16  # of joined stamps that are kept
 _STAMPS = (
@@ -56,8 +57,12 @@ def read_index(
             f"the index steps by {spell(step)}, but sampling_time={spell(given)} was given; drop the argument or "
             "resample with skhybrid.datasets.regularize."
         )
-    local = index.tz_localize(None) if index.tz is not None else index
-    return step, local, utc, breaks
+    return step, wall_clock(index), utc, breaks
+
+
+def wall_clock(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
+    """Local time of stamps, without their zone."""
+    return index if index.tz is None else index.tz_localize(None)
 
 
 def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:
@@ -193,6 +198,21 @@ def rows_of(duration: Any, step: pd.Timedelta, name: str = "horizon") -> int:
     return round(rows)
 
 
+def rows_in(hours: float, step: pd.Timedelta | float) -> int:
+    """Number of steps in some hours, rounded, at least 1; the step is a duration, or in hours."""
+    return max(1, round(hours / (step / _HOUR if isinstance(step, pd.Timedelta) else step)))
+
+
+def rows_per_day(step: pd.Timedelta | float) -> int:
+    """Number of steps in 24 hours, as of :func:`rows_in`."""
+    return rows_in(24.0, step)
+
+
+def rows_per_hour(step: pd.Timedelta | float) -> int:
+    """Number of steps in an hour, as of :func:`rows_in`."""
+    return rows_in(1.0, step)
+
+
 class Stamps(NamedTuple):
     """The stamps of consecutive rows."""
 
@@ -201,12 +221,12 @@ class Stamps(NamedTuple):
     utc: pd.DatetimeIndex | None
 
 
-def wall_clock(stamps: Stamps, training: Any) -> pd.DatetimeIndex:
+def clock_of_training(stamps: Stamps, training: Any) -> pd.DatetimeIndex:
     """Local times of rows in the zone of an estimator's training span, where both have one; else their own."""
     zone, own = (getattr(stamp, "tz", None) for stamp in (getattr(training, "first", None), stamps.shown))
     if zone is None or own is None or stamps.utc is None or str(zone) == str(own):
         return stamps.time
-    return stamps.utc.tz_convert(zone).tz_localize(None)
+    return wall_clock(stamps.utc.tz_convert(zone))
 
 
 #: of the tables that were joined last: zones on one clock share their stamps

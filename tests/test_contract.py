@@ -102,7 +102,7 @@ def test_roles_of_an_array():
     assert list(table.inputs) == ["T_oa", "q_sol", "u_2", "u_3", "u_4"]
     table = read(np.arange(40.0).reshape(8, 5) / 100, columns={"T_za": 4, "Q_hvac": 2, "q_sol": None})
     assert set(table.inputs) == {"T_oa", "Q_hvac", "u_3"}
-    np.testing.assert_array_equal(table.T_za, np.arange(4, 40, 5) / 100)
+    np.testing.assert_array_equal(table.measured(), np.arange(4, 40, 5) / 100)
     assert table.utc is None
     assert table.time[0] == ASSUMED_START
     assert read(np.zeros((8, 2)), sampling_time="1h").step == pd.Timedelta("1h")
@@ -803,7 +803,7 @@ def test_table_after_another():
     assert both.n_rows == 20
     pd.testing.assert_index_equal(both.index, whole.index, exact="equiv")
     np.testing.assert_array_equal(both.inputs["T_oa"], whole["T_oa"])
-    np.testing.assert_array_equal(both.T_za, [*whole["T_za"][:12], *[np.nan] * 8])
+    np.testing.assert_array_equal(both.measured(), [*whole["T_za"][:12], *[np.nan] * 8])
     assert set(append_tables(first, read(whole[12:].drop(columns="u_heat"))).inputs) == {"T_oa"}
     part = both.rows(slice(12, None))
     pd.testing.assert_index_equal(part.time, second.time, exact="equiv")
@@ -819,7 +819,7 @@ def test_concatenated_tables_are_the_whole_again():
         assert (joined.order, joined.step) == (whole.order, whole.step)
         for role in ("T_oa", "u_heat"):
             np.testing.assert_array_equal(joined.inputs[role], whole.inputs[role][first:])
-        np.testing.assert_array_equal(joined.T_za, whole.T_za[first:])
+        np.testing.assert_array_equal(joined.measured(), whole.measured()[first:])
         for name in ("index", "time", "utc"):
             pd.testing.assert_index_equal(getattr(joined, name), getattr(whole, name)[first:], exact="equiv")
     assert last_rows(parts, 99).n_rows == 30

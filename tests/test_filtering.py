@@ -19,6 +19,7 @@ from skhybrid.filtering import (
     filter_channels_adjoint,
     iterate_lags,
     kalman_filter,
+    low_pass,
     one_step_errors,
     regression_slopes,
     simulate_inverse,
@@ -442,6 +443,16 @@ def test_inverse_with_a_hold_and_a_band_against_a_loop(ahead):
         inside += applied[k] == 0.0
     assert 0 < inside < N
     assert (np.abs(applied) == 2.0).any()
+
+
+@pytest.mark.parametrize("shape", [(7,), (7, 3)])
+def test_a_low_pass_against_a_loop(shape):
+    series = np.random.default_rng(5).standard_normal(shape)
+    start = z = series[0] + 1.0
+    found = low_pass(series, 0.8, start)
+    for k in range(len(series)):
+        z = 0.8 * z + 0.2 * series[k]
+        np.testing.assert_allclose(found[k], z, rtol=1e-12)
 
 
 def test_autoregressions_against_a_loop():

@@ -218,8 +218,10 @@ def test_forecast_of_history_and_future_is_predict_from_its_last_row(model):
 def test_forecast_refuses_a_gap_and_a_missing_column():
     X, y = hourly(14)
     model = DisturbanceForecaster("ridge").fit(X.iloc[:200], y.iloc[:200])
-    with pytest.raises(ValueError, match="it must begin one step"):
+    with pytest.raises(ValueError, match="it must begin one step of 1 h later"):
         model.forecast(X.iloc[200:210], X.iloc[212:230])
+    with pytest.raises(ValueError, match="has time stamps and the training table has none, or the reverse"):
+        model.forecast(X.iloc[200:210].reset_index(drop=True), X.iloc[210:230])
     with pytest.raises(ValueError, match="X has no column 'q_sol', which the training table has"):
         model.forecast(X.iloc[200:210], X.iloc[210:230].drop(columns="q_sol"))
 

@@ -12,10 +12,11 @@ from sklearn.base import BaseEstimator, clone
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, SchedulePredictor
 from skhybrid import _holidays as holidays_module
+from skhybrid._calendar import day_type_hour
 from skhybrid._holidays import read_holidays
 from skhybrid._table import read_table
 from skhybrid.datasets import make_office
-from skhybrid.forecasting.features import day_type_hour, encode_time
+from skhybrid.forecasting.features import encode_time
 from skhybrid.hybrid import DriftMonitor
 from skhybrid.identification import InputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.identification.experiment import make_experiment
@@ -200,7 +201,7 @@ def test_the_two_stages_pass_holidays_on(office):
 
 def test_an_identification_reads_a_holiday_as_a_weekend_day():
     table = _table(YEAR, "US", T_za=np.zeros(len(YEAR)))
-    experiment = make_experiment(get_network("1R1C"), ("T_oa",), table, table.T_za)
+    experiment = make_experiment(get_network("1R1C"), ("T_oa",), table, table.measured())
     assert experiment.weekend.sum() == 24 * (104 + len(US_2018) - 1)  # Veterans Day was a Sunday
 
 

@@ -16,8 +16,8 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_docs", "_files", "_holidays", "_joining", "_ranges", "_rolling", "_summary", "_table", "_threads", "_time",
-    "_transaction", "_warnings", "exceptions",
+    "_calendar", "_docs", "_files", "_holidays", "_joining", "_last_known", "_ranges", "_rolling", "_summary",
+    "_table", "_threads", "_time", "_transaction", "_warnings", "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -51,9 +51,11 @@ MAY_IMPORT: dict[str, set[str]] = {
 STRICT = {
     "filtering": set(),
     "exceptions": set(),
+    "_calendar": {"_table", "_time"},
     "_docs": set(),
     "_files": set(),
-    "_holidays": set(),
+    "_holidays": {"_time"},
+    "_last_known": set(),
     "_warnings": {"exceptions"},
     "_time": set(),
     "_threads": set(),
@@ -67,7 +69,7 @@ STRICT = {
     "_columns": {"_warnings", "exceptions"},
     "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
-    "_joining": {"_ranges", "_table"},
+    "_joining": {"_ranges", "_table", "_time"},
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.

@@ -41,7 +41,7 @@ class Clock(RollingForecastMixin, BaseEstimator):
         return read_table(self, X, reset=False)
 
     def _forecast(self, table, origins, n_leads):
-        return 10 * table.T_za[origins][:, None] + np.arange(1, n_leads + 1) / 1000
+        return 10 * table.measured()[origins][:, None] + np.arange(1, n_leads + 1) / 1000
 
     def _cold_value(self, table):
         return -1.0

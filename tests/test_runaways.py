@@ -168,8 +168,8 @@ def test_a_member_that_runs_away_is_clipped_before_it_enters_the_blend(monkeypat
     model = HybridPredictor(adapt="linear").fit(train, train["T_za"])
     ordinary, run = model.predict(later), members.RollingSchedule.forecast
 
-    def runaway(self, view, n_leads):
-        path, heat = run(self, view, n_leads)
+    def runaway(self, view, n_leads, clipped=True):
+        path, heat = run(self, view, n_leads, clipped)
         return path + 1e6, heat
 
     monkeypatch.setattr(members.RollingSchedule, "forecast", runaway)

@@ -165,7 +165,7 @@ class GivenMember:
     def advance(self, view, origin):
         self.row = origin
 
-    def forecast(self, view, n_leads):
+    def forecast(self, view, n_leads, clipped=True):
         return self.path[None, :n_leads], np.zeros(n_leads)
 
 

@@ -11,7 +11,7 @@ from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
 from .normal_prior import learn_normal
 from .regression_slopes import regression_slopes
-from .simulation import iterate_lags, simulate_path
+from .simulation import iterate_lags, low_pass, simulate_path
 from .tree_sums import sum_of_leaves
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "lead_rows",
     "lead_sensitivities",
     "learn_normal",
+    "low_pass",
     "multi_step_sensitivities",
     "one_step_errors",
     "one_step_sensitivities",

@@ -78,7 +78,7 @@ def _covariance_pass(A, Q, noise_class, C, R, y, P0, S, gains, covariances):
 
 
 @compiled_sums
-def _state_pass(A, columns, series, known, C, y, x, S, gains, errors, states):
+def _state_pass(A, columns, series, known, C, y, x, gains, errors, states):
     """Innovations and filtered states of every channel; ``x`` (n, J) begins as the first row's prediction."""
     N, o = y.shape
     n, J = x.shape
@@ -124,7 +124,7 @@ def filter_channels(A, columns, series, known, Q, noise_class, C, R, y, s0, P0):
     _covariance_pass(A, Q, noise_class, C, R, y, P0, S, gains, covariances)
     errors, states, x = np.zeros((N, o, J)), np.empty((N, n, J)), np.zeros((n, J))
     x[:, 0] = s0
-    _state_pass(A, columns, series, known, C, y, x, S, gains, errors, states)
+    _state_pass(A, columns, series, known, C, y, x, gains, errors, states)
     return ChannelFilter(errors, S, states, gains, covariances)
 
 

@@ -1,8 +1,9 @@
-"""Simulation of a discrete state-space model, and of autoregressions with inputs."""
+"""Simulation of a discrete state-space model, of a low-pass, and of autoregressions with inputs."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ._compile import compiled
 
@@ -21,6 +22,11 @@ def simulate_path(A, forcing, s0):
                 value += A[i, j] * states[k, j]
             states[k + 1, i] = value
     return states
+
+
+def low_pass(series, decay, start):
+    """``z[k] = decay z[k-1] + (1 - decay) series[k]`` over the rows of a series (N, ...), from ``z[-1] = start``."""
+    return lfilter([1.0 - decay], [1.0, -decay], series, axis=0, zi=decay * np.asarray(start)[None])[0]
 
 
 @compiled

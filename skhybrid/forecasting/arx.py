@@ -13,11 +13,12 @@ from sklearn.utils.validation import check_is_fitted
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
+from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
 from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
 from .arx_multi_step import MultiStepFit, RecursiveMultiStep, fit_multi_step
 from .arx_prior import ZoneEvidence, ZoneSums, prior_of
-from .features import rows_per_day, target_rows
+from .features import target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
 from .reading import read_zone
@@ -274,11 +275,11 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return read_zone(self, X, reset=False)
 
     def _cold_value(self, table: ZoneTable) -> float:
-        T = table.T_za
-        return float(T[0]) if T is not None and np.isfinite(T[0]) else self._design.T_mean
+        first = float(table.measured()[0])
+        return first if np.isfinite(first) else self._design.T_mean
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        view = self.view(table, np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za)
+        view = self.view(table, table.measured())
         coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, self._n_learned(table))
         return self.iterate(view, origins, n_leads, coefs)
 
@@ -303,7 +304,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return self._design.view(table, T, first, before)
 
     def iterate(
-        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, held: bool = True
+        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True
     ) -> np.ndarray:
         """Forecasts (n_origins, n_leads) [degC] by the recursion from each origin.
 
@@ -313,9 +314,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             The temperature is read up to each origin; after the last row the inputs are held.
         origins, n_leads : ndarray of int, shape (n_origins,), and int
         coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
-        held : bool; whether nothing far outside of the training temperatures is forecast
+        clipped : bool; whether nothing far outside of the training temperatures is forecast
         """
-        return self._design.iterate(view, origins, n_leads, coefs, held=held)
+        return self._design.iterate(view, origins, n_leads, coefs, clipped=clipped)
 
     def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
         """Response (n_leads,) [K] of the temperature after 1, 2 ... steps to a unit of an input over one step.

@@ -11,10 +11,12 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve
 from scipy.signal import lfilter
 
+from .._calendar import N_CELLS, day_type_hour, one_hot
+from .._last_known import carried_forward
 from .._table import ZoneTable
-from .._time import hour_of_day
-from ..filtering import iterate_lags
-from .features import day_type_hour, irradiance_roles, one_hot, rows_per_day
+from .._time import hour_of_day, rows_per_day
+from ..filtering import iterate_lags, low_pass
+from .features import irradiance_roles
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
 #: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread
@@ -35,7 +37,7 @@ class ARXData(NamedTuple):
 
     exogenous: np.ndarray  # (n_rows, p - n_lags) standardised inputs with lags, calendar and constant
     T: np.ndarray  # (n_rows,) measured temperature [degC], NaN where missing
-    held: np.ndarray  # (n_rows,) the same, with the last known value where missing
+    carried_forward: np.ndarray  # (n_rows,) the same, with the last known value where missing
     first: int
 
     @property
@@ -125,8 +127,8 @@ class DailyColumns:
             earlier = np.array([before[role] for role in roles]) if before else values[:, :1]
             earlier = earlier if earlier.size else values[:, :1]
             states = earlier @ _filter_weights(earlier.shape[1], tuple(self.decay))
-            filtered = [_filtered(values, decay, state) for decay, state in zip(self.decay, states.T, strict=True)]
-            columns = [series[place] for place in range(len(roles)) for series in filtered]
+            filtered = [low_pass(values.T, decay, state) for decay, state in zip(self.decay, states.T, strict=True)]
+            columns = [series[:, place] for place in range(len(roles)) for series in filtered]
         from_noon = (hour_of_day(table.time) - self.noon) / _FROM_NOON
         for role in irradiance_roles(dict.fromkeys(roles)):
             columns += [table.inputs[role] * np.clip(1.0 - np.abs(from_noon - side), 0.0, 1.0) for side in (-1.0, 1.0)]
@@ -199,7 +201,7 @@ class ARXDesign:
     @property
     def n_calendar(self) -> int:
         """Columns of the calendar, which stand before the constant."""
-        return self.calendar * (48 + 24 * (self.daily is not None and "T_oa" in self.roles))
+        return self.calendar * (N_CELLS + 24 * (self.daily is not None and "T_oa" in self.roles))
 
     def view(
         self, table: ZoneTable, T: np.ndarray, first: int = 0, before: Mapping[str, np.ndarray] | None = None
@@ -209,14 +211,14 @@ class ARXDesign:
         blocks = [(columns - self.input_mean) / self.input_scale]
         if self.calendar:
             slots = day_type_hour(table)
-            blocks.append(one_hot(slots, 48))
+            blocks.append(one_hot(slots, N_CELLS))
             if self.daily is not None and "T_oa" in self.roles:
                 across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / self.daily.K_per_column
                 blocks.append(one_hot(slots % 24, 24) * across[:, None])
-        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, held(T), first)
+        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, carried_forward(T), first)
 
     def pairs(self, view: ARXData, begin: int = 0, end: int | None = None) -> Pairs:
-        """Pairs whose row k lies in [begin, end); a missing lag is held as in a forecast, half must be known."""
+        """Pairs whose row k lies in [begin, end); a missing lag is filled as in a forecast, half must be known."""
         earliest = min(self.n_lags, view.end - 1) - 1
         rows = np.arange(max(begin, earliest), view.end - 1 if end is None else min(end, view.end - 1))
         here = rows - view.first
@@ -230,8 +232,8 @@ class ARXDesign:
         return np.isfinite(self._windows(view, view.T, rows)).mean(axis=1) >= _MIN_KNOWN
 
     def windows(self, view: ARXData, rows: np.ndarray) -> np.ndarray:
-        """(n_rows, n_lags) standardised temperatures up to each row, newest first; a missing one is held."""
-        known = _causally_filled(self._windows(view, view.held, rows), self.T_mean)
+        """(n_rows, n_lags) standardised temperatures up to each row, newest first; the last known one where missing."""
+        known = _causally_filled(self._windows(view, view.carried_forward, rows), self.T_mean)
         return (known - self.T_mean) / self.T_scale
 
     def _windows(self, view: ARXData, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -239,9 +241,9 @@ class ARXDesign:
         return T[np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first]
 
     def iterate(
-        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, held: bool = True
+        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True
     ) -> np.ndarray:
-        """See :meth:`ARXRegressor.iterate`; not ``held``: without the limits to what is forecast."""
+        """See :meth:`ARXRegressor.iterate`; not ``clipped``: without the limits to what is forecast."""
         rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
         lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
         if len(coefs) == 1:
@@ -249,7 +251,7 @@ class ARXDesign:
             driven = (view.exogenous[first:end] @ drive[0])[rows - first]
         else:
             driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
-        bounds = self.T_range if held else (-np.inf, np.inf)
+        bounds = self.T_range if clipped else (-np.inf, np.inf)
         low, high = ((bound - self.T_mean) / self.T_scale for bound in bounds)
         begin = np.ascontiguousarray(self.windows(view, origins)[:, ::-1])
         each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1] / self.T_scale, begin.shape))
@@ -313,11 +315,6 @@ def _input_columns(
     return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
 
 
-def _filtered(values: np.ndarray, decay: float, state: np.ndarray) -> np.ndarray:
-    """A first-order filter along values (m, n_rows), from its state (m,) in the row before the first."""
-    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], values, zi=decay * state[:, None])[0])
-
-
 @lru_cache(maxsize=16)
 def _filter_weights(n_rows: int, decays: tuple[float, ...]) -> np.ndarray:
     """(n_rows, n_filters) weights of the rows in the last value of a filter, at rest before the first."""
@@ -327,17 +324,11 @@ def _filter_weights(n_rows: int, decays: tuple[float, ...]) -> np.ndarray:
     return weights
 
 
-def held(T: np.ndarray) -> np.ndarray:
-    """Missing values replaced by the last known one, NaN before the first."""
-    last = np.maximum.accumulate(np.where(np.isfinite(T), np.arange(len(T)), -1))
-    return np.where(last >= 0, T[np.maximum(last, 0)], np.nan)
-
-
 def _causally_filled(windows: np.ndarray, default: float) -> np.ndarray:
     """Windows (newest first) with missing values at the oldest known value, or at the default where none is known."""
     known = np.isfinite(windows)
     if known.all():
         return windows
     oldest = windows.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)
-    held = np.where(known.any(axis=1), windows[np.arange(len(windows)), oldest], default)
-    return np.where(known, windows, held[:, None])
+    filler = np.where(known.any(axis=1), windows[np.arange(len(windows)), oldest], default)
+    return np.where(known, windows, filler[:, None])

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from .._time import rows_per_day, rows_per_hour
 from ..filtering import hourly_sample, iterate_lags, regression_slopes
 from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments
 from .arx_prior import ARXPrior
-from .features import rows_per_day, rows_per_hour, target_rows
+from .features import target_rows
 
 _CHUNK = 256  # origins whose slopes are in memory at a time
 _LEAD_POWER = -0.3  # squared errors count with this power of their lead

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.linalg import cho_factor, cho_solve
 
+from .._calendar import N_CELLS
 from .._table import is_plant
 from .._time import spell
 from ..filtering import learn_normal
@@ -192,5 +193,5 @@ def _shared(design: ARXDesign, size: float) -> np.ndarray:
     if design.daily is not None and "T_oa" in design.roles and design.calendar:  # outdoor temperature by hour
         hour = len(measured) + np.arange(24)
         away = (design.daily.T_oa_mean - _REFERENCE) / design.daily.K_per_column
-        A[hour, hour + 48], A[hour + 24, hour + 48] = away, away
+        A[hour, hour + N_CELLS], A[hour + 24, hour + N_CELLS] = away, away
     return A

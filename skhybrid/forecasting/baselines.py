@@ -6,8 +6,11 @@ from typing import Self
 
 import numpy as np
 
+from .._calendar import N_CELLS, day_type_hour, slot_of_day
+from .._last_known import carried_forward
 from .._table import ZoneTable
-from .features import day_type_hour, last_same_slot, rows_per_day, slot_of_day, target_rows, zeta_of
+from .._time import rows_per_day
+from .features import last_same_slot, target_rows
 
 _DAYS_BACK = 14  # that are looked through for a day of the same kind
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
@@ -33,7 +36,7 @@ class WeeklyProfile:
         """Average the training target."""
         overall = float(np.nanmean(target)) if np.isfinite(target).any() else 0.0
         slots, self.n_slots_ = slot_of_day(table.time, table.step), rows_per_day(table.step)
-        by_hour = _means(day_type_hour(table), target, 48, np.full(48, overall))
+        by_hour = _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, overall))
         hours = np.floor(np.arange(self.n_slots_) * 24.0 / self.n_slots_ + 1e-9).astype(np.int64)
         day_types = np.repeat([0, 0, 0, 0, 0, 24, 24], self.n_slots_)
         fallback = by_hour[np.tile(hours, 7) + day_types]
@@ -81,7 +84,7 @@ class LastWeek(_WithProfile):
     """
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        zeta, rows = zeta_of(table), target_rows(origins, n_leads)
+        zeta, rows = table.measured("zeta"), target_rows(origins, n_leads)
         per_day = rows_per_day(table.step)
         out = last_same_slot(zeta, rows, origins, 7 * per_day, 1)
         if table.holidays:
@@ -98,7 +101,5 @@ class Persistence(_WithProfile):
     """``"persistence"``: the last known value at or before the origin, at all leads; else the profile."""
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        zeta = zeta_of(table)
-        last = np.maximum.accumulate(np.where(np.isfinite(zeta), np.arange(len(zeta)), -1))[origins]
-        held = np.where(last >= 0, zeta[np.maximum(last, 0)], np.nan)[:, None]
-        return np.where(np.isnan(held), self.profile_.forecast(table, origins, n_leads), held)
+        last = carried_forward(table.measured("zeta"))[origins, None]
+        return np.where(np.isnan(last), self.profile_.forecast(table, origins, n_leads), last)

@@ -9,16 +9,16 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.ensemble import HistGradientBoostingRegressor
 
+from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
-from .._time import hour_of_day
+from .._time import hour_of_day, rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor
-from .arx_design import held
-from .features import periods_before, rows_per_day, rows_per_hour, span_means, target_rows
+from .features import periods_before, span_means, target_rows
 from .quantiles import left_out_blocks
 from .reading import read_zone
 
@@ -163,21 +163,21 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     def _training_base(self, known: ZoneTable, sample: ForecastSample) -> np.ndarray:
         """(O, L) forecasts to which the trees add [degC]: the temperature at the origin, or left-out ARX."""
         if self.arx_ is None:
-            return np.repeat(self._held(known)[sample.origins][:, None], len(sample.leads), axis=1)
+            return np.repeat(self._carried_forward(known)[sample.origins][:, None], len(sample.leads), axis=1)
         ends = [end for _, end in left_out_blocks(known.n_rows, rows_per_day(known.step))]
         blocks = np.searchsorted(ends, sample.origins, side="right")
         longest = int(sample.leads[-1])
         paths = self.arx_.left_out_paths(known, known.history["T_za"], sample.origins, longest, blocks)
         return paths[:, sample.leads - 1]
 
-    def _held(self, table: ZoneTable) -> np.ndarray:
+    def _carried_forward(self, table: ZoneTable) -> np.ndarray:
         """(n_rows,) the last known temperature at each row [degC], the training mean before the first."""
-        T = np.full(table.n_rows, np.nan) if table.T_za is None else held(table.T_za)
+        T = carried_forward(table.measured())
         return np.where(np.isfinite(T), T, self._mean)
 
     def _features(self, table: ZoneTable, origins: np.ndarray, leads: np.ndarray, base: np.ndarray) -> np.ndarray:
         """(n_origins * n_leads, n_features) of forecasts at increasing leads, whose base is (n_origins, n_leads)."""
-        T, per_hour, per_day = self._held(table), rows_per_hour(table.step), rows_per_day(table.step)
+        T, per_hour, per_day = self._carried_forward(table), rows_per_hour(table.step), rows_per_day(table.step)
         targets = np.minimum(origins[:, None] + leads, table.n_rows - 1)
         here = np.broadcast_to(T[origins][:, None], targets.shape)
         day_before = np.maximum(periods_before(origins[:, None] + leads, leads, per_day), 0)
@@ -201,11 +201,11 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         return {"inputs": ", ".join(self._roles), "trees": str(self.n_iter_)}
 
     def _cold_value(self, table: ZoneTable) -> float:
-        return float(self._held(table)[0])
+        return float(self._carried_forward(table)[0])
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         if self.arx_ is None:
-            base = np.repeat(self._held(table)[origins][:, None], n_leads, axis=1)
+            base = np.repeat(self._carried_forward(table)[origins][:, None], n_leads, axis=1)
         else:
             base = self.arx_._forecast(table, origins, n_leads)
         if self.booster_ is None:

@@ -5,50 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
+from .._calendar import one_hot
 from .._table import ZoneTable
 from .._time import hour_of_day
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
-_HOUR = pd.Timedelta("1h")
 #: feature -> (levels, harmonics); the day is the seventh harmonic of the week
 _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
-
-
-def rows_per_day(step: pd.Timedelta) -> int:
-    """Number of steps in 24 hours, at least 1."""
-    return max(1, round(pd.Timedelta("1D") / step))
-
-
-def rows_per_hour(step: pd.Timedelta) -> int:
-    """Number of steps in an hour, at least 1."""
-    return max(1, round(_HOUR / step))
-
-
-def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:
-    """Number of each row's step within its local day, (n,) int below ``rows_per_day(step)``."""
-    slots = np.floor(hour_of_day(time) * (_HOUR / step) + 1e-9).astype(np.int64)
-    return np.minimum(slots, rows_per_day(step) - 1)
-
-
-def day_type_hour(table: ZoneTable) -> np.ndarray:
-    """Hour of day (0 ... 23) on weekdays, 24 + hour of day on weekends and holidays, (n,) int."""
-    return np.floor(hour_of_day(table.time)).astype(np.int64) + 24 * table.weekend
-
-
-def day_type_hours(table: ZoneTable, rows: np.ndarray) -> np.ndarray:
-    """:func:`day_type_hour` of rows (n,) counted from a table's last one, within it or not."""
-    stamps = table.index if isinstance(table.index, pd.DatetimeIndex) else table.time
-    time = stamps[-1] + pd.TimedeltaIndex(rows * table.step.to_timedelta64())
-    time = time if time.tz is None else time.tz_localize(None)
-    return np.floor(hour_of_day(time)).astype(np.int64) + 24 * (table.holidays.day_of_week(time) >= 5)
-
-
-def one_hot(levels: np.ndarray, n_levels: int) -> np.ndarray:
-    """(n, n_levels) float64 with a 1 in each row's level."""
-    return np.eye(n_levels)[levels]
 
 
 def encode_time(table: ZoneTable, feature: str, encoding: str) -> np.ndarray:
@@ -101,12 +66,6 @@ def row_features(table: ZoneTable, features: tuple[str, ...], encoding: str) -> 
         elif feature in ("i_heat", "i_cool"):
             blocks.append(plant_mode(table.inputs, feature.removeprefix("i_"), table.n_rows)[:, None])
     return np.hstack(blocks)
-
-
-def zeta_of(table: ZoneTable) -> np.ndarray:
-    """The measured disturbance of every row, NaN where unknown, (n,) float64."""
-    known = table.history.get("zeta")
-    return np.full(table.n_rows, np.nan) if known is None else known
 
 
 def target_rows(origins: np.ndarray, n_leads: int) -> np.ndarray:

@@ -10,14 +10,15 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._joining import refuse_unless_following, unmeasured
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, append_tables, read_target
 from .._threads import one_blas_thread
+from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
 from .cases import ModelCase, resolve_case
 from .extras import require_networks
-from .features import rows_per_day, zeta_of
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
 from .reading import frame_only, read_weather
@@ -314,24 +315,15 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             Forecast disturbance at the index of ``future``, named ``zeta``.
         """
         check_is_fitted(self)
-        ahead = self._read_X(frame_only(future))
-        ahead = ahead.replace(history={"zeta": np.full(ahead.n_rows, np.nan)})
-        past = self._tail if history is None else self._past(history)
-        if past.utc is not None and ahead.utc is not None and not ahead.follows(past):
-            raise ValueError(
-                f"future begins at {ahead.index[0]}, but history ends at {past.index[-1]}; "
-                f"it must begin one step of {past.step} later."
-            )
+        ahead = unmeasured(self._read_X(frame_only(future)), self._tail)
+        past = self._tail if history is None else self._after_tail(self._read_X(frame_only(history)))[0]
+        if past.utc is not None and ahead.utc is not None:
+            refuse_unless_following(ahead, past)
         joined = append_tables(past, ahead)
         if past.utc is None or ahead.utc is None:  # the clock runs on
             joined = joined.replace(time=pd.date_range(past.time[0], periods=joined.n_rows, freq=past.step))
         values = self._forecast(joined, np.array([past.n_rows - 1]), ahead.n_rows)[0]
         return pd.Series(values, index=future.index, name="zeta")
-
-    def _past(self, history: pd.DataFrame) -> ZoneTable:
-        """The rows before the origin, after those of the training table where they continue it."""
-        table = self._read_X(frame_only(history))
-        return append_tables(self._tail, table) if table.follows(self._tail) else table
 
     def _read_X(self, X: Any) -> ZoneTable:
         return read_weather(self, X, reset=False)
@@ -347,7 +339,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return ("zeta",)
 
     def _cold_value(self, table: ZoneTable) -> float:
-        first = zeta_of(table)[0]
+        first = table.measured("zeta")[0]
         if np.isfinite(first):
             return float(first)
         return self._level if self._base is None else float(self._base.expected(table.rows(slice(0, 1)))[0])

@@ -14,7 +14,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-N_SLOTS = 48  # slots of :class:`PathClock`: the hours of a weekday, then those of a weekend day
+from .._calendar import N_CELLS
+
 DAYS_BACK = 21  # days before an origin whose forecasts count as recent; the oldest has a weight of 0.12
 _MEMORY_DAYS = 10.0  # age at which the weight of an error is 1/e [days]
 #: weights of the prior [days]: of the shape in training, of location 0, of width 1
@@ -93,15 +94,15 @@ class LeadIntervals:
         numbers = np.floor(np.log(lead / lead.min()) / np.log(_BIN_RATIO) + 1e-9).astype(np.int64)
         bins = np.unique(numbers, return_inverse=True)[1]
         count = np.bincount(bins)
-        met = np.unique(slot + N_SLOTS * np.floor(clock.day[known]).astype(np.int64)) % N_SLOTS
-        n_days = np.bincount(met, minlength=N_SLOTS).astype(np.float64)
-        by_hour = np.ones(N_SLOTS)
+        met = np.unique(slot + N_CELLS * np.floor(clock.day[known]).astype(np.int64)) % N_CELLS
+        n_days = np.bincount(met, minlength=N_CELLS).astype(np.float64)
+        by_hour = np.ones(N_CELLS)
         for _ in range(3):
             by_lead = np.maximum(np.bincount(bins, size / by_hour[slot]) / count, 1e-9)
             if not self.by_hour:
                 break
             ratio = size / by_lead[bins]
-            by_hour = _shrunk_hours(np.bincount(slot, ratio, N_SLOTS), np.bincount(slot, minlength=N_SLOTS), n_days)
+            by_hour = _shrunk_hours(np.bincount(slot, ratio, N_CELLS), np.bincount(slot, minlength=N_CELLS), n_days)
             by_hour /= by_hour[slot].mean()
         self.lead_scale_ = np.stack([np.exp(np.bincount(bins, np.log(lead)) / count), by_lead])
         self.hour_scale_ = by_hour

@@ -7,9 +7,10 @@ from typing import Any, Self
 import numpy as np
 from sklearn.base import clone
 
+from .._calendar import clock_hour
 from .._table import ZoneTable
 from .baselines import rows_ahead
-from .features import day_type_hour, irradiance_roles, target_rows, zeta_of
+from .features import irradiance_roles, target_rows
 from .ridge import StaticModel, lag_features, training_origins
 
 
@@ -47,12 +48,13 @@ class PairRegressor:
     @staticmethod
     def _features(table: ZoneTable, expected: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
         rows = rows_ahead(table, origins, n_leads)
-        columns = [expected, (day_type_hour(table) % 24).astype(float), table.day_of_week.astype(float)]
+        columns = [expected, clock_hour(table.time).astype(float), table.day_of_week.astype(float)]
         columns += [table.weekend.astype(float), table.inputs.get("T_oa", np.zeros(table.n_rows))]
         columns += [table.inputs[role] for role in irradiance_roles(table.inputs)]
         here = np.stack([c[rows] for c in columns], axis=-1)
         lead = np.broadcast_to(np.arange(1, n_leads + 1) * table.step_hours, rows.shape)[..., None]
-        return np.concatenate([here, lead, lag_features(table, zeta_of(table) - expected, origins, n_leads)], axis=-1)
+        past = lag_features(table, table.measured("zeta") - expected, origins, n_leads)
+        return np.concatenate([here, lead, past], axis=-1)
 
 
 def _seeded(model: Any, seed: int) -> Any:

@@ -10,11 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from .._calendar import day_type_hour
+from .._last_known import last_known_row
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable
 from .._threads import one_blas_thread
+from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
-from .features import day_type_hour, rows_per_day, target_rows
+from .features import target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
 
@@ -83,7 +86,7 @@ class QuantileForecastMixin(RollingForecastMixin):
     def _first_quantiles(self, segment: ZoneTable, levels: np.ndarray) -> np.ndarray:
         """Quantiles of the first row of a segment without history: its measured value, or a wide interval."""
         value = self._cold_value(segment)
-        if segment.T_za is not None and np.isfinite(segment.T_za[0]):
+        if np.isfinite(segment.measured()[0]):
             return np.full(len(levels), value)
         return value + self.intervals_.offsets(path_clock(segment, np.array([-1]), 1), levels)[0]
 
@@ -212,9 +215,9 @@ def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
 
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
     """Leads (since the last measurement), hours and days of the rows after each origin (-1: before the first row)."""
-    measured = np.zeros(table.n_rows, dtype=bool) if table.T_za is None else np.isfinite(table.T_za)
-    last = np.maximum.accumulate(np.where(measured, np.arange(table.n_rows), -rows_per_day(table.step)))
-    seen = np.where(origins < 0, -rows_per_day(table.step), last[np.maximum(origins, 0)])
+    long_ago = -rows_per_day(table.step)
+    last = last_known_row(np.isfinite(table.measured()), long_ago)
+    seen = np.where(origins < 0, long_ago, last[np.maximum(origins, 0)])
     rows = target_rows(origins, n_leads)
     slots = day_type_hour(table)[np.minimum(rows, table.n_rows - 1)]
     return PathClock((rows - seen[:, None]) * table.step_hours, slots, rows * table.step_hours / 24.0)
@@ -223,9 +226,7 @@ def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock
 def measured_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
     """(n_origins, n_leads) measurements of the rows after each origin; NaN where there is none."""
     rows = target_rows(origins, n_leads)
-    if table.T_za is None:
-        return np.full(rows.shape, np.nan)
-    return np.where(rows < table.n_rows, table.T_za[np.minimum(rows, table.n_rows - 1)], np.nan)
+    return np.where(rows < table.n_rows, table.measured()[np.minimum(rows, table.n_rows - 1)], np.nan)
 
 
 def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals:

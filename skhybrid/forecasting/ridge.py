@@ -13,19 +13,11 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.linalg import eigh
 
+from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
+from .._time import rows_per_day
 from .baselines import rows_ahead
-from .features import (
-    day_type_hour,
-    irradiance_roles,
-    known_at,
-    last_same_slot,
-    one_hot,
-    rows_per_day,
-    target_rows,
-    trailing_mean,
-    zeta_of,
-)
+from .features import irradiance_roles, known_at, last_same_slot, target_rows, trailing_mean
 
 ALPHAS = np.logspace(-1.0, 5.0, 13)
 #: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.
@@ -119,7 +111,7 @@ class StaticModel:
 
     def _design(self, table: ZoneTable, hourly_share: float) -> np.ndarray:
         """Hour x weekday/weekend, day of week, weather and, unless its share is 0, outdoor temperature by hour."""
-        cells = one_hot(day_type_hour(table), 48)
+        cells = one_hot(day_type_hour(table), N_CELLS)
         scaled = (_weather(table) - self.weather_mean_) / self.weather_std_
         blocks = [cells, one_hot(table.day_of_week, 7), _WEATHER_SCALE * scaled]
         if hourly_share > 0.0:  # ventilation and infiltration follow the schedule
@@ -141,7 +133,7 @@ class RidgeForecaster:
         """Fit both regressions on a training table; the dynamic one covers leads up to ``n_leads``."""
         self.static_ = StaticModel().fit(table, target)
         left = self.static_.left_out_
-        deviation, wanted = zeta_of(table) - left, target - left
+        deviation, wanted = table.measured("zeta") - left, target - left
         origins = training_origins(table.n_rows, n_leads)
         rows = target_rows(origins, n_leads)
         inside = rows < table.n_rows
@@ -164,7 +156,7 @@ class RidgeForecaster:
         out = expected[rows_ahead(table, origins, n_leads)]
         if self.dynamic_ is None:
             return out
-        L = lag_features(table, zeta_of(table) - expected, origins, n_leads) / self.scale_
+        L = lag_features(table, table.measured("zeta") - expected, origins, n_leads) / self.scale_
         # Without its intercept: no known deviation means no correction.
         return out + L @ self.dynamic_.coef
 

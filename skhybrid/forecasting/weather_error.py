@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from .features import rows_per_day
+from .._time import rows_per_day
 
 Level = Literal["low", "medium", "high"]
 #: days before and after a row whose irradiance at the same time of day bounds a forecast of it

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from .._calendar import day_type_hours
 from .._joining import read_now, refuse_no_frames, with_measured
 from .._table import ZoneTable
 from .._threads import one_blas_thread
@@ -26,7 +27,6 @@ from ..control import (
     warn_uncovered,
 )
 from ..exceptions import GainWarning
-from ..forecasting.features import day_type_hours
 from ..forecasting.intervals import PathClock
 from ..forecasting.quantiles import path_clock, read_quantiles
 from .frames_forecast import FramesForecastMixin

@@ -211,7 +211,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         return append_tables(end, table), end.n_rows
 
     def _cold_value(self, table: ZoneTable) -> float:
-        return self._mean if table.T_za is None or not np.isfinite(table.T_za[0]) else float(table.T_za[0])
+        first = float(table.measured()[0])
+        return first if np.isfinite(first) else self._mean
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads).temperature
@@ -290,8 +291,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         rows.refuse_unless_following(table)
         if y is not None:
             target = read_target(rows.in_own_zone(y), table, max_missing=1.0, role="T_za")
-        elif table.T_za is not None:
-            target = table.T_za
+        elif "T_za" in table.history:
+            target = table.history["T_za"]
         else:
             raise ValueError(
                 f"X has no column {self._column_of('T_za')!r}; give what was measured there or as y, with NaN where "

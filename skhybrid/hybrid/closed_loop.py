@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant
+from .._time import rows_per_day, rows_per_hour
 from ..control import Band, LoadPaths
 from ..exceptions import TooFewDaysError
-from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ..forecasting.quantiles import path_clock
 from .blend import PULL, blend_weights, by_lead, faded, lead_groups, moments

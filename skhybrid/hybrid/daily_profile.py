@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from .._last_known import last_known_row
 from .._table import ZoneTable
 
 _KEPT = 0.5 ** (1.0 / 7.0)  # a day counts half after a week
@@ -23,9 +24,8 @@ class ProfileRows(NamedTuple):
 
     @classmethod
     def of(cls, table: ZoneTable, T: np.ndarray, first: int = 0) -> Self:
-        seen = np.maximum.accumulate(np.where(np.isfinite(T), np.arange(len(T)), -1))
         place = table.time.as_unit("ns").asi8 // table.step.value  # the epoch is a midnight
-        return cls(T, seen, place, table.weekend.astype(np.int64), first)
+        return cls(T, last_known_row(np.isfinite(T)), place, table.weekend.astype(np.int64), first)
 
 
 class MeanDay:

@@ -165,7 +165,7 @@ class DriftMonitor:
 
     def _weekend(self, measured: pd.DataFrame) -> np.ndarray:
         days = pd.DatetimeIndex(measured.index)
-        return read_holidays(self.holidays, days).day_of_week(days) >= 5
+        return read_holidays(self.holidays, days).weekend(days)
 
     def _score(self, error: np.ndarray) -> np.ndarray:
         return np.log(np.maximum(_rms(error), self._floor))

@@ -6,10 +6,11 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from .._last_known import carried_forward
 from .._table import ZoneTable
-from .._time import hour_of_day
+from .._time import hour_of_day, rows_per_day
 from ..control import Band, LoadPaths
-from ..forecasting.features import periods_before, rows_per_day, span_means
+from ..forecasting.features import periods_before, span_means
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]
@@ -29,16 +30,15 @@ class LawRows(NamedTuple):
 
     @classmethod
     def of(cls, table: ZoneTable, heat: np.ndarray, band: Band) -> Self:
-        T = table.history.get("T_za", np.full(table.n_rows, np.nan))
         chosen = [v for role, v in table.inputs.items() if role == "T_oa" or role.startswith("q_sol")]
         weather = np.column_stack(chosen) if chosen else np.empty((table.n_rows, 0))
         clock = np.column_stack([hour_of_day(table.time), table.day_of_week, table.weekend])
-        return cls(T, heat, band, weather, clock, rows_per_day(table.step))
+        return cls(table.measured(), heat, band, weather, clock, rows_per_day(table.step))
 
     def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
         """(n,) last measured temperature at each origin [degC], or another one where there is none."""
-        at = np.maximum.accumulate(np.where(np.isfinite(self.T), np.arange(len(self.T)), -1))[origins]
-        return np.where(at >= 0, self.T[np.maximum(at, 0)], otherwise)
+        last = carried_forward(self.T)[origins]
+        return np.where(np.isfinite(last), last, otherwise)
 
 
 def same_clock(rows: LawRows, origins: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

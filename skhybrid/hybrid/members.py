@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from .._time import rows_per_day, rows_per_hour
 from ..control import Plan, gain_of
 from ..filtering import ForecastSample
 from ..forecasting import ARXRegressor
 from ..forecasting.arx import ARXData
-from ..forecasting.features import rows_per_day, rows_per_hour
 from ..schedule import (
     ErrorHistory,
     LeadFit,
@@ -49,14 +49,14 @@ class RollingMember(Protocol):
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
 
-    def forecast(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW]; None where it knows none."""
+    def forecast(self, view: Any, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
+        """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW]; None where it knows none.
 
-    def unlimited(self, view: Any, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """As :meth:`forecast`, without limits of its own."""
+        Not ``clipped``: without limits of its own.
+        """
 
     def gain(self, plan: Plan) -> np.ndarray:
-        """(k, H, H, m) gain of :meth:`unlimited` by a plan [K per kW or stage]."""
+        """(k, H, H, m) gain by a plan [K per kW or stage] of a forecast that is not clipped."""
 
 
 class Member(Protocol):
@@ -135,12 +135,9 @@ class ScheduleMember:
 class RollingSchedule(RollingNetwork):
     """The network as it goes through rows, in degC."""
 
-    def forecast(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
+    def forecast(self, view: NumberedSegment, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray]:
         path, heat = super().forecast(view, n_leads)
         return path + self.fit.reference, heat
-
-    def unlimited(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.forecast(view, n_leads)
 
     def path(self, view: NumberedSegment, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """(n_leads,) temperatures [degC] and unmeasured heat [kW] by the long memory."""
@@ -281,16 +278,13 @@ class RollingARX(_RollingErrors):
             paths[own] = self.arx.iterate(view, origins[own], int(self.leads[-1]), coef)[:, self.leads - 1]
         return paths
 
-    def forecast(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
-        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :]), None
+    def forecast(self, view: ARXData, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, None]:
+        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :], clipped=clipped), None
 
     @property
     def _coef(self) -> np.ndarray:
         """(n_columns,) as known at the last row."""
         return self.arx.coef_ if self.adapt is None else self._recursive.coef()
-
-    def unlimited(self, view: ARXData, n_leads: int) -> tuple[np.ndarray, None]:
-        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :], held=False), None
 
     def gain(self, plan: Plan) -> np.ndarray:
         responses = [self.arx.input_response(role, self._coef, len(plan.values)) for role in plan.inputs]
@@ -365,11 +359,8 @@ class RollingProfile(_RollingErrors):
     def _past_paths(self, view: ProfileRows, origins: np.ndarray) -> np.ndarray:
         return self._rule.paths(view, self._mean_day, origins, self.leads)
 
-    def forecast(self, view: ProfileRows, n_leads: int) -> tuple[np.ndarray, None]:
+    def forecast(self, view: ProfileRows, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, None]:
         return self._rule.paths(view, self._mean_day, np.array([self._row]), np.arange(1, n_leads + 1)), None
-
-    def unlimited(self, view: ProfileRows, n_leads: int) -> tuple[np.ndarray, None]:
-        return self.forecast(view, n_leads)
 
     def gain(self, plan: Plan) -> np.ndarray:
         (n, m) = plan.values.shape

@@ -92,28 +92,24 @@ class RollingBlend:
         if self.adapt is not None and origin > before:
             self._products = self._products * self._share(before, origin) + self._since(before)
 
-    def forecast(self, views: list[Any], n_leads: int, plausible: PlausibleRange) -> tuple[np.ndarray, np.ndarray]:
-        """From the last row: (n_leads,) plausible temperatures [degC], and unmeasured heat [kW]."""
-        if not n_leads:
-            return np.empty(0), np.empty(0)
-        found = [rolling.forecast(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
-        heat, shares = next(heats[0] for _, heats in found if heats is not None), self._shares()
-        weights = by_lead(shares, self._record.n_leads, n_leads)
-        path = np.sum(plausible.clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
-        return plausible.clip(path + self._correction(shares, n_leads)), heat
+    def forecast(
+        self, views: list[Any], n_leads: int, plausible: PlausibleRange | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """From the last row: (n_leads,) temperatures [degC], clipped to what is plausible, and unmeasured heat [kW].
 
-    def unlimited(self, views: list[Any], n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """As :meth:`forecast`, in which nothing is clipped."""
+        Without a plausible range nothing is clipped, in the members neither.
+        """
         if not n_leads:
             return np.empty(0), np.empty(0)
-        found = [rolling.unlimited(view, n_leads) for rolling, view in zip(self._rolling, views, strict=True)]
+        clip, clipped = (np.asarray, False) if plausible is None else (plausible.clip, True)
+        found = [rolling.forecast(view, n_leads, clipped) for rolling, view in zip(self._rolling, views, strict=True)]
         heat, shares = next(heats[0] for _, heats in found if heats is not None), self._shares()
         weights = by_lead(shares, self._record.n_leads, n_leads)
-        path = np.sum(np.concatenate([paths for paths, _ in found]).T * weights, axis=1)
-        return path + self._correction(shares, n_leads), heat
+        path = np.sum(clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
+        return clip(path + self._correction(shares, n_leads)), heat
 
     def gain(self, plan: Plan, first_lead: int) -> np.ndarray:
-        """(H, H, m) gain of :meth:`unlimited` by a plan, whose first row is that of lead ``first_lead``, 0 or 1."""
+        """(H, H, m) gain by a plan, whose first row is that of lead ``first_lead``, 0 or 1; nothing is clipped."""
         n = len(plan.values)
         weights = np.zeros((n, len(self._record.member_of)))
         weights[1 - first_lead :] = by_lead(self._shares(), self._record.n_leads, n - 1 + first_lead)

@@ -10,12 +10,11 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, concatenate_tables, last_rows
-from .._time import rows_of
+from .._time import rows_of, rows_per_day, rows_per_hour
 from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, refuse_boundary
 from ..exceptions import ScaleNotIdentifiableWarning
 from ..forecasting.arx_prior import ZoneEvidence
-from ..forecasting.features import rows_per_day, rows_per_hour
 from ..forecasting.quantiles import LeftOut
 from ..schedule import (
     NumberedSegment,
@@ -192,7 +191,7 @@ class ScheduleScheme(Scheme):
 
     def _numbered(self, table: ZoneTable) -> tuple[NumberedTable, int]:
         """The rows of a table, after all known ones where it follows them, and by how many rows origins move."""
-        T = table.history.get("T_za", np.full(table.n_rows, np.nan))
+        T = table.measured()
         if not table.n_history:
             return NumberedTable(table, T, 0, joined=False), 0
         later = table.rows(slice(table.n_history, None)).replace(history={"T_za": T[table.n_history :]})
@@ -323,7 +322,7 @@ class ScheduleScheme(Scheme):
         blend, views = self._start(ahead)
         network = blend.network
         if member == "blend":
-            temperature, zeta = blend.unlimited(views, ahead.n_leads)
+            temperature, zeta = blend.forecast(views, ahead.n_leads, None)
             gain = blend.gain(plan, ahead.n_leads - ahead.n_rows + 1)
         else:
             temperature, zeta = network.path(views[0], ahead.n_leads)

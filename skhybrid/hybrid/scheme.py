@@ -208,8 +208,7 @@ class Scheme(ABC):
 
     def plausible(self, table: ZoneTable, origins: np.ndarray) -> PlausibleRange:
         """Limits of a forecast from each origin: ranges (n_origins, 1), from what is known there."""
-        T = np.full(table.n_rows, np.nan) if table.T_za is None else table.T_za
-        return self.rows.plausible.at(T, origins)
+        return self.rows.plausible.at(table.measured(), origins)
 
     @staticmethod
     def plausible_range(lowest: np.ndarray, highest: np.ndarray, held: Band) -> PlausibleRange:

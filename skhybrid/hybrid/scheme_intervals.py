@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from .._time import rows_of
-from ..forecasting.features import rows_per_day
+from .._time import rows_of, rows_per_day
 from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from
 from .plausible_range import PlausibleRange

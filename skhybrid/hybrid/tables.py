@@ -10,7 +10,7 @@ import pandas as pd
 from .._holidays import Holidays
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, concatenate_tables
-from .._time import ASSUMED_START
+from .._time import ASSUMED_START, wall_clock
 from ..forecasting.quantiles import measured_ahead
 
 _HOUR = pd.Timedelta("1h")  # the disturbance is forecast by hours (paper 3.3)
@@ -60,8 +60,8 @@ def steps_table(
 ) -> ZoneTable:
     """A table of one row per step of the disturbance; ``labels`` are the beginnings of the steps in UTC."""
     index = labels.tz_localize(None) if zone is None else labels.tz_convert(zone)
-    time = index if zone is None else index.tz_localize(None)
-    return ZoneTable(inputs, {"zeta": zeta}, index, time, labels, step, order=(*inputs, "zeta"), holidays=holidays)
+    time, order = wall_clock(index), (*inputs, "zeta")
+    return ZoneTable(inputs, {"zeta": zeta}, index, time, labels, step, order=order, holidays=holidays)
 
 
 def steps_of_rows(table: ZoneTable, step: pd.Timedelta) -> tuple[pd.DatetimeIndex, np.ndarray]:

@@ -14,9 +14,8 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 
 from .._table import ZoneTable, concatenate_tables
-from .._time import ASSUMED_START
+from .._time import ASSUMED_START, rows_per_day
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, load_frame
-from ..forecasting.features import rows_per_day
 from ..forecasting.joint_fit import fit_each
 from ..forecasting.named_models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
@@ -368,7 +367,7 @@ def _path(forecaster: Any, steps: Steps, known: np.ndarray, n_steps: int) -> np.
 def _after_history(table: ZoneTable) -> ZoneTable:
     """The rows of a table after the history that was put before it, with stamps and measured temperatures."""
     here = with_stamps(table.rows(slice(table.n_history, None)), ELSEWHERE)
-    return here if here.T_za is not None else here.replace(history={"T_za": np.full(here.n_rows, np.nan)})
+    return here if "T_za" in here.history else here.replace(history={"T_za": here.measured()})
 
 
 def _fit_gray_box(gray_box: Any, table: ZoneTable, target: np.ndarray, columns: Mapping[str, Any] | None) -> Any:

@@ -11,7 +11,8 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._table import ZoneTable
-from .tables import KEPT, fit_forecaster, forecast_steps
+from .._time import rows_per_day
+from .tables import KEPT, fit_forecaster, forecast_steps, midnights
 
 #: how much of the past a new fit may be made on; None is all of it
 SPANS: tuple[pd.Timedelta | None, ...] = (None, pd.Timedelta("21D"), pd.Timedelta("14D"))
@@ -76,11 +77,10 @@ def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
 
 def by_days(steps: ZoneTable, forecaster: Any) -> tuple[pd.DataFrame, pd.DataFrame]:
     """(n_days, n_steps_per_day) estimated disturbance of whole local days but the first, and forecast from midnight."""
-    day = steps.time.normalize()
-    per_day = round(_DAY / steps.step)
-    begins = np.flatnonzero(day[1:] != day[:-1]) + 1
+    per_day, begins = rows_per_day(steps.step), midnights(steps)
     begins = begins[begins + per_day <= steps.n_rows]
-    measured = pd.DataFrame(steps.history["zeta"][begins[:, None] + np.arange(per_day)], index=day[begins])
+    days = steps.history["zeta"][begins[:, None] + np.arange(per_day)]
+    measured = pd.DataFrame(days, index=steps.time[begins].normalize())
     return measured, pd.DataFrame(forecast_steps(forecaster, steps, begins - 1, per_day), index=measured.index)
 
 

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from .._table import ZoneTable
+from .._time import rows_per_day
 from ..control import Plan
 from ..filtering import ForecastSample
-from ..forecasting.features import rows_per_day
 from ..schedule import HeatResponse, RollingNetwork
 from .members import Member, RollingMember
 from .numbered_table import NumberedTable
@@ -117,12 +117,8 @@ class RollingWithoutHeat:
         self._rolling.advance(self._take(view), origin)
         self._row = origin
 
-    def forecast(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        paths, zeta = self._rolling.forecast(self._take(view), n_leads)
-        return paths + self._ahead(view, n_leads), zeta
-
-    def unlimited(self, view: RowsAndHeat, n_leads: int) -> tuple[np.ndarray, np.ndarray | None]:
-        paths, zeta = self._rolling.unlimited(self._take(view), n_leads)
+    def forecast(self, view: RowsAndHeat, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
+        paths, zeta = self._rolling.forecast(self._take(view), n_leads, clipped)
         return paths + self._ahead(view, n_leads), zeta
 
     def _ahead(self, view: RowsAndHeat, n_leads: int) -> np.ndarray:

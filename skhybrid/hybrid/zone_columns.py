@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._last_known import carried_forward
 from .._table import SETPOINT_ROLES, is_plant, listed, role_of
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
@@ -121,8 +122,6 @@ def found_neighbours(T: pd.DataFrame) -> dict[str, tuple[str, ...]]:
 
 def carried_on(T: np.ndarray, last: float) -> np.ndarray:
     """Temperatures (n,) in which the last known one stands where one is missing; ``last`` before the first."""
-    seen = np.flatnonzero(np.isfinite(T))
-    if not len(seen):
-        return np.full(len(T), last)
-    at = np.searchsorted(seen, np.arange(len(T)), side="right") - 1
-    return np.where(at >= 0, T[seen[np.maximum(at, 0)]], last if np.isfinite(last) else T[seen[0]])
+    known = carried_forward(T)
+    seen = np.isfinite(known)
+    return np.where(seen, known, last if np.isfinite(last) or not seen.any() else known[np.argmax(seen)])

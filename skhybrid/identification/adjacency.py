@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
+from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import SETPOINT_ROLES, ZoneTable, read_table, read_targets
+from .._time import rows_per_hour
+from ..filtering import low_pass
 
 _MEMORIES = (3.0, 12.0, 48.0)  # of a room's own mass [h]: without it, neighbours stand in for the mass
 _DAY_PARTS = (8.0, 12.0, 16.0)  # hours at which the sun may be on a room's windows
@@ -123,7 +125,7 @@ def _read(X: Any, y: Any, zones: Sequence[str] | None) -> _Rooms:
         if list(renamed.columns).count(role) != 1:
             raise ValueError(f"y has not one column {role!r} or {name!r} for the zone {name!r}.")
     T = read_targets(renamed[list(roles)], table, roles)
-    per = max(round(1.0 / table.step_hours), 1)
+    per = rows_per_hour(table.step)
     n = table.n_rows // per
     days = n * per * table.step_hours / 24
     if table.utc is None or days < _FEWEST_DAYS:
@@ -137,10 +139,9 @@ def _arrange(
     names: tuple[str, ...], T: np.ndarray, hourly: dict[str, np.ndarray], table: ZoneTable, per: int
 ) -> _Rooms:
     n = len(T)
-    time, weekend = table.time[: n * per : per], table.weekend[: n * per : per]
-    hour = np.asarray(time.hour)
-    calendar = np.eye(48)[hour + 24 * weekend]
-    parts = np.exp(-0.5 * ((hour[:, None] - np.array(_DAY_PARTS)) / 2.5) ** 2)
+    cell = day_type_hour(table)[: n * per : per]
+    calendar = one_hot(cell, N_CELLS)
+    parts = np.exp(-0.5 * ((cell[:, None] % 24 - np.array(_DAY_PARTS)) / 2.5) ** 2)
     sun = [v[:, None] * parts for role, v in hourly.items() if role.startswith("q_sol")]
     owner = {
         role: next((z for z in sorted(names, key=len, reverse=True) if role.endswith(f"_{z}")), None) for role in hourly
@@ -160,9 +161,7 @@ def _arrange(
 
 def _smoothed(values: np.ndarray, hours: float) -> np.ndarray:
     """Exponential mean of the values before each row."""
-    a = 1.0 / hours
-    before = np.concatenate([values[:1], values[:-1]])
-    return lfilter([a], [1.0, a - 1.0], before, zi=[(1.0 - a) * before[0]])[0]
+    return low_pass(np.concatenate([values[:1], values[:-1]]), 1.0 - 1.0 / hours, values[0])
 
 
 class _Regression(NamedTuple):
@@ -241,7 +240,7 @@ class _Regression(NamedTuple):
 
 def _memories(T: np.ndarray) -> np.ndarray:
     """(N, 3) slow means of a room's own temperature, up to the row."""
-    return np.column_stack([lfilter([1 / h], [1.0, 1 / h - 1.0], T, zi=[(1 - 1 / h) * T[0]])[0] for h in _MEMORIES])
+    return np.column_stack([low_pass(T, 1.0 - 1.0 / h, T[0]) for h in _MEMORIES])
 
 
 def _own_columns(rooms: _Rooms, i: int) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._calendar import clock_hour
 from .._table import ZoneTable, listed, read_targets
 from ..thermal import RCNetwork
 
@@ -73,6 +74,5 @@ def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable
     inputs = np.zeros((table.n_rows, len(acting) + len(network.disturbed_nodes)))
     for j, role in enumerate(acting):
         inputs[:, j] = table.inputs[role]
-    hour = table.time.hour.to_numpy(dtype=np.int64)
-    y = np.asarray(y, dtype=np.float64)
+    y, hour = np.asarray(y, dtype=np.float64), clock_hour(table.time)
     return Experiment(y, inputs, roles, table.step_hours, hour, table.weekend, table.breaks)

@@ -48,8 +48,7 @@ class FilteredNetwork:
 
     def measurements(self, table: ZoneTable) -> np.ndarray:
         """The measured temperatures that a table holds: (N,), or (N, o) of o nodes; NaN where it has none."""
-        missing = np.full(table.n_rows, np.nan)
-        columns = [table.history.get(role, missing) for role in self.network.history_roles]
+        columns = [table.measured(role) for role in self.network.history_roles]
         return columns[0] if len(columns) == 1 else np.column_stack(columns)
 
     def cold_value(self, table: ZoneTable) -> Any:

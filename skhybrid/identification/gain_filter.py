@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
+from .._calendar import N_CELLS
 from ..filtering import kalman_filter, simulate_path, smooth_states
 from ..thermal import RCNetwork
 from .disturbance_models import ZETA_SD, Conventional, first_covariance, measured_rows, measurement_variance
@@ -45,8 +46,8 @@ class GainFilter:
     Q: np.ndarray  # (n_classes, n + d, n + d)
     R: float
     g_sd: float = ZETA_SD
-    profile: np.ndarray = field(default_factory=lambda: np.zeros((48, 1)))  # (48, d or 1) [kW] by cell of the week
-    classes: np.ndarray = field(default_factory=lambda: np.zeros(48, dtype=np.int64))  # of Q, by cell of the week
+    profile: np.ndarray = field(default_factory=lambda: np.zeros((N_CELLS, 1)))  # (48, d or 1) [kW] by cell of the week
+    classes: np.ndarray = field(default_factory=lambda: np.zeros(N_CELLS, dtype=np.int64))  # of Q, by cell of the week
 
     @property
     def n(self) -> int:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._calendar import one_hot, profile_cell
+from .._last_known import carried_forward
 from ..thermal import Parameter
 from .experiment import Experiment
 
@@ -24,11 +26,6 @@ N_HARMONICS = 8  # harmonics of the day in a profile, out of twelve; the others 
 SIGMA_PRIOR, DAY_PRIOR = (np.log(0.15), 1.5), (0.0, 0.5)
 MOST_DAYS = 56  # most days that have a factor of their own; in longer logs two or more days in a row share one
 _HOURS = 24
-
-
-def profile_cell(hour: np.ndarray, weekend: np.ndarray) -> np.ndarray:
-    """Cell of the weekly profile of every row: the hour on weekdays, 24 + the hour on weekends."""
-    return hour + _HOURS * weekend
 
 
 def week_cells(experiment: Experiment) -> np.ndarray:
@@ -97,7 +94,7 @@ class VarianceModel:
         cells = [week_cells(p) for p in segments]
         keys = [day * size + hours.of_cell[cell] for day, cell in zip(days, cells, strict=True)]
         used, klass = np.unique(np.concatenate(keys), return_inverse=True)
-        variance = np.hstack([np.eye(size)[used % size], np.eye(n_days)[used // size]])
+        variance = np.hstack([one_hot(used % size, size), one_hot(used // size, n_days)])
         where = np.concatenate([np.arange(len(p.y)) for p in segments])
         which = np.repeat(np.arange(len(segments)), [len(p.y) for p in segments])
         _, first = np.unique(np.concatenate(days), return_index=True)
@@ -125,9 +122,7 @@ def own_priors(n_days: int, hours: HourClasses) -> dict[str, tuple[float, float]
 def ventilation_series(segment: Experiment, outdoor: np.ndarray, output: int = 0) -> np.ndarray:
     """(N,) outdoor minus last measured temperature [K] in the weekday hours of :data:`DAY_HOURS`, else 0."""
     # what is measured up to a row is known before its next innovation, so that the likelihood stays exact
-    y = segment.outputs[:, output]
-    last = np.maximum.accumulate(np.where(np.isfinite(y), np.arange(len(y)), -1))
-    room = np.where(last >= 0, y[last], np.nan)
+    room = carried_forward(segment.outputs[:, output])
     difference = np.where(np.isfinite(room), outdoor - room, 0.0)
     busy = ~segment.weekend & (segment.hour_of_day >= DAY_HOURS[0]) & (segment.hour_of_day < DAY_HOURS[1])
     return difference * busy

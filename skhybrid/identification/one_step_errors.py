@@ -15,6 +15,8 @@ from .disturbance_models import Conventional, first_state, take_searched
 from .filtered_network import FilteredNetwork
 from .gain_filter import GainFilter, without_disturbance
 
+_SETTLED = 1e-9  # relative change of the innovation variance from row to row, below which it is that of the limit
+
 
 class Innovations(NamedTuple):
     """Errors of every row and measured node; NaN where nothing was measured."""
@@ -53,14 +55,14 @@ def scaled_innovations(
     return Innovations(found.error, found.std * noise_std / np.sqrt(steady_variance(filtered.kalman)))
 
 
-def steady_variance(kalman: GainFilter, tolerance: float = 1e-9) -> float:
+def steady_variance(kalman: GainFilter) -> float:
     """Innovation variance of a filter that has measured every row for long, the mean of several outputs [K2]."""
     A, C = kalman.augmented()
     P, last, mean = kalman.cold(np.zeros(len(C))).covariance, np.inf, 0.0
     for _ in range(5000):
         S = C @ P @ C.T + kalman.R * np.eye(len(C))
         mean = float(np.trace(S)) / len(C)
-        if abs(mean - last) < tolerance * mean:
+        if abs(mean - last) < _SETTLED * mean:
             break
         last = mean
         P = A @ (P - P @ C.T @ np.linalg.solve(S, C @ P)) @ A.T + kalman.Q[0]

@@ -118,7 +118,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         solar = any(p.startswith("A_win") for p in inner)  # then its fractions are solved inside too
         elsewhere = {*fixed, *inner, *(network.solar_fractions if solar else ())}
         searched = tuple(p for p in (*parameters, *own) if p.name not in elsewhere)
-        scale = _heat_scale(network, table, known)
+        scale = _heat_scale(table, known)
         return PeriodicProblem(network, experiment, searched, fixed, inner, scale, priors, self.variance), tuple(idle)
 
     def _minima(self, problem: PeriodicProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
@@ -215,7 +215,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return GainFilter(problem.network, d.A, d.B, phi, Q, R, most, profile, hours.of_cell)
 
 
-def _heat_scale(network: RCNetwork, table: ZoneTable, known: dict[str, float]) -> float:
+def _heat_scale(table: ZoneTable, known: dict[str, float]) -> float:
     """Size of the plant, in units of the 6 kW for which the priors were chosen."""
     measured = [v for role, v in table.inputs.items() if role.startswith("Q_") and not table.hardly_ran(role)]
     if measured:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
+from .._time import wall_clock
 from ._display import Display
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, line_style, tidy
 
@@ -116,7 +117,7 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
     index = zeta.index
     if not isinstance(index, pd.DatetimeIndex):
         raise ValueError("the disturbance has no time stamps, so its hours are unknown; give X a DatetimeIndex.")
-    wall = index.tz_localize(None) if index.tz is not None else index
+    wall = wall_clock(index)
     hour = wall.day_of_week * 24 + wall.hour
     groups = pd.Series(zeta.to_numpy(dtype=float)).groupby(np.asarray(hour))
     week = pd.DataFrame({"low": groups.quantile(0.1), "median": groups.median(), "high": groups.quantile(0.9)})

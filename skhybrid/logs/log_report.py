@@ -11,7 +11,7 @@ import pandas as pd
 from .._holidays import read_holidays
 from .._ranges import range_of
 from .._table import is_plant
-from .._time import spell
+from .._time import spell, wall_clock
 from .abilities import abilities, excitation
 from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
 from .even_steps import usual_step
@@ -307,8 +307,7 @@ def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, i
     index = pd.DatetimeIndex(frame.index)
     rooms = [role for role in frame if role == "T_za" or str(role).startswith("T_za_")]
     known = frame[rooms].notna().any(axis=1).to_numpy() if rooms else np.ones(len(frame), dtype=bool)
-    local = index[known].tz_localize(None) if index.tz is not None else index[known]
-    per_day = pd.Series(1, index=local.normalize()).groupby(level=0).sum()
+    per_day = pd.Series(1, index=wall_clock(index[known]).normalize()).groupby(level=0).sum()
     whole = pd.DatetimeIndex(per_day.index[per_day >= 0.9 * (pd.Timedelta("1D") / step)])
     kind = read_holidays(holidays, whole).day_of_week(whole) if len(whole) else np.empty(0)
     free = (kind == 6) & (whole.day_of_week != 6)

@@ -12,7 +12,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
-from .._time import ASSUMED_START, even_step, positive_duration, rows_of
+from .._time import ASSUMED_START, even_step, positive_duration, rows_of, wall_clock
 from ..forecasting.quantiles import quantile_columns
 from ..forecasting.weather_error import read_weather_error
 from .single_reading import read_once, reading_of, takes_tables
@@ -223,9 +223,8 @@ def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Time
     """Names of the rows, their local wall-clock time, and the sampling time."""
     index = getattr(X, "index", None)
     if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
-        wall = index.tz_localize(None) if index.tz is not None else index
         utc = index.tz_convert("UTC") if index.tz is not None else index
-        return index, wall, even_step(utc, index)
+        return index, wall_clock(index), even_step(utc, index)
     given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None)
     if given is None:
         raise ValueError("X has no time stamps, and the estimator no sampling_time; give X a DatetimeIndex.")

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ..forecasting.features import rows_per_day
+from .._time import rows_per_day
 from .assessment import Assessment
 
 #: numbers of the table and their formats

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._calendar import clock_hour, one_hot
 from .._table import ZoneTable
-from .._time import hour_of_day
+from .._time import hour_of_day, wall_clock
 from ..thermal import RCNetwork, check_known
 
 #: groups of coefficients that are shrunk alike
@@ -157,8 +158,7 @@ def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:
 
 def _standard_hour(table: ZoneTable) -> np.ndarray:
     """(N,) hour of day without daylight saving."""
-    time = table.time if table.utc is None else table.utc.tz_localize(None)
-    return hour_of_day(time)
+    return hour_of_day(table.time if table.utc is None else wall_clock(table.utc))
 
 
 def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> ChannelPlan:
@@ -257,26 +257,21 @@ def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
         yield Block(["ua"], drivers["ua"][:, None], [zone], False, "free" if plan.free_level else "ua_hour")
     if not plan.calendar:
         return
-    at, day_type = _hour(table)[:, None] == np.arange(_HOURS), _day_type(table)
+    at, day_type = one_hot(clock_hour(table.time), _HOURS), _day_type(table)
     for kind, driver in drivers.items():
         for group, sign in ((f"{kind}_hour", always), (f"{kind}_day_type", day_type)):
             names = [f"{group}_{h}" for h in range(_HOURS)]
             yield Block(names, at * driver[:, None] * sign[:, None], [zone] * _HOURS, False, group)
 
 
-def _hour(table: ZoneTable) -> np.ndarray:
-    """(N,) int, the local hour of day."""
-    return hour_of_day(table.time).astype(np.int64)
-
-
 def _swapped_day_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
     """Heat of a day of the other type less that of its own type, for each day of the week."""
     if not plan.contrast:
         return
-    hour, day = _hour(table), table.day_of_week
+    hour, day = clock_hour(table.time), table.day_of_week
     by_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
     contrast = sum(by_hour[kind][hour] * driver for kind, driver in _drivers(plan, table).items())
     swap = -2.0 * _day_type(table) * contrast
     names = [f"gain_swapped_{d}" for d in range(_DAYS)]
-    of_day = (day[:, None] == np.arange(_DAYS)) * swap[:, None]
+    of_day = one_hot(day, _DAYS) * swap[:, None]
     yield Block(names, of_day, [plan.zone] * _DAYS, False, "swapped")

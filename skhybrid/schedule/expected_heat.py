@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.signal import lfilter
 
-from ..filtering import ForecastSample
+from .._last_known import last_known_row
+from .._time import rows_per_day
+from ..filtering import ForecastSample, low_pass
 from .constrained_ridge import gram
 from .filter_model import FilterModel
 from .segment import Segment
@@ -67,14 +68,13 @@ def heat_surprise(segment: Segment, sample: ForecastSample, blocks: np.ndarray, 
 
 def _regressors(segment: Segment, origins: np.ndarray, rows: np.ndarray, step: float) -> Iterator[np.ndarray]:
     """(O, F) standardised regressors with a constant, for each lead."""
-    per_day, heat = max(1, round(_DAY / step)), segment.heat
+    per_day, heat = rows_per_day(step), segment.heat
     names = segment.channels.names
     ahead = [i for i, name in enumerate(names) if name.startswith(_KNOWN_AHEAD) and "swapped" not in name]
     weather = np.hstack([segment.boundary, segment.channels.series[:, [i for i in ahead if "q_sol" in names[i]]]])
     weather = np.unique(weather, axis=1)
     series = np.hstack([segment.channels.series[:, ahead], weather, *(_smoothed(weather, tau / step) for tau in _SLOW)])
-    seen = np.maximum.accumulate(np.where(segment.seen, np.arange(segment.n_rows), 0))
-    y = segment.y[seen]
+    y = segment.y[last_known_row(segment.seen, before=0)]
     given = np.column_stack([heat, _smoothed(heat[:, None], 2.0 / step), _smoothed(heat[:, None], _DAY / step)])
     slow = [_smoothed(y[:, None], tau / step)[origins] for tau in _SLOW]
     before = np.maximum(origins - 1, 0)
@@ -90,9 +90,7 @@ def _regressors(segment: Segment, origins: np.ndarray, rows: np.ndarray, step: f
 
 def _smoothed(series: np.ndarray, rows: float) -> np.ndarray:
     """(N, k) first-order low-pass of series, begun at their first value."""
-    a = np.exp(-1.0 / rows)
-    out, _ = lfilter([1.0 - a], [1.0, -a], series, axis=0, zi=a * series[:1])
-    return np.asarray(out)
+    return np.asarray(low_pass(series, np.exp(-1.0 / rows), series[0]))
 
 
 class SurpriseEffect:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from .._time import spell
+from .._time import rows_per_day, spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_plan, with_contrast
@@ -132,7 +132,7 @@ def fit_leads(
     grid, of the shrinkage and of the usual size.
     """
     step = table.step / pd.Timedelta("1h")
-    sample = hourly_sample(table.n_rows, n_leads, step, round(_DAY / step))
+    sample = hourly_sample(table.n_rows, n_leads, step, rows_per_day(step))
     if not len(sample.leads):
         raise ValueError(
             f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .._time import rows_per_day
 from ..filtering import simulate_path
 from .constrained_ridge import gram
 from .fit import LeadFit, weighted
@@ -47,7 +48,7 @@ def days_to_tell(fit: LeadFit, role: str) -> tuple[int, float]:
     heat of the plant.
     """
     step, p, coef, free = fit.model.step, len(fit.psi), fit.coef.copy(), fit.solution.free.copy()
-    row = np.array([round(_DAY / step)])
+    row = np.array([rows_per_day(step)])
     gain, slope = _gain_and_slope(fit, row)
     slope /= gain
     stage = fit.channel_names.index(role) if role in dict(fit.plan.stages) else None

@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from .._time import rows_per_day
 from ..filtering import lead_errors, lead_rows, simulate_path
 from .constrained_ridge import gram
 from .filter_model import Matrices
@@ -17,7 +18,6 @@ from .segment import Segment
 
 HALF_LIVES = (30.0, 7.0)  # days after which evidence counts half: in a long memory, and in one that adapts sooner
 HISTORY_WEIGHT = 3.0  # weight of a forecast of the history relative to one of the training
-_DAY = 24.0
 
 
 class CompletedForecasts(NamedTuple):
@@ -126,7 +126,7 @@ class OnlineNetwork:
 
     def start_memories(self, products: np.ndarray) -> None:
         """Begin with the Gram matrix (J + 1, J + 1) of the training forecasts."""
-        per_day = round(_DAY / self._fit.model.step)
+        per_day = rows_per_day(self._fit.model.step)
         self._memories = [
             CoefficientMemory(self._fit.problem, products, self._begin, days * per_day) for days in HALF_LIVES
         ]

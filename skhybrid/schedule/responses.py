@@ -18,6 +18,7 @@ from ..filtering import (
     lead_errors,
     lead_rows,
     lead_sensitivities,
+    low_pass,
     simulate_inputs,
 )
 from .channels import ChannelPlan
@@ -54,7 +55,7 @@ def emitter_series(
     a = np.exp(-step / time_constant)
     output, given = state if state is not None else (heat[0], heat[0])
     previous_heat = np.concatenate([[given], heat[:-1]])
-    z, _ = lfilter([1.0 - a], [1.0, -a], previous_heat, zi=[a * output])
+    z = low_pass(previous_heat, a, output)
     da = a * step / time_constant
     previous_z = np.concatenate([[output], z[:-1]])
     return z - heat, lfilter([1.0], [1.0, -a], da * (previous_z - previous_heat))

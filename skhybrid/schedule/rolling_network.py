@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from .._time import rows_in, rows_per_day, rows_per_hour
 from ..filtering import ForecastSample
 from .constrained_ridge import gram
 from .fit import LeadFit, with_expected_heat
@@ -20,7 +21,6 @@ _REFIT_DAYS = 10  # days between refits of the network
 #: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
 _WINDOW_DAYS, _STEPS, _ORIGIN_HOURS = 56, 2, 4
 _PIECE_DAYS = 7  # days of rows that a refitted network goes through at once, which bounds the memory
-_DAY = 24.0
 
 
 class ErrorHistory:
@@ -63,7 +63,7 @@ def _refit_network(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: in
         first = fit.segment.n_rows
         training = network.respond(rows.between(0, first), half.sample.origins)
     network.start_memories(gram(fit.problem.design(network.psi, half, training)) + fit.problem.pull_gram(network.psi))
-    per_day, spacing = round(_DAY / fit.model.step), _ORIGIN_HOURS * max(1, round(1.0 / fit.model.step))
+    per_day, spacing = rows_per_day(fit.model.step), _ORIGIN_HOURS * rows_per_hour(fit.model.step)
     for piece in range(first, end, _PIECE_DAYS * per_day):
         until = min(piece + _PIECE_DAYS * per_day, end)
         origins = _origins_between(piece, until, rows.begin, spacing)
@@ -79,10 +79,10 @@ def _origins_between(first: int, end: int, begin: int, spacing: int) -> np.ndarr
 
 def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -> np.ndarray:
     """Nonlinear parameters (p,) of the last weeks."""
-    per_day, leads = round(_DAY / fit.model.step), fit.sample.leads
+    per_day, leads = rows_per_day(fit.model.step), fit.sample.leads
     first = max(0, end - _WINDOW_DAYS * per_day - per_day)
     warmup = per_day if rows.joined or first else 0  # from a day on, as in training
-    origins = np.arange(warmup, end - 1 - first, max(1, round(_ORIGIN_HOURS / fit.model.step)))
+    origins = np.arange(warmup, end - 1 - first, rows_in(_ORIGIN_HOURS, fit.model.step))
     weight = np.where(origins + first >= rows.begin, HISTORY_WEIGHT, 1.0)
     window = rows.between(first, end)
     forecasts = [ScoredForecasts(window, ForecastSample(origins, leads), weight)]
@@ -110,9 +110,9 @@ class RollingNetwork:
 
     def __init__(self, fit: LeadFit, begin: int, joined: bool, adapt: str | None) -> None:
         self.fit, self.begin, self.joined, self.adapt = fit, begin, joined, adapt
-        self.every = max(1, round(1.0 / fit.model.step))
+        self.every = rows_per_hour(fit.model.step)
         self.row = 0
-        self._per_day = round(_DAY / fit.model.step)
+        self._per_day = rows_per_day(fit.model.step)
         self._longest = int(fit.sample.leads[-1])
         self._errors = ErrorHistory(len(fit.sample.leads), len(HALF_LIVES))
         self._network = OnlineNetwork(fit, fit.psi, begin)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import HISTORY_ROLES, SETPOINT_ROLES, is_plant, numeric, refuse_infinite_columns, refuse_shape
-from .._time import SHORTEST_GAP, even_step, spell
+from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, to_roles
@@ -379,5 +379,5 @@ def _setpoint(
     if wanted != "measured":
         return frame[SETPOINT].reindex(index).ffill().bfill().rename(SETPOINT)
     measured = frame[role].reindex(index).interpolate(limit_area="inside")
-    day = round(pd.Timedelta("1D") / (index[1] - index[0]))
+    day = rows_per_day(index[1] - index[0])
     return measured.fillna(measured.shift(day)).ffill().bfill().rename(SETPOINT)

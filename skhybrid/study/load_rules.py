@@ -8,6 +8,8 @@ from sklearn.linear_model import RidgeCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from .._time import rows_per_day
+
 _ALPHAS = np.logspace(-3, 3, 13)
 YESTERDAY, RIDGE = "yesterday's load", "ridge on T_oa and set-point"
 
@@ -21,8 +23,7 @@ def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: 
     heat : Series, delivered heat of all rows [kW]
     held : Series, temperature to hold over all rows [degC]
     """
-    step = later.index[1] - later.index[0]
-    day = round(pd.Timedelta("1D") / step)
+    day = rows_per_day(later.index[1] - later.index[0])
     yesterday = heat.shift(day).reindex(later.index)
     roles = [role for role in train if str(role) == "T_oa" or str(role).startswith("q_sol")]
     X = pd.concat([train[roles], later[roles]])

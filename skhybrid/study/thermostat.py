@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._holidays import read_holidays
+from .._time import wall_clock
 
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
 _KINDS = ("heat", "cool", "weekend")
@@ -132,5 +133,5 @@ def minutes(index: pd.DatetimeIndex) -> np.ndarray:
 
 def free_days(holidays: Any, index: pd.DatetimeIndex) -> np.ndarray:
     """(n,) bool, whether rows in local time lie on a weekend or a holiday."""
-    local = index.tz_localize(None) if index.tz is not None else index
-    return np.asarray(read_holidays(holidays, local).day_of_week(local) >= 5)
+    local = wall_clock(index)
+    return read_holidays(holidays, local).weekend(local)

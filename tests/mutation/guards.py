@@ -108,6 +108,8 @@ GUARDS = {
     "zone/tomorrow.py": [_BY_THE_CLOCK, _ZONE],
     "zone/zone_folder.py": ["test_zone_tools", _ZONE],
     "zone/*.py": [_ZONE, "test_daily_work -k not texts and not sun and not command_line"],
+    "_calendar.py": ["test_holidays", "test_forecasting_baselines"],
+    "_last_known.py": ["test_forecasting_arx -k missing", "test_forecasting_baselines"],
     "_rolling.py": ["test_rolling", "test_hybrid"],
     "_time.py": ["test_contract", "test_rolling"],
 }

@@ -10,8 +10,8 @@ import pandas as pd
 import torch
 from torch import Tensor
 
+from ..._time import rows_per_day
 from ..cases import RECURRENT, ModelCase
-from ..features import rows_per_day
 from ..training_job import JobResult, Split, TrainingJob
 from .callbacks import TrainingResult
 from .fitted import FittedNetwork, make_stack

@@ -44,7 +44,7 @@ class NetworkSpec(NamedTuple):
 
     @property
     def n_dropping(self) -> int:
-        """Share of hidden values that are dropped: in every layer of an MLP, before the output of others."""
+        """Number of places that drop hidden values: every layer of an MLP, every lead of a cell, once in a CNN."""
         if self.kind in N_GATES:
             return self.n_leads
         return 1 if self.kind == "cnn" else self.n_layers

@@ -14,7 +14,7 @@ from torch.nn import functional as F
 
 from ..._table import ZoneTable
 from ..cases import RECURRENT, ModelCase
-from ..features import row_features, zeta_of
+from ..features import row_features
 
 #: Inputs of all windows are kept in memory up to this size [numbers]; larger tables are cut batch by batch.
 _MOST_IN_MEMORY = 2**24
@@ -155,7 +155,7 @@ def scaled_views(
     after: int,
 ) -> WindowViews:
     """Windows in z-scores, ``after`` rows padded; ``expected`` (n_rows,) or else its mean replaces missing zeta."""
-    zeta = zeta_of(table)
+    zeta = table.measured("zeta")
     filled = np.where(np.isfinite(zeta), zeta, scaler.zeta_mean if expected is None else expected)
     past = (columns[0] - scaler.past_mean) / scaler.past_std
     future = (columns[1] - scaler.future_mean) / scaler.future_std

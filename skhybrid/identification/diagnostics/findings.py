@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from ..._time import rows_per_day
+
 #: heat flow that is badly described where the errors follow an input
 _MEANING = {
     "T_oa": "heat that leaves with the outdoor temperature (a resistance to it, ventilation)",
@@ -67,7 +69,7 @@ class ErrorPattern:
         ]
 
     def _day(self) -> list[str]:
-        day = round(pd.Timedelta("1D") / self.step)
+        day = rows_per_day(self.step)
         near = self.acf.loc[max(1, day - 1) : day + 1]
         high = near[near["acf"] > 2.0 * near["band"]]
         if high.empty:

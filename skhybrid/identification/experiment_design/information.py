@@ -18,6 +18,7 @@ _PLANT = 6.0  # heat of the plant for which LEVEL_SD was chosen [kW]
 #: parameters of the gain and of the thermometer that an identification finds besides the network's
 NUISANCE = ("tau", *(f"sigma_{c}" for c in CLASSES.names), "sigma_y")
 _HOURS = 24
+_FLAT = 1e-9  # eigenvalue of the information scaled to a unit diagonal, below which a direction is unknown
 
 
 def walk_root() -> np.ndarray:
@@ -149,12 +150,12 @@ class FilterInformation:
         return out
 
 
-def relative_errors(information: np.ndarray, n_free: int, flat: float = 1e-9) -> np.ndarray:
+def relative_errors(information: np.ndarray, n_free: int) -> np.ndarray:
     """(n_free,) standard errors of the first unknowns from (q, q) information; infinite where no row moves them."""
     scale = np.sqrt(np.diag(information))
     moved = scale > 1e-12 * scale.max(initial=0.0)
     values, vectors = np.linalg.eigh(information[np.ix_(moved, moved)] / np.outer(scale[moved], scale[moved]))
-    weak = values < flat  # of the information scaled to a unit diagonal
+    weak = values < _FLAT
     lost = (vectors[:, weak] ** 2).sum(axis=1) > 1e-6
     variance = (vectors[:, ~weak] ** 2 / values[~weak]).sum(axis=1)
     variance[lost] = np.inf

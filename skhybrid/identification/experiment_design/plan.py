@@ -10,8 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..._calendar import clock_hour
+from ..._holidays import NO_HOLIDAYS
 from ..._threads import one_blas_thread
-from ..._time import rows_of
+from ..._time import rows_of, wall_clock
 from ...thermal import RCNetwork, get_network
 from .information import FilterInformation, relative_errors
 from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat, stack_inputs
@@ -247,9 +249,8 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     step = pd.Timedelta(steps[0])
     per_row = 1 if sampling_time is None else rows_of(sampling_time, step, "sampling_time")
     n_rows = len(index) // per_row * per_row
-    time = index[:n_rows] if index.tz is None else index[:n_rows].tz_localize(None)
-    hour, weekend = time.hour.to_numpy(dtype=np.int64), np.asarray(time.day_of_week >= 5)
-    calendar = Calendar.of(hour, weekend)
+    time = wall_clock(index[:n_rows])
+    calendar = Calendar.of(clock_hour(time), NO_HOLIDAYS.weekend(time))
     columns = {role: weather[role].to_numpy(dtype=np.float64)[:n_rows] for role in outside}
     return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, stack_inputs(zone, columns, n_rows))
 
@@ -272,7 +273,7 @@ def _allowed(when: Any, log: _Log) -> np.ndarray:
     if isinstance(when, str):
         if when not in ("weekend", "any"):
             raise ValueError(f"when={when!r} is unknown; choose 'weekend', 'any', or a bool for every row of weather.")
-        return np.flatnonzero(np.asarray(log.time.day_of_week >= 5) | (when == "any"))
+        return np.flatnonzero(NO_HOLIDAYS.weekend(log.time) | (when == "any"))
     mask = np.asarray(when)
     if mask.dtype != bool or mask.ndim != 1 or len(mask) < len(log.time):
         raise ValueError(f"when has shape {mask.shape} and type {mask.dtype}; give a bool for every row of weather.")

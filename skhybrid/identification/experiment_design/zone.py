@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..._calendar import profile_cell
 from ...filtering import Discrete
 from ...thermal import RCNetwork
-from ..gain_model import HOUR_CLASSES, profile_cell
+from ..gain_model import HOUR_CLASSES
 
 CLASSES = HOUR_CLASSES["day_night"]  # classes of hours that have a variance of their own, by cell of the weekly profile
 _HOURS = 24

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..._time import rows_per_day, rows_per_hour
 from ...filtering import ForecastSample, hourly_sample, multi_step_sensitivities
 from ..experiment import Experiment
 from .prediction_errors import PredictionErrorProblem
@@ -51,7 +52,7 @@ class MultiStepProblem(PredictionErrorProblem):
         place = np.searchsorted(measured, sample.origins)
         inside = place < len(measured)
         origins = measured[place[inside]]
-        return sample._replace(origins=origins[origins < sample.origins[inside] + _apart(segment.hours)])
+        return sample._replace(origins=origins[origins < sample.origins[inside] + rows_per_hour(segment.hours)])
 
     def _kalman(self, n_rows: int) -> int:
         """Rows over which a filter runs: none for OD, else all (CONV takes the state at every origin from it)."""
@@ -69,7 +70,7 @@ class MultiStepProblem(PredictionErrorProblem):
     @cached_property
     def n_counted(self) -> int:
         """Number of independent errors that the forecasts amount to."""
-        worth, apart = 0.0, _apart(self.experiment.hours)
+        worth, apart = 0.0, rows_per_hour(self.experiment.hours)
         for seen, sample in zip(self._seen, self.samples, strict=True):
             worth += float(seen.sum(axis=(0, 2)) @ np.minimum(apart / sample.leads, 1.0)) / len(sample.leads)
         return max(1, round(worth))
@@ -103,7 +104,7 @@ class MultiStepProblem(PredictionErrorProblem):
     @property
     def days(self) -> np.ndarray:
         """(n,) day of the origin of every error, numbered without gaps."""
-        per_day = max(round(24.0 / self.experiment.hours), 1)
+        per_day = rows_per_day(self.experiment.hours)
         day = [
             np.repeat((sample.origins + begin) // per_day, seen[0].size)
             for begin, seen, sample in zip(self.experiment.breaks, self._seen, self.samples, strict=True)
@@ -115,8 +116,3 @@ class MultiStepProblem(PredictionErrorProblem):
     def overlap(self) -> int:
         """Days over which the errors of one day are correlated with those of another."""
         return int(np.ceil(self.n_leads * self.experiment.hours / 24.0)) + 1
-
-
-def _apart(hours: float) -> int:
-    """Rows between one origin and the next."""
-    return max(1, round(1.0 / hours))

@@ -15,6 +15,7 @@ from .gauss_newton import Minimum
 
 ENOUGH = 5  # starts that have to end at the best minimum before the search ends
 SAME = 0.05  # two minima are one where their log-likelihoods differ by no more than this
+_POLISHED = 2  # minima of a round that are carried to the end
 
 Minimise = Callable[[np.ndarray], list[Minimum]]
 
@@ -85,9 +86,9 @@ def _run(minimise: Minimise, batch: np.ndarray, n_jobs: int | None) -> list[Mini
     return [minimum for part in parts for minimum in part]
 
 
-def _polish_best(polish: Minimise, minima: list[Minimum], first: int, how_many: int = 2) -> None:
-    """Carry the best few minima of a round to the end, where they may still be the best of all."""
-    order = sorted(range(first, len(minima)), key=lambda i: minima[i].loss)[:how_many]
+def _polish_best(polish: Minimise, minima: list[Minimum], first: int) -> None:
+    """Carry the best minima of a round to the end, where they may still be the best of all."""
+    order = sorted(range(first, len(minima)), key=lambda i: minima[i].loss)[:_POLISHED]
     for i, end in zip(order, polish(np.array([minima[i].free for i in order])), strict=True):
         if end.loss <= minima[i].loss:
             minima[i] = end._replace(n_evaluations=end.n_evaluations + minima[i].n_evaluations)

@@ -17,6 +17,8 @@ from .standard_errors import (
     prior_precision,
 )
 
+_STEP = 1e-4  # of the searched parameters, for differences of gradients
+
 
 def least_squares_uncertainty(
     problem: Any, free: np.ndarray, noise: float, names: Sequence[str], days: np.ndarray | None, overlap: int
@@ -62,13 +64,13 @@ def _day_scores(errors: np.ndarray, jacobian: np.ndarray, day: np.ndarray) -> np
     return np.array([rows[day == d].sum(axis=0) for d in range(day[-1] + 1)])
 
 
-def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray, step: float = 1e-4) -> np.ndarray:
+def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray) -> np.ndarray:
     """(D, p, p) half Hessian of every day's sum of squares, from differences of exact gradients."""
     out = np.empty((day[-1] + 1, len(free), len(free)))
-    for q, shift in enumerate(step * np.eye(len(free))):
+    for q, shift in enumerate(_STEP * np.eye(len(free))):
         above, below = problem.linearised(free + shift), problem.linearised(free - shift)
         up, down = _day_scores(above[0], above[1], day), _day_scores(below[0], below[1], day)
-        out[:, :, q] = (up - down) / (2.0 * step)
+        out[:, :, q] = (up - down) / (2.0 * _STEP)
     return 0.5 * (out + out.transpose(0, 2, 1))
 
 

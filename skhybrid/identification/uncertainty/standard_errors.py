@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from ..._time import rows_per_day
 from ...thermal import Parameter
 
 _MOST = 1e3  # largest standard error of a logarithm that is computed; beyond it a direction is as good as free
@@ -94,7 +95,7 @@ def _ends(p: Parameter, value: float, reach: float) -> tuple[float, float]:
 
 def day_of_rows(n_rows: int, hours: float) -> np.ndarray:
     """Block of 24 hours that each row lies in, (n_rows,) int."""
-    return np.arange(n_rows) // max(round(24.0 / hours), 1)
+    return np.arange(n_rows) // rows_per_day(hours)
 
 
 def inverse_information(information: np.ndarray) -> np.ndarray:

@@ -71,15 +71,15 @@ class Problem:
 
     def training_rows(self, split: int, models: Sequence[Any]) -> tuple[Any, Any]:
         """X and y that models are fitted on."""
-        return self._rows(split, self.splits[split][0], self._split_table(split, models))
+        return self._rows(self.splits[split][0], self._split_table(split, models))
 
     def test_rows(self, split: int, model: Any) -> tuple[Any, Any]:
         """X and y that a model is scored on; a scorer of the caller's own gets X as the caller gave it."""
         scorers = getattr(self.scorer, "_scorers", {"score": self.scorer}).values()
         passes_on = all(isinstance(one, _PASS_ON) for one in scorers)
-        return self._rows(split, self.splits[split][1], self._split_table(split, [model]) if passes_on else None)
+        return self._rows(self.splits[split][1], self._split_table(split, [model]) if passes_on else None)
 
-    def _rows(self, split: int, chosen: np.ndarray, read: _SplitTable | None) -> tuple[Any, Any]:
+    def _rows(self, chosen: np.ndarray, read: _SplitTable | None) -> tuple[Any, Any]:
         X = _safe_indexing(self.X, chosen) if read is None else read.rows(chosen)
         return X, None if self.y is None else _safe_indexing(self.y, chosen)
 

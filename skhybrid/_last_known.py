@@ -1,0 +1,15 @@
+"""Series in which values are missing: the last known one up to each row."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def last_known_row(known: np.ndarray, before: int = -1) -> np.ndarray:
+    """Number of the last ``known`` row (n,) up to each one, and ``before`` where there is none yet, (n,) int."""
+    return np.maximum.accumulate(np.where(known, np.arange(len(known)), before))
+
+
+def carried_forward(values: np.ndarray) -> np.ndarray:
+    """Values (n,) in which the last known one stands where one is missing; NaN before the first."""
+    return values[last_known_row(np.isfinite(values), before=0)]
