@@ -40,7 +40,7 @@ from skhybrid.study import (
     write_outputs,
 )
 from skhybrid.study.outputs import format_table
-from skhybrid.study.run import INTERVAL
+from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import settings_from
 
 FILES = {

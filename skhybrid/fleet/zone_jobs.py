@@ -12,7 +12,7 @@ from sklearn.base import clone
 from .._time import positive_duration
 from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
-from ..study.run import INTERVAL
+from ..study.scores import INTERVAL
 from .day_errors import day_ahead, scored_days
 from .journal import Journal
 from .model_store import ModelStore

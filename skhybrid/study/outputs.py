@@ -20,6 +20,7 @@ from .compared_models import HYBRID
 from .identified_building import told
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
+from .scores import side_by_side
 from .tariff import Cost, energy_cost
 
 
@@ -112,7 +113,7 @@ def _swap(staged: Path, out: Path) -> None:
 
 def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
     write_csv(result.forecast, out / "forecast.csv")
-    write_csv(_wide(result).set_index("origin"), out / "backtest.csv")
+    write_csv(side_by_side(result.frames).set_index("origin"), out / "backtest.csv")
     write_csv(result.parameters, out / "parameters.csv", digits=6)
     (out / "metrics.json").write_text(metrics_text(result) + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
@@ -184,13 +185,6 @@ def write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
     """Write a table with so many digits."""
     form = f"%.{digits}g" if digits > 4 else f"%.{digits}f"
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
-
-
-def _wide(result: StudyResult) -> pd.DataFrame:
-    """All back-tests in one table: origin, lead [h], time, measured, and one column per model."""
-    first = result.frames[HYBRID]
-    shared = first[["origin", "lead", "time", "y_true"]].assign(lead=first["lead"].dt.total_seconds() / 3600)
-    return shared.assign(**{label: frame["y_pred"].to_numpy() for label, frame in result.frames.items()})
 
 
 def plain(table: pd.DataFrame) -> dict[Any, Any]:

@@ -19,7 +19,7 @@ from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
 from ..study.data import SETPOINT, with_facades
-from ..study.run import INTERVAL
+from ..study.scores import INTERVAL
 from ..study.settings import Settings, settings_from
 from ..study.zone_part import settings_of
 
