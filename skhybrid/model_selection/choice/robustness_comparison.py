@@ -11,6 +11,7 @@ from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 
 from ..._transaction import unchanged_on_failure
+from ...forecasting.quantiles import quantile_columns
 from ...identification.uncertainty import posterior
 from .results_table import finished
 
@@ -227,4 +228,4 @@ def _difference(mu: pd.DataFrame, sigma: pd.DataFrame, best: str, rng: np.random
     of_best = np.exp(centres[:, place] + spreads[:, place] * rng.standard_normal(len(mu)))
     others = np.exp(centres + spreads * rng.standard_normal(mu.shape))
     quantiles = np.quantile(of_best[:, None] - others, _QUANTILES, axis=0).T
-    return pd.DataFrame(quantiles, index=mu.columns, columns=[f"q_{q:g}" for q in _QUANTILES])
+    return pd.DataFrame(quantiles, index=mu.columns, columns=quantile_columns(_QUANTILES))

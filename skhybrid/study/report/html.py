@@ -12,6 +12,7 @@ import pandas as pd
 
 from ... import __version__
 from ..._files import atomic_path
+from ..scores import has_intervals
 from ..tariff import Cost
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
@@ -243,7 +244,7 @@ def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
     words = (
         f"<p>{day} The temperature curve assumes the logged or planned heating and cooling. The load curve is the heat "
         f"{held}, within the limits of the plant."
-        + (" Four out of five measurements should lie in the shaded interval." if "q_0.1" in forecast else "")
+        + (" Four out of five measurements should lie in the shaded interval." if has_intervals(forecast) else "")
         + "</p>"
     )
     return f"<h2>Forecast for {escape(day_words(forecast.index))}</h2>\n{words}\n" + _figure(
