@@ -16,8 +16,8 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_docs", "_files", "_holidays", "_joining", "_ranges", "_rolling", "_summary", "_table", "_threads", "_time",
-    "_transaction", "_warnings", "exceptions",
+    "_docs", "_files", "_holidays", "_joining", "_ranges", "_rolling", "_sqlite", "_summary", "_table", "_threads",
+    "_time", "_transaction", "_warnings", "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -55,6 +55,7 @@ STRICT = {
     "_files": set(),
     "_holidays": set(),
     "_warnings": {"exceptions"},
+    "_sqlite": set(),
     "_time": set(),
     "_threads": set(),
     "_transaction": set(),
