@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import json
 import os
 import re
@@ -39,6 +40,7 @@ from skhybrid.study import (
     split_log,
     write_outputs,
 )
+from skhybrid.study.data import TRAINING_DAYS
 from skhybrid.study.outputs import format_table
 from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import settings_from
@@ -799,6 +801,11 @@ def test_the_table_marks_the_best_and_names_another_model_that_wins():
 COMMANDS = {"check", "fit", "forecast", "update", "backtest", "identify", "run", "report", "search", "zone", "serve",
             "demo", "export", "zone init", "zone tick", "zone status", "export emhass",
             "fleet", "fleet fit", "fleet tick", "fleet status"}  # fmt: skip
+
+
+def test_fit_learns_from_as_many_days_as_a_zone_folder_does():
+    (days,) = (one for one in importlib.import_module("skhybrid.cli.fit").command.params if one.name == "days")
+    assert days.default == TRAINING_DAYS  # stated in both, as the command line loads the study only when it is needed
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

@@ -28,6 +28,7 @@ from skhybrid.fleet import FleetFolder, FleetPrior, ZoneFleet, dispatch, zone_jo
 from skhybrid.fleet.fleet_folder import EXAMPLE
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.model_selection import backtest
+from skhybrid.study.data import TRAINING_DAYS
 
 DAY = 24
 ZONES = {
@@ -568,6 +569,6 @@ def test_a_configuration_that_cannot_be_used_is_refused(text, said, tmp_path):
     assert said in str(error.value)
     (tmp_path / "fleet.toml").write_text(EXAMPLE)
     fleet, days = FleetFolder(tmp_path).read()
-    assert (fleet.key, days, fleet.estimator.horizon) == ("zone", pd.Timedelta("56D"), "1D")
+    assert (fleet.key, days, fleet.estimator.horizon) == ("zone", pd.Timedelta(days=TRAINING_DAYS), "1D")
     with pytest.raises(FileNotFoundError, match="holds no fleet; make it with skhybrid fleet fit"):
         FleetFolder(tmp_path / "nowhere").tick()

@@ -18,12 +18,11 @@ from ..hybrid import BuildingPredictor
 from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import SETPOINT, with_facades
+from ..study.data import SETPOINT, TRAINING_DAYS, with_facades
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, settings_from
 from ..study.zone_part import settings_of
 
-_DAYS = 56  # of training: longer logs bring seasons that tomorrow does not have
 _LEAST_DAYS = 3
 _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
 
@@ -42,7 +41,7 @@ class ZoneModel:
     settings: Settings
 
     @classmethod
-    def fit(cls, settings: Settings, frame: pd.DataFrame, days: int = _DAYS) -> Self:
+    def fit(cls, settings: Settings, frame: pd.DataFrame, days: int = TRAINING_DAYS) -> Self:
         """Fit the predictor of the settings on the last days of a log, on their longest stretch without a gap.
 
         Parameters

@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from .residual_tests import Z95
+
 #: heat flow that is badly described where the errors follow an input
 _MEANING = {
     "T_oa": "heat that leaves with the outdoor temperature (a resistance to it, ventilation)",
@@ -19,7 +21,6 @@ _MEANING = {
     "T_": "heat to this neighbour",
     "u_": "this stage (its capacity or its lag)",
 }
-_Z95 = 1.96  # 95 % of a standard normal variable lies within
 _WEAK = 0.1  # a correlation below this is real where rows are many, and still of little weight
 
 
@@ -95,7 +96,7 @@ class ErrorPattern:
             part = self.crossed[name].loc[1:]
             t = part["t"].abs().to_numpy()
             worst = int(np.nanargmax(t))
-            lags, r = _segment(t > _Z95, worst) + 1, float(part["ccf"].iloc[worst])
+            lags, r = _segment(t > Z95, worst) + 1, float(part["ccf"].iloc[worst])
             first, last = _spell(int(lags[0]) * self.step), _spell(int(lags[-1]) * self.step)
             at = f"at a lag of {first}" if first == last else f"at lags of {first} to {last}"
             out.append(

@@ -18,7 +18,7 @@ from .results_table import finished
 _ADVICE = "or give the cases more sizes"
 _FEW = 6
 _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-_IDENTITY = ("framework", "disturbance")  # columns of a results table that must not differ within a case
+_ONE_PER_CASE = ("framework", "disturbance")  # columns of a results table that must not differ within a case
 
 
 class RobustnessComparison(BaseEstimator):
@@ -170,7 +170,7 @@ def _errors_by_case(results: pd.DataFrame, by: list[str]) -> pd.Series:
             row = table[column].isna().idxmax()
             raise ValueError(f"{column} of row {row!r} is empty; every row must name its case.")
     keys = table[by].astype(str).agg(" ".join, axis=1)
-    for column in set(_IDENTITY) & set(table.columns) - set(by):
+    for column in set(_ONE_PER_CASE) & set(table.columns) - set(by):
         mixed = table[column].groupby(keys).nunique()
         if (mixed > 1).any():
             raise ValueError(
