@@ -11,7 +11,7 @@ from skhybrid.datasets import make_office
 from skhybrid.identification import OutputDisturbanceID
 from skhybrid.study import Settings, split_log
 from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
-from skhybrid.study.identified_building import describe, parameter_table, told
+from skhybrid.study.identified_building import describe, identified_only, parameter_table
 from skhybrid.study.judgement import judge_load, load_of
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.settings import is_scaled
@@ -123,8 +123,8 @@ def test_a_parameter_at_an_end_of_its_range_is_not_identified():
     assert "the heat capacity of the walls (C_w) is at the lower end of its range: not identified" in reasons
     for table, name in ((parameter_table(gray_box), "C_w"), (describe(gray_box), "heat capacity C_w")):
         assert table.loc[name, "remark"] == "not identified: at the lower end of its range"
-        assert told(table).loc[name, ["value", "std"]].isna().all()
-        assert told(table)["value"].notna().any()
+        assert identified_only(table).loc[name, ["value", "std"]].isna().all()
+        assert identified_only(table)["value"].notna().any()
     assert in_words("resistance between za and T_oa") == "thermal resistance between the room and outdoors"
 
 

@@ -185,7 +185,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         rows.refuse_unless_following(table)
         return table
 
-    def _own_part(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
+    def _part_of_zone(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
         """The part of one zone of a building's table, whose roles are ``role_of`` columns."""
 
         def values(wanted: Iterable[str], given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -195,7 +195,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         inputs, history = values(self._scheme.rows.training.inputs, whole.inputs), ("T_za", *SETPOINT_ROLES)
         return whole.replace(inputs=inputs, history=values(history, whole.history))
 
-    def _taking_in(self, table: ZoneTable) -> Self:
+    def _copy_after(self, table: ZoneTable) -> Self:
         """A copy after rows that follow the known ones, with their temperature as history."""
         check_setpoints(table)
         made = copy(self)

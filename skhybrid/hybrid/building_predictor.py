@@ -25,7 +25,7 @@ from ..thermal import get_network
 from .base import BaseHybrid
 from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
-from .building_tables import beside, tables_of_zones
+from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone, couple, with_neighbours
 from .predictor import HybridPredictor, takes_two_stages
 from .preprocess import fit_preprocess, preprocessed
@@ -319,7 +319,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
         def after(zone: str, model: BaseHybrid, neighbours: Sequence[str]) -> BaseHybrid:
             with of_zone(zone):
-                return model._taking_in(beside(tables[zone], {other: known[other] for other in neighbours}))
+                around = {other: known[other] for other in neighbours}
+                return model._copy_after(with_neighbour_temperatures(tables[zone], around))
 
         return after
 

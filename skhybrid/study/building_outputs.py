@@ -16,7 +16,7 @@ from ..inspection.zone_panels import weeks_figure
 from ..persistence import save_model
 from .building_study import BuildingResult
 from .compared_models import HYBRID
-from .identified_building import told
+from .identified_building import identified_only
 from .outputs import NAMES, plain, staged_files, write_csv
 from .report import verdict
 from .report.building_page import write_building_report, zones_in_words
@@ -113,7 +113,7 @@ def _nested(result: BuildingResult) -> dict[str, Any]:
 
 def identified_content(identified: Any) -> dict[str, Any]:
     """An identified building of several zones as plain values."""
-    rooms, partitions = told(identified.rooms), told(identified.partitions)
+    rooms, partitions = identified_only(identified.rooms), identified_only(identified.partitions)
     zones = rooms.index.get_level_values("zone").unique()
     between = [{"zones": list(pair), **row} for pair, row in plain(partitions).items()]
     return {"zones": {str(zone): plain(rooms.loc[zone]) for zone in zones}, "exchange": between}

@@ -17,7 +17,7 @@ from .. import __version__
 from .._files import named_in_errors
 from ..persistence import save_model
 from .compared_models import HYBRID
-from .identified_building import told
+from .identified_building import identified_only
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
 from .scores import side_by_side
@@ -139,8 +139,8 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
         table=result.table,
         frames=result.frames,
         forecast=result.forecast,
-        parameters=told(result.parameters),
-        building=told(result.building),
+        parameters=identified_only(result.parameters),
+        building=identified_only(result.building),
         label=HYBRID,
         zeta=result.zeta,
         truth=truth,
@@ -200,7 +200,7 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
         "verdicts": [one._asdict() for one in result.verdicts],
-        "building": plain(told(result.building)),
+        "building": plain(identified_only(result.building)),
         "models": plain(result.table.drop(columns="note")),
         "interval_80_coverage": result.coverage,
         **result.data.spans(result.frames[HYBRID]),

@@ -14,7 +14,7 @@ from ... import __version__
 from ..._files import atomic_path
 from ..building_study import ALONE, BuildingResult, worst
 from ..compared_models import HYBRID
-from ..identified_building import told
+from ..identified_building import identified_only
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
@@ -138,8 +138,8 @@ def _map(result: BuildingResult) -> str:
     )
     known = any(value is not None for value in pairs.values())
     lines = (
-        " Lines carry the heat that two zones exchange per degree, as far as the log tells it, and are wider where it "
-        "is more."
+        " Lines carry the heat that two zones exchange per degree, as far as the log determines it, and are wider "
+        "where it is more."
         if known
         else ""
     )
@@ -248,7 +248,7 @@ def _zone_table(result: BuildingResult, models: Sequence[str]) -> str:
 def _building(result: BuildingResult) -> str:
     if result.identified is None:
         return ""
-    rooms, partitions = (told(table) for table in (result.identified.rooms, result.identified.partitions))
+    rooms, partitions = (identified_only(table) for table in (result.identified.rooms, result.identified.partitions))
     quantities = list(dict.fromkeys(rooms.index.get_level_values("quantity")))
     rows = []
     for zone in result.settings.zones:

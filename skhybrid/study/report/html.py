@@ -271,7 +271,7 @@ def _accuracy(
         f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
         "no room temperature measured after it started. All models are compared at the same times.</p>\n"
         + results_table(table, scaled)
-        + _TABLE_WORDS.format("" if scaled else ", whose scale this log does not tell")
+        + _TABLE_WORDS.format("" if scaled else ", whose scale this log does not determine")
         + interval
         + _figure(as_image(backtest_figure(ordered)), days)
         + _figure(as_image(lead_figure(ordered)), "Error by lead time, for the best models.")
