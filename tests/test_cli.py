@@ -299,7 +299,7 @@ def test_the_module_runs_and_tells_its_version():
         ('step = "1h"', 'step = "1h"\ndecimal = ",,"', "decimal = ',,' must be one character"),
         ("random_state = 1", "random_state = 1.5", "random_state = 1.5"),
         ('"room_temp"', '["room_temp"]', "[columns] T_za = ['room_temp']"),
-        ("[units]", 'heat = "hvac_kW"\n[units]', "[columns] heat is no role"),
+        ("[units]", 'heat = "hvac_kW"\n[units]', "[columns] heat is not a role"),
         ("n_starts = 2", "n_starts = 0", "n_starts = 0"),
         ("n_starts = 2", 'known = { C_za = "x" }', "known: C_za = 'x' must be a number"),
         ("n_starts = 2", "bounds = { C_za = 3 }", "bounds: C_za = 3"),

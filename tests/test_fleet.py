@@ -238,7 +238,7 @@ def test_a_fallback_takes_over(tmp_path):
         (rows(TRAIN).assign(zone=None), "column 'zone' names no zone in 504 rows, the first at 2024-01-08"),
         (rows(slice(0, 0)), "there is no zone; give a table with rows."),
         ([1], "X holds a int; give tables, or pairs"),
-        ("nowhere", "nowhere is no folder; give a Parquet dataset with one folder per zone, as zone=kitchen."),
+        ("nowhere", "nowhere is not a folder; give a Parquet dataset with one folder per zone, as zone=kitchen."),
     ],
 )
 def test_what_is_no_fleet_is_refused(X, said):
@@ -559,7 +559,7 @@ def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
         ("zones = 3", "zones in "),
         ("[estimator]\nnetwork = '1R1C'\nepochs = 3", "estimator.epochs in "),
         ("days = true", "days = True in "),
-        ("estimator = 3", "is no table; write its parameters below [estimator]."),
+        ("estimator = 3", "must be a table; write its parameters below [estimator]."),
     ],
 )
 def test_a_configuration_that_cannot_be_used_is_refused(text, said, tmp_path):

@@ -121,7 +121,7 @@ class FleetFolder:
         tables = [("", given, _KEYS), ("estimator.", given.get("estimator", {}), known)]
         for where, table, names in tables:
             if not isinstance(table, dict):
-                raise ValueError(f"estimator in {self.config} is no table; write its parameters below [estimator].")
+                raise ValueError(f"estimator in {self.config} must be a table; write its parameters below [estimator].")
             for name in table:
                 if name not in names:
                     raise ValueError(

@@ -244,7 +244,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
         """
         if boundary is not None and not isinstance(boundary, Mapping):
-            raise ValueError(f"boundary={boundary!r} is no mapping of boundary temperatures to their values.")
+            raise ValueError(f"boundary={boundary!r} must be a mapping of boundary temperatures to their values.")
         if not boundary:
             return super().predict_from(X, origins, horizon)
 
@@ -373,7 +373,7 @@ def _scheme_of(like: Any) -> Scheme | None:
     if like is None:
         return None
     if not isinstance(like, BaseHybrid):
-        raise ValueError(f"like={like!r} is no hybrid predictor; give a fitted one, or leave it out.")
+        raise ValueError(f"like={like!r} must be a fitted hybrid predictor; give one, or leave it out.")
     check_is_fitted(like)
     return like._present_scheme()
 

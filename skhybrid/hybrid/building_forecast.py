@@ -283,7 +283,7 @@ class BuildingForecastMixin:
         return of
 
     def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
-        """A value per zone: by name, or in the order of zones; a set-point that is no mapping holds for all of them."""
+        """A value per zone: by name, or in the order of zones; a set-point without zones holds for all."""
         if given is None:
             return {}
         if name == "setpoint" and not isinstance(given, Mapping):

@@ -197,7 +197,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         """
         check_is_fitted(self)
         if isinstance(n_samples, bool) or not isinstance(n_samples, int | np.integer) or n_samples < 1:
-            raise ValueError(f"n_samples={n_samples!r} is not a whole number from 1.")
+            raise ValueError(f"n_samples={n_samples!r} must be an integer of at least 1.")
         levels = (np.arange(n_samples) + 0.5) / n_samples
         frame = self.forecast(history, future, T_za, quantiles=list(levels))
         names = quantile_columns(levels)

@@ -107,7 +107,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """
         template = HybridPredictor() if self.estimator is None else self.estimator
         if not isinstance(template, BaseHybrid):
-            raise ValueError(f"estimator={template!r} is no hybrid predictor; give a HybridPredictor, or leave it out.")
+            raise ValueError(f"estimator={template!r} must be a hybrid predictor; give a HybridPredictor or None.")
         X = self._read(X, reset=True)
         check_consistent_length(X, y)
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)

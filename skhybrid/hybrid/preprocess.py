@@ -33,7 +33,7 @@ def preprocessed(step: Any, X: Any, past: Any) -> Any:
     known = X[past] if past in X.columns else pd.Series(np.nan, X.index)
     out = step.transform(X.assign(**{past: known})[names] if past in names else X[names])
     if not isinstance(out, pd.DataFrame):
-        raise ValueError("preprocess= returns no DataFrame; take a transformer that has set_output.")
+        raise ValueError("preprocess= must return a DataFrame; use a transformer with set_output.")
     if past in out.columns:
         out = out.assign(**{past: out[past].where(known.notna().to_numpy())})
     elif past not in names:

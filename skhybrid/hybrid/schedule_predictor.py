@@ -127,7 +127,7 @@ def make_schedule_scheme(
 
 def _check_prior(prior: Any, purpose: str) -> None:
     if not (hasattr(prior, "arx") and hasattr(prior, "network")):
-        raise ValueError(f"prior={prior!r} is no FleetPrior; learn one from fitted zones, or leave it out.")
+        raise ValueError(f"prior={prior!r} must be a FleetPrior; learn one from fitted zones, or leave it out.")
     if purpose == "plan":
         raise ValueError(
             "prior= was learned for forecasts and would undo the pull of purpose='plan' on the gain; leave one out."

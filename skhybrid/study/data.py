@@ -256,7 +256,7 @@ def _checked(frame: Any, temperatures: Sequence[str]) -> pd.DataFrame:
     """A log with the temperatures of zones as numbers, refused where it cannot be split."""
     for role in temperatures:
         if not isinstance(frame, pd.DataFrame) or role not in frame:
-            raise ValueError(f"the log is no DataFrame with a column {role}; read_log returns one.")
+            raise ValueError(f"the log must be a DataFrame with a column {role}; read_log returns one.")
     if not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("the log has no time stamps as its index; read_log gives it one.")
     refuse_shape(frame, 1)

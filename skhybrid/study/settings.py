@@ -258,10 +258,10 @@ def _check_plain(settings: Settings) -> None:
             raise ValueError(f"{key} = {getattr(settings, key)!r} must be one character.")
     seed = settings.random_state
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
-        raise ValueError(f"random_state = {seed!r} must be a whole number from 0 to 4294967295.")
+        raise ValueError(f"random_state = {seed!r} must be an integer from 0 to 4294967295.")
     if not isinstance(settings.dayfirst, bool | None):
         raise ValueError(f"dayfirst = {settings.dayfirst!r} must be true or false.")
-    read_holidays(settings.holidays, pd.DatetimeIndex(["2000-01-01"]))  # refuses what is no place and no dates
+    read_holidays(settings.holidays, pd.DatetimeIndex(["2000-01-01"]))  # refuses what is neither a place nor dates
 
 
 def _check_tables(settings: Settings) -> None:
@@ -269,12 +269,12 @@ def _check_tables(settings: Settings) -> None:
     for table in ("columns", "units"):
         for role, value in getattr(settings, table).items():
             if role_of(role) is None and (table, role) != ("units", "setpoint"):
-                raise ValueError(f"[{table}] {role} is no role; roles are {', '.join(name for name, *_ in ROLES)}.")
+                raise ValueError(f"[{table}] {role} is not a role; roles are {', '.join(name for name, *_ in ROLES)}.")
             if not isinstance(value, str):
                 raise ValueError(f"[{table}] {role} = {value!r} must be text in quotes.")
     n_starts = settings.estimator.get("n_starts", 1)
     if isinstance(n_starts, bool) or not isinstance(n_starts, int) or n_starts < 1:
-        raise ValueError(f"[estimator] n_starts = {n_starts!r} must be a whole number of at least 1.")
+        raise ValueError(f"[estimator] n_starts = {n_starts!r} must be an integer of at least 1.")
     for name, value in _inner_table(settings.estimator, "estimator", "known").items():
         if not _is_number(value):
             raise ValueError(f"[estimator] known: {name} = {value!r} must be a number.")

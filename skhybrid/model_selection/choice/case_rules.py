@@ -19,7 +19,7 @@ from .robustness_comparison import RobustnessComparison
 _BY = ("name", "disturbance")
 #: ingredients that a case has or has not
 _INGREDIENTS = {"time": "time features", "past-w": "past weather", "future-w": "future weather"}
-#: columns that are no size, besides those that end with _rmse, _time or _score
+#: columns that are not sizes, besides those that end with _rmse, _time or _score
 _NO_SIZE = (*IDENTITY, "rmse", "error", "n_epochs", "stopped_at")
 _KIND = {"input": "ID", "output": "OD"}
 
