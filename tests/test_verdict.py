@@ -38,12 +38,12 @@ def test_a_ratio_and_its_interval():
 @pytest.mark.parametrize(
     ("size", "given", "level", "words"),
     [
-        (0.5, {}, USABLE, "of that of yesterday"),
+        (0.5, {}, USABLE, "times that of yesterday"),
         (1.0, {}, CARE, "not surely better"),
         (2.0, {}, NOT, "yesterday is better"),
-        (0.5, {"coverage": 0.8}, USABLE, "of that of yesterday"),
-        (0.5, {"coverage": 0.6}, CARE, "held 60 %"),
-        (0.5, {"coverage": 0.4}, NOT, "held 40 %"),
+        (0.5, {"coverage": 0.8}, USABLE, "times that of yesterday"),
+        (0.5, {"coverage": 0.6}, CARE, "contained 60 %"),
+        (0.5, {"coverage": 0.4}, NOT, "contained 40 %"),
         (0.5, {"doubts": ["its kW have no certain scale"]}, CARE, "no certain scale"),
         (0.5, {"n_origins": 3}, CARE, "3 forecasts only"),
     ],
@@ -82,7 +82,7 @@ def test_a_load_is_judged_by_its_error_from_the_test_rows_on():
     rules = {"twice as wrong": delivered + noise}
     found = judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=True)
     assert found.level == USABLE
-    assert "0.50 of that of twice as wrong" in str(found)
+    assert "0.50 times that of twice as wrong" in str(found)
     assert judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=False).level == CARE
 
 

@@ -71,7 +71,7 @@ def read_weather(
     Raises
     ------
     ValueError
-        If the file cannot be read, or has no temperature or nothing that tells the irradiance.
+        If the file cannot be read, or has no temperature or no irradiance.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""Errors of day-ahead forecasts by day, which tell how a zone is doing."""
+"""Errors of day-ahead forecasts by day, which show how a zone is doing."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.Data
 
 
 def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
-    """The channels of a log as its source has them, by the format that the settings name or its content tells."""
+    """The channels of a log as its source has them, in the format that the settings name or its content shows."""
     given = {name: getattr(settings, name) for name in ("timezone", "time_column", "dayfirst", "sep", "decimal")}
     options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
     options.pop("max_hold", None)

@@ -51,7 +51,7 @@ class Settings:
     timezone : str, optional, local time zone, such as ``"Europe/Amsterdam"``
     label : {"left", "right"}, whether a row is stamped with the start or the end of its step
     time_column, dayfirst, sep, decimal
-        Format of stamps and cells in the log, where its content does not tell, as for :func:`skhybrid.logs.read_log`.
+        Format of stamps and cells, where the log does not show it by itself, as for :func:`skhybrid.logs.read_log`.
     step : str, sampling time to which the log is resampled
     horizon, origin_step : str, how far ahead the back-test forecasts, and the distance of its origins
     random_state : int, seed of the random starts
@@ -79,7 +79,7 @@ class Settings:
         ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
         the schedule model and for ARX.
     format : str, optional
-        Format of the log, as :func:`skhybrid.logs.read_log` names it; by default its content tells.
+        Format of the log, as :func:`skhybrid.logs.read_log` names it; by default found from its content.
     log : mapping
         Options of the reader of that format, such as ``sheet`` of an Excel file or ``table`` of a database.
     plant : mapping

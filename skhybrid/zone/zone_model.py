@@ -63,7 +63,7 @@ class ZoneModel:
             found = len(rows) * step / pd.Timedelta("1D")
             raise ValueError(
                 f"the log has {found:.1f} days in a row with all of {', '.join(map(str, rows))}; a model "
-                f"needs {_LEAST_DAYS} (skhybrid check tells which column is missing where)."
+                f"needs {_LEAST_DAYS} (skhybrid check shows which column is missing where)."
             )
         predictor = make_models(settings)[0].estimator
         if settings.zones:
@@ -176,7 +176,7 @@ class ZoneModel:
         rows = self.complete(frame)
         if rows.empty:
             raise ValueError(
-                "no row of the log has all inputs and a temperature; skhybrid check tells which are missing."
+                "no row of the log has all inputs and a temperature; skhybrid check shows which are missing."
             )
         rows = stretches(rows, pd.Timedelta(self.settings.step))[-1]
         return rows[rows.index > rows.index[-1] - _HISTORY]

@@ -58,8 +58,8 @@ class ErrorPattern:
             what = (
                 "the disturbance model is not quite that of these rows."
                 if weak
-                else "heat comes and goes that the model does not carry (a disturbance state, a node); its standard "
-                "errors are too small."
+                else "the model lacks a heat flow that comes and goes, so its standard errors are too small; add a "
+                "disturbance state or a node."
             )
             return [f"errors that follow one another are {weak}alike {at}: {what}"]
         return [

@@ -133,8 +133,8 @@ def _map(result: BuildingResult) -> str:
     source = (
         "The floor plan of the configuration says which zones are next to each other."
         if result.settings.adjacency is not None
-        else "No floor plan was given, so neighbours were found in the log: give adjacency in the configuration where "
-        "it is known."
+        else "No floor plan was given, so neighbours were found in the log; if you know which zones are next to each "
+        "other, give them as adjacency in the configuration."
     )
     known = any(value is not None for value in pairs.values())
     lines = (
@@ -143,7 +143,7 @@ def _map(result: BuildingResult) -> str:
         if known
         else ""
     )
-    dashed = " A dashed line joins zones of which it does not." if None in pairs.values() else ""
+    dashed = " A dashed line joins neighbours whose exchange it does not determine." if None in pairs.values() else ""
     return (
         f"<h2>Rooms</h2>\n<p>{source}{lines}{dashed} The darker a room, the larger the error of its forecast.</p>\n"
         + in_two_widths(lambda width: map_figure(pairs, by_zone, width), "Rooms and what they exchange.", "rooms")

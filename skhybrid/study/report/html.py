@@ -145,7 +145,7 @@ def write_report(
     coverage : float, optional, share of the test measurements inside the intervals
     spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
     verdicts : sequence of Verdict, on temperature and load
-    scaled : bool, whether the log fixes what a kW is; else no kW are put in front
+    scaled : bool, whether the log fixes what a kW is; else no kW are shown at the top
     cost : Cost, optional, what the load of the next day costs
     notes : iterable of str, warnings
     """
@@ -333,7 +333,7 @@ def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identific
         "<h2>The building</h2>\n<p>Heat loss of the zone per degree of temperature difference, time constants, and the "
         "window area that the sun heats through. The standard error shows how well the data determine a value; one "
         f"that they do not determine is not shown.{separate}</p>\n{described}"
-        "<p>Parameters of the thermal network: capacities store heat and resistances resist its flow.</p>\n"
+        "<p>Parameters of the thermal network: capacities store heat, and resistances slow its flow.</p>\n"
         + _values("parameter", parameters, ("unit", "description", "remark"))
     )
 
