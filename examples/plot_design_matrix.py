@@ -3,9 +3,9 @@ Which disturbance model? A small design matrix
 ==============================================
 
 The paper's second contribution is a method: train a matrix of disturbance models, ask by Bayesian regression which
-ingredients help, compare how robust the cases are to their size, and take the least demanding of those that cannot be
-told from the best.  This example runs a few of its 13032 candidates on a synthetic office, with baselines in the same
-table.  It needs the extra ``networks`` for the candidates and ``bayes`` for the choice.
+ingredients help, compare how robust the cases are to their size, and take the least demanding of those that are
+indistinguishable from the best.  This example runs a few of its 13032 candidates on a synthetic office, with baselines
+in the same table.  It needs the extra ``networks`` for the candidates and ``bayes`` for the choice.
 """
 
 # sphinx_gallery_thumbnail_number = 2

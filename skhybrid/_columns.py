@@ -46,7 +46,7 @@ def is_plant(role: object) -> bool:
 
 def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
     if columns is not None and not isinstance(columns, Mapping):
-        raise ValueError(f"columns={columns!r} is no mapping of roles to columns, such as {{'T_oa': 'outdoor'}}.")
+        raise ValueError(f"columns={columns!r} must be a mapping of roles to columns, such as {{'T_oa': 'outdoor'}}.")
     columns = dict(columns or {})
     for role, column in columns.items():
         if not isinstance(column, Hashable):

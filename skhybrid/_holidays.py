@@ -77,7 +77,7 @@ def _read_date(value: Any, zone: Any) -> str:
         stamp = _as_stamp(value)
         text, hour = stamp.date().isoformat(), stamp.time()
     except (TypeError, ValueError, AttributeError):
-        raise ValueError(f"holidays= has {value!r}, which is no date; write dates such as '2018-12-25'.") from None
+        raise ValueError(f"holidays= has {value!r}, which is not a date; write dates such as '2018-12-25'.") from None
     if stamp.tzinfo is not None and str(stamp.tzinfo) != str(zone):
         raise ValueError(
             f"holidays= has {value} in the time zone {stamp.tzinfo}, but X has {zone}; give local dates without a time "

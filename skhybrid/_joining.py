@@ -74,7 +74,7 @@ def read_now(T_za: Any, index: pd.Index) -> float:
 
 
 def refuse_no_frames(history: Any, future: Any) -> None:
-    """Refuse a history or rows ahead that are no tables, or have no rows."""
+    """Refuse a history or rows ahead that are not tables, or have no rows."""
     for name, rows in (("history", history), ("future", future)):
         if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
             raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")

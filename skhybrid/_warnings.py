@@ -1,4 +1,4 @@
-"""Messages: warnings that point at the line of the user, and what one error tells of another."""
+"""Warnings that point at the line of the user, and texts of warnings and errors as parts of other messages."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def without_class(message: object) -> str:
 
 
 @contextmanager
-def speaking_of(subject: str) -> Iterator[None]:
-    """Begin the warnings that are given here with what they are about, such as a zone."""
+def warnings_prefixed_with(subject: str) -> Iterator[None]:
+    """Begin the warnings of the block with what they are about, such as a zone."""
     outer = _subject.set(f"{subject}: ")
     try:
         yield

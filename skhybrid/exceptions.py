@@ -39,19 +39,19 @@ class ExcitationWarning(SkhybridWarning):
 
 
 class GainWarning(SkhybridWarning):
-    """The response of a forecast to a kW is not to be relied on."""
+    """The response of a forecast to a kW is unreliable."""
 
 
 class MeasurementWarning(SkhybridWarning):
-    """Nothing was measured of a zone, which is forecast from what was known before and from its neighbours."""
+    """A zone has no measurement, and is forecast from what was known before and from its neighbours."""
 
 
 class PlanWarning(SkhybridWarning):
-    """A plan leaves what training covered, or a forecast is not affine in it."""
+    """A plan goes beyond what training covered, or the forecast is not affine in it."""
 
 
 class ModelFileError(ValueError):
-    """A model file is truncated, altered, from another version, or not a model file at all."""
+    """A model file is truncated, altered, written by another version, or not a model file at all."""
 
 
 class TooFewDaysError(NotFittedError):

@@ -180,8 +180,8 @@ def test_the_house_is_its_network():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"zones": 1}, "zones=1 must be a whole number from 2 to 8"),
-        ({"n_days": 0}, "n_days=0 must be a positive whole number"),
+        ({"zones": 1}, "zones=1 must be an integer from 2 to 8"),
+        ({"n_days": 0}, "n_days=0 must be a positive integer"),
         ({"partition": 0.0}, r"partition=0.0 must be a positive resistance \[K/kW\]"),
         ({"pattern": "bar"}, "pattern='bar' is unknown"),
         ({"excitation": "step"}, "excitation='step' is unknown"),
@@ -257,7 +257,7 @@ def test_rooms_that_cannot_be_identified_apart(house):
         identify_rooms(InputDisturbanceID(house.network), X.assign(Q_hvac=1.0), y)
     with pytest.raises(ValueError, match="y has not one column 'T_za_study'"):
         identify_rooms(InputDisturbanceID(house.network), X, y.iloc[:, :3])
-    with pytest.raises(ValueError, match="X is no DataFrame"):
+    with pytest.raises(ValueError, match="X must be a DataFrame"):
         identify_rooms(InputDisturbanceID(house.network), X.to_numpy(), y)
 
 

@@ -318,7 +318,7 @@ def test_names_of_zones(rooms):
         (lambda X, y, m: (X, y[:-1], m), "inconsistent numbers of samples"),
         (lambda X, y, m: (X, y.to_numpy()[:, :2], m), "y has 2 columns, X 3"),
         (lambda X, y, m: (X, y, m.set_params(estimator=TwoStagePredictor(), adjacency=DOORS)), "two-stage"),
-        (lambda X, y, m: (X, y, m.set_params(estimator=object())), "no hybrid predictor"),
+        (lambda X, y, m: (X, y, m.set_params(estimator=object())), "must be a hybrid predictor"),
     ],
 )
 def test_what_cannot_be_right_is_refused(rooms, change, message):

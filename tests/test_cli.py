@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import json
 import os
 import re
@@ -39,8 +40,9 @@ from skhybrid.study import (
     split_log,
     write_outputs,
 )
+from skhybrid.study.data import TRAINING_DAYS
 from skhybrid.study.outputs import format_table
-from skhybrid.study.run import INTERVAL
+from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import settings_from
 
 FILES = {
@@ -297,7 +299,7 @@ def test_the_module_runs_and_tells_its_version():
         ('step = "1h"', 'step = "1h"\ndecimal = ",,"', "decimal = ',,' must be one character"),
         ("random_state = 1", "random_state = 1.5", "random_state = 1.5"),
         ('"room_temp"', '["room_temp"]', "[columns] T_za = ['room_temp']"),
-        ("[units]", 'heat = "hvac_kW"\n[units]', "[columns] heat is no role"),
+        ("[units]", 'heat = "hvac_kW"\n[units]', "[columns] heat is not a role"),
         ("n_starts = 2", "n_starts = 0", "n_starts = 0"),
         ("n_starts = 2", 'known = { C_za = "x" }', "known: C_za = 'x' must be a number"),
         ("n_starts = 2", "bounds = { C_za = 3 }", "bounds: C_za = 3"),
@@ -799,6 +801,11 @@ def test_the_table_marks_the_best_and_names_another_model_that_wins():
 COMMANDS = {"check", "fit", "forecast", "update", "backtest", "identify", "run", "report", "search", "zone", "serve",
             "demo", "export", "zone init", "zone tick", "zone status", "export emhass",
             "fleet", "fleet fit", "fleet tick", "fleet status"}  # fmt: skip
+
+
+def test_fit_learns_from_as_many_days_as_a_zone_folder_does():
+    (days,) = (one for one in importlib.import_module("skhybrid.cli.fit").command.params if one.name == "days")
+    assert days.default == TRAINING_DAYS  # stated in both, as the command line loads the study only when it is needed
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS))

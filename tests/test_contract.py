@@ -146,7 +146,7 @@ def test_missing_role_names_the_role_and_the_columns(office):
         ({"T_oa": "out"}, "gives 'T_oa' the column 'out', but X has 'T_oa'"),
         ({"outdoor": "T_oa"}, "names the role 'outdoor', which is none of T_oa, q_sol"),
         ({"T_oa": ["T_oa"]}, r"gives 'T_oa' the column \['T_oa'\]; give one name"),
-        (["T_oa"], r"columns=\['T_oa'\] is no mapping of roles to columns"),
+        (["T_oa"], r"columns=\['T_oa'\] must be a mapping of roles to columns"),
     ],
 )
 def test_columns_that_cannot_be(office, columns, message):

@@ -42,8 +42,8 @@ def test_a_schedule_by_the_clock():
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("25,20", "heats to 25 and cools to 20"), ("1,2,3", "not a heating and a cooling"), ("warm", "no set-point"),
-     ("25:00=20;25", "no clock time"), ("99,120", "from 0 to 45"), ("", "is empty")],
+    [("25,20", "heats to 25 and cools to 20"), ("1,2,3", "not a heating and a cooling"), ("warm", "not a set-point"),
+     ("25:00=20;25", "not a clock time"), ("99,120", "from 0 to 45"), ("", "is empty")],
 )  # fmt: skip
 def test_set_points_that_cannot_be(text, message):
     with pytest.raises(ValueError, match=message):

@@ -60,7 +60,7 @@ def test_the_splits_are_frozen(name):
 def test_unknown_logs_are_refused():
     with pytest.raises(ValueError, match="names= has 'dutch home 4', but the logs are 'office autumn"):
         load_benchmark(["dutch home 4"])
-    with pytest.raises(ValueError, match="number=4 is no home; choose 1, 2 or 3"):
+    with pytest.raises(ValueError, match="number=4 must be 1, 2 or 3"):
         load_dutch_home(4)
 
 

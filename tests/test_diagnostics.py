@@ -250,7 +250,7 @@ def test_the_errors_of_the_right_model_are_white_and_standard_normal():
     assert found.findings[0].startswith("the errors are white")
     wrong = diagnose(GrayBoxRC(known=office.theta).fit(X, X["T_za"]), X)
     assert not wrong.tests.loc["white (Ljung-Box)", "passed"]
-    assert "that the model does not carry" in wrong.findings[0]
+    assert "the model lacks a heat flow that comes and goes" in wrong.findings[0]
 
 
 # --------------------------------------------------------------------------------------------------------- statistics

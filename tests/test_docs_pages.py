@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
+import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -41,6 +44,15 @@ def test_a_page_without_a_title_or_a_picture_without_words_fails_the_build(tmp_p
         html = (tmp_path / "out" / "index.html").read_text()
         assert '<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">' in html
         assert "<script" not in html.partition("<math")[2].partition("</math>")[0]
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.rst")), ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_what_a_page_refers_to_exists(page):
+    for role, name in re.findall(r":(mod|class|func|meth|data|exc|attr):`~?(skhybrid[\w.]*)`", page.read_text("utf-8")):
+        assert pkgutil.resolve_name(name) is not None
+        parent, _, last = name.rpartition(".")
+        found = getattr(pkgutil.resolve_name(parent), last)  # a function may hide the module of its name
+        assert inspect.ismodule(found) == (role == "mod"), f"{name} is a {type(found).__name__}"
 
 
 def test_an_index_stands_beside_the_letter_under_an_accent():

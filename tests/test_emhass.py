@@ -156,7 +156,7 @@ def test_export_from_the_command_line(office, tmp_path, capsys):
     (tmp_path / "zone.toml").rename(folder / "zone.toml")
     assert main(["export", "emhass", str(folder), "--log", log, "-q"]) == 0
     text = capsys.readouterr().out
-    assert "What the log does not tell:" in text
+    assert "What the log does not determine:" in text
     assert '"thermal_config"' in text
 
 

@@ -28,6 +28,7 @@ from skhybrid.fleet import FleetFolder, FleetPrior, ZoneFleet, dispatch, zone_jo
 from skhybrid.fleet.fleet_folder import EXAMPLE
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.model_selection import backtest
+from skhybrid.study.data import TRAINING_DAYS
 
 DAY = 24
 ZONES = {
@@ -237,7 +238,7 @@ def test_a_fallback_takes_over(tmp_path):
         (rows(TRAIN).assign(zone=None), "column 'zone' names no zone in 504 rows, the first at 2024-01-08"),
         (rows(slice(0, 0)), "there is no zone; give a table with rows."),
         ([1], "X holds a int; give tables, or pairs"),
-        ("nowhere", "nowhere is no folder; give a Parquet dataset with one folder per zone, as zone=kitchen."),
+        ("nowhere", "nowhere is not a folder; give a Parquet dataset with one folder per zone, as zone=kitchen."),
     ],
 )
 def test_what_is_no_fleet_is_refused(X, said):
@@ -580,7 +581,7 @@ def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
         ("zones = 3", "zones in "),
         ("[estimator]\nnetwork = '1R1C'\nepochs = 3", "estimator.epochs in "),
         ("days = true", "days = True in "),
-        ("estimator = 3", "is no table; write its parameters below [estimator]."),
+        ("estimator = 3", "must be a table; write its parameters below [estimator]."),
     ],
 )
 def test_a_configuration_that_cannot_be_used_is_refused(text, said, tmp_path):
@@ -590,6 +591,6 @@ def test_a_configuration_that_cannot_be_used_is_refused(text, said, tmp_path):
     assert said in str(error.value)
     (tmp_path / "fleet.toml").write_text(EXAMPLE)
     fleet, days = FleetFolder(tmp_path).read()
-    assert (fleet.key, days, fleet.estimator.horizon) == ("zone", pd.Timedelta("56D"), "1D")
+    assert (fleet.key, days, fleet.estimator.horizon) == ("zone", pd.Timedelta(days=TRAINING_DAYS), "1D")
     with pytest.raises(FileNotFoundError, match="holds no fleet; make it with skhybrid fleet fit"):
         FleetFolder(tmp_path / "nowhere").tick()

@@ -201,7 +201,7 @@ def test_what_does_not_go_together_is_refused(arx_prior, prior):
         "alpha=1.0 does nothing beside prior=", lambda: fitted(clone(ARX).set_params(prior=arx_prior, alpha=1.0), rows)
     )
     refused("purpose='plan'", lambda: fitted(clone(SCHEDULE).set_params(prior=prior, purpose="plan"), rows))
-    refused("is no FleetPrior", lambda: fitted(clone(SCHEDULE).set_params(prior={"C_w": 4.0}), rows))
+    refused("must be a FleetPrior", lambda: fitted(clone(SCHEDULE).set_params(prior={"C_w": 4.0}), rows))
     refused("two-stage", lambda: fitted(HybridPredictor(GrayBoxRC(), prior=prior), rows))
     refused("from ARX alone", lambda: dict(arx_prior))
 

@@ -185,8 +185,8 @@ def test_no_horizon_simulates_from_the_first_row():
     ("settings", "message"),
     [
         ({"adapt": "full"}, "adapt='full' is not known; use None or 'refit'"),
-        ({"n_lags": 0}, "n_lags=0 is not a whole number from 1"),
-        ({"alpha": 0.0}, "alpha=0.0 is not a positive penalty"),
+        ({"n_lags": 0}, "n_lags=0 must be an integer of at least 1"),
+        ({"alpha": 0.0}, "alpha=0.0 must be a positive penalty"),
         ({"horizon": "20min"}, "not a positive multiple of the sampling time"),
     ],
 )

@@ -339,7 +339,7 @@ def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once()
         ({"activation": "tanh"}, r"activation='tanh' is not known; use one of 'relu', 'selu', 'gelu'"),
         ({"residual_of": "arima"}, r"residual_of='arima' is not known; use one of None, 'profile'"),
         ({"time_encoding": "fourier"}, "time_encoding='fourier' is not known"),
-        ({"hidden_size": 0}, "hidden_size=0 is not a whole number from 1"),
+        ({"hidden_size": 0}, "hidden_size=0 must be an integer of at least 1"),
         ({"dropout": 1.0}, r"dropout=1.0 is outside \[0, 1\)"),
         ({"horizon": "90min"}, "not a positive multiple of the sampling time"),
     ],

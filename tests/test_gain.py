@@ -18,7 +18,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import ExcitationWarning, GainWarning
 from skhybrid.hybrid.gain_report import disagreement
 from skhybrid.persistence import load_model, save_model
-from skhybrid.schedule import LITTLE_ERROR, days_to_tell, step_gain, step_gain_error
+from skhybrid.schedule import LITTLE_ERROR, days_to_determine, step_gain, step_gain_error
 from skhybrid.schedule.lead_problem import LeadProblem
 from skhybrid.schedule.step_gain import KNOWN_HEAT, GainPull, is_delayed, is_usual, observed_gains
 
@@ -298,7 +298,7 @@ def errors_and_days(most, n_random=0):
 
     X, _ = heated(heat, n_days=10 + n_random)
     fit = network(SchedulePredictor(adapt=None, intervals=False).fit(X, X["T_za"]))
-    return step_gain_error(fit, np.array([DAY]))[0], *days_to_tell(fit, "Q_hvac")
+    return step_gain_error(fit, np.array([DAY]))[0], *days_to_determine(fit, "Q_hvac")
 
 
 def test_strong_heat_needs_fewer_days_of_random_setpoints():

@@ -329,7 +329,7 @@ def test_a_sun_that_never_shines_and_heat_that_was_measured(office):
         ({"known": {"Q_c": 6.0}}, "Q_c the value 6.0; it must be < 0"),
         ({"bounds": {"C_w": (5.0, 5.0)}}, "bounds of C_w"),
         ({"network": "9R9C"}, "not in the catalogue"),
-        ({"n_starts": 0}, "n_starts=0 is not a whole number"),
+        ({"n_starts": 0}, "n_starts=0 must be an integer"),
         ({"horizon": "20min"}, "not a positive multiple"),
         ({"horizon": "1D", "origin_step": "20min"}, "origin_step='20min' is not a positive multiple"),
         ({"known": {"f": 1.5}}, "f the value 1.5; it is a share"),

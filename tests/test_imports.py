@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,8 +17,8 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_calendar", "_docs", "_files", "_holidays", "_joining", "_last_known", "_ranges", "_rolling", "_summary",
-    "_table", "_threads", "_time", "_transaction", "_warnings", "exceptions",
+    "_calendar", "_docs", "_files", "_holidays", "_joining", "_last_known", "_ranges", "_rolling", "_sqlite",
+    "_summary", "_table", "_threads", "_time", "_transaction", "_warnings", "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -57,6 +58,7 @@ STRICT = {
     "_holidays": {"_time"},
     "_last_known": set(),
     "_warnings": {"exceptions"},
+    "_sqlite": set(),
     "_time": set(),
     "_threads": set(),
     "_transaction": set(),
@@ -233,6 +235,20 @@ def test_a_reader_of_fitted_estimators_uses_public_modules_only(path):
         if imported != _part(path) and any(piece.startswith("_") for piece in one.module.split(".")[2:])
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def test_contributors_read_the_same_layers():
+    text = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    lines = text[text.index("| room |") : text.index("## What a change needs")].splitlines()
+    cells = [line.split("|")[1:-1] for line in lines if "|" in line][2:]
+    (named, allowed) = ([set(re.findall(r"`(\w+)`", row[column])) for row in cells] for column in (0, 2))
+    rooms = [room for (room,) in named]
+    public = {part: {one for one in others if not one.startswith("_")} for part, others in MAY_IMPORT.items()}
+    assert dict(zip(rooms, allowed, strict=True)) == {"filtering": set(), **public}
+    assert not [room for place, room in enumerate(rooms) if not allowed[place] <= set(rooms[:place])], "stand too high"
+    base, readers = "\n".join(line for line in lines if "|" not in line).split("base modules:")[1].split("\n\n`")
+    assert set(re.findall(r"`(\w+)`", base)) == BASE
+    assert set(re.findall(r"(\w+)`", readers)) == READERS
 
 
 def test_filters_import_numpy_scipy_and_numba_only():

@@ -167,7 +167,7 @@ def test_electricity_is_not_taken_for_heat(frame):
 
 def test_what_a_log_cannot_tell(frame):
     without_plant = LogReport(frame.iloc[:, :2])
-    assert any("no column tells when the plant ran" in text for text in without_plant.cannot)
+    assert any("no column shows when the plant ran" in text for text in without_plant.cannot)
     unnamed = LogReport(frame.iloc[:, [0]].set_axis(["Sensor 3"], axis=1))
     assert any("no room temperature" in text for text in unnamed.cannot)
     assert unnamed.roles == {}

@@ -292,7 +292,7 @@ def test_a_grid_too_large_to_hold_is_refused(monkeypatch):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda t: t[:-20], r"line 22 of 'log.csv': '2024-' is no time stamp; the file may be cut off"),
+        (lambda t: t[:-20], r"line 22 of 'log.csv': '2024-' is not a time stamp; the file may be cut off"),
         (lambda t: t.splitlines()[0] + "\n", "has a header but no rows"),
         (lambda t: "", "is empty"),
         (
@@ -355,8 +355,8 @@ def test_a_pivoted_query_has_a_channel_per_column(tmp_path):
         (PIVOTED[:-24], r"line 6 of 'log.csv' has 4 cells, but its table has 7 columns"),
         ("\n".join(PIVOTED.splitlines()[:4]), "has no numbers"),
         (PIVOTED.replace("_time", "time"), "a table without _time at line 4"),
-        (PIVOTED.replace("19.5", "warm"), r"line 5 of 'log.csv': 'warm' is no number of 'temperature room=attic'"),
-        (PIVOTED.replace("T00:10:00Z", ""), "'2024-01-10' is no time stamp"),
+        (PIVOTED.replace("19.5", "warm"), r"line 5 of 'log.csv': 'temperature room=attic' is 'warm', not a number"),
+        (PIVOTED.replace("T00:10:00Z", ""), "'2024-01-10' is not a time stamp"),
         (
             PIVOTED.replace("2024-01-10T00:10", "2024-01-10 late"),
             "line 6 of 'log.csv': '2024-01-10 late:00Z' is no",

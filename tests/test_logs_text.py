@@ -223,7 +223,7 @@ def test_wide_log_of_changes(write):
     assert log.frame.loc["2024-01-01 03:10:00"].tolist() == [21.0, 1.0]  # two rows of one stamp
     assert read_log(write(text), held=["fan"]).held == {"fan"}
     assert read_log(write(text), held=False).held == frozenset()
-    with pytest.raises(ValueError, match="held= names 'fen', which is no channel"):
+    with pytest.raises(ValueError, match="held= names 'fen', which is not a channel"):
         read_log(write(text), held=["fen"])
 
 

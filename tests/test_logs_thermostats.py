@@ -178,7 +178,7 @@ def test_the_json_of_a_runtime_report_is_that_log(tmp_path):
             lambda t: t.replace(",67.7,", ",6z.7,", 1),
             r"line 7 of 'log.csv', column 'Current Temp \(F\)': '6z.7' is not a nu",
         ),
-        (lambda t: "a,b\n1,2\n", "no log of an ecobee thermostat"),
+        (lambda t: "a,b\n1,2\n", "not a log of an ecobee thermostat"),
         (
             lambda t: t.replace("2024-01-15,06:10", "2024-13-15,06:10"),
             r"row 9 of 'log\.csv': the time stamp '2024-13-15 06:10:00' is not",

@@ -216,7 +216,7 @@ def test_what_a_transformer_fills_is_no_measurement(fitted, office, X):
     filled = clone(plain).set_params(preprocess=SimpleImputer()).fit(X[:-DAY], office.y[:-DAY])
     unknown = X[-DAY:].assign(T_za=X["T_za"].where(X.index < X.index[-50]))
     np.testing.assert_allclose(filled.predict(unknown), plain.predict(unknown), atol=1e-9)
-    with pytest.raises(ValueError, match="preprocess= returns no DataFrame"):
+    with pytest.raises(ValueError, match="preprocess= must return a DataFrame"):
         clone(plain).set_params(preprocess=AsArray()).fit(X[:-DAY], office.y[:-DAY])
 
 

@@ -54,8 +54,8 @@ def test_without_a_tariff_or_a_load_there_is_no_cost():
 @pytest.mark.parametrize(
     ("tariff", "message"),
     [({"currency": "EUR"}, "needs the price"), ({"price": "0.3"}, "must be a price"), ({"prize": 1}, "unknown key"),
-     ({"price": {"25:00": 0.3}}, "no clock time"), ({"price": {"6:00": True}}, "no price of a kWh"),
-     ({"price": float("nan")}, "no price of a kWh"), ({"price": 0.3, "currency": 3}, "text in quotes")],
+     ({"price": {"25:00": 0.3}}, "not a clock time"), ({"price": {"6:00": True}}, "not a price of a kWh"),
+     ({"price": float("nan")}, "not a price of a kWh"), ({"price": 0.3, "currency": 3}, "text in quotes")],
 )  # fmt: skip
 def test_tariffs_that_cannot_be(tariff, message):
     with pytest.raises(ValueError, match=message):

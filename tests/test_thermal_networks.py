@@ -274,7 +274,7 @@ def test_two_stages_are_told_apart():
         (({"T_za": "C_za"}, {"R_zo": ("T_za", "T_oa")}), "'T_za' cannot name a node"),
         (({"zone 1": "C_za"}, {"R_zo": ("zone 1", "T_oa")}), "'zone 1' cannot name a node"),
         (({"za": "Q_h"}, {"R_zo": ("za", "T_oa")}), "'Q_h' cannot name this parameter"),
-        (({"za": ("C_za",)}, {"R_zo": ("za", "T_oa")}), "is no name of a parameter"),
+        (({"za": ("C_za",)}, {"R_zo": ("za", "T_oa")}), "is not a name of a parameter"),
         (({"za": "C_za"}, {"R_zo": ("za", "T_oa", "T_ground")}), "R_zo needs two ends"),
         (
             ({"za": "C_za", "w": "C_w"}, {"R_zw": ("za", "T_w"), "R_wo": ("w", "T_oa")}),

@@ -232,7 +232,7 @@ def test_profile_of_a_parameter_that_is_solved_inside(office, periodic):
 @pytest.mark.parametrize(
     ("parameter", "settings", "message"),
     [
-        ("C_x", {}, "'C_x' is no parameter of the network, which has C_w"),
+        ("C_x", {}, "'C_x' is not a parameter of the network, which has C_w"),
         ("Q_h", {}, "Q_h is given by known="),
         ("C_w", {"level": 2}, "level=2 is not between"),
         ("C_w", {"level": 0.0}, "level=0.0 is not between"),

@@ -11,7 +11,7 @@ from skhybrid.datasets import make_office
 from skhybrid.identification import OutputDisturbanceID
 from skhybrid.study import Settings, split_log
 from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
-from skhybrid.study.identified_building import describe, parameter_table, told
+from skhybrid.study.identified_building import describe, identified_only, parameter_table
 from skhybrid.study.judgement import judge_load, load_of
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.settings import is_scaled
@@ -38,12 +38,12 @@ def test_a_ratio_and_its_interval():
 @pytest.mark.parametrize(
     ("size", "given", "level", "words"),
     [
-        (0.5, {}, USABLE, "of that of yesterday"),
+        (0.5, {}, USABLE, "times that of yesterday"),
         (1.0, {}, CARE, "not surely better"),
         (2.0, {}, NOT, "yesterday is better"),
-        (0.5, {"coverage": 0.8}, USABLE, "of that of yesterday"),
-        (0.5, {"coverage": 0.6}, CARE, "held 60 %"),
-        (0.5, {"coverage": 0.4}, NOT, "held 40 %"),
+        (0.5, {"coverage": 0.8}, USABLE, "times that of yesterday"),
+        (0.5, {"coverage": 0.6}, CARE, "contained 60 %"),
+        (0.5, {"coverage": 0.4}, NOT, "contained 40 %"),
         (0.5, {"doubts": ["its kW have no certain scale"]}, CARE, "no certain scale"),
         (0.5, {"n_origins": 3}, CARE, "3 forecasts only"),
     ],
@@ -60,8 +60,8 @@ def test_few_forecasts_are_no_ground_for_a_verdict():
     compared = compare_errors(own, rule, BLOCKS[:24], "yesterday")
     found = judge("load", [compared], n_origins=1, coverage=0.2)
     assert found.level == CARE
-    assert "too few forecasts to tell what chance does" in str(found)
-    assert "by chance" not in str(found)
+    assert "over too few forecasts to judge by" in str(found)
+    assert "90 % interval" not in str(found)
 
 
 def test_the_hardest_rule_counts():
@@ -91,7 +91,7 @@ def test_a_load_is_judged_by_its_error_from_the_test_rows_on():
     rules = {"twice as wrong": delivered + noise}
     found = judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=True)
     assert found.level == USABLE
-    assert "0.50 of that of twice as wrong" in str(found)
+    assert "0.50 times that of twice as wrong" in str(found)
     assert judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=False).level == CARE
 
 
@@ -132,8 +132,8 @@ def test_a_parameter_at_an_end_of_its_range_is_not_identified():
     assert "the heat capacity of the walls (C_w) is at the lower end of its range: not identified" in reasons
     for table, name in ((parameter_table(gray_box), "C_w"), (describe(gray_box), "heat capacity C_w")):
         assert table.loc[name, "remark"] == "not identified: at the lower end of its range"
-        assert told(table).loc[name, ["value", "std"]].isna().all()
-        assert told(table)["value"].notna().any()
+        assert identified_only(table).loc[name, ["value", "std"]].isna().all()
+        assert identified_only(table)["value"].notna().any()
     assert in_words("resistance between za and T_oa") == "thermal resistance between the room and outdoors"
 
 

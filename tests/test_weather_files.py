@@ -149,18 +149,18 @@ def test_a_gap_in_the_weather_is_refused():
 @pytest.mark.parametrize(
     ("answer", "says"),
     [
-        (json.dumps(ANSWER)[:-300], "is no whole JSON file"),
+        (json.dumps(ANSWER)[:-300], "is not a complete JSON file"),
         ([ANSWER, ANSWER], "holds 2 places; request the forecast of one place"),
         (
             {"error": True, "reason": "Cannot initialize WeatherVariable."},
             "Open-Meteo: Cannot initialize WeatherVariable.",
         ),
-        ({"latitude": 1.0, "daily": {}}, "no forecast of Open-Meteo with hourly values"),
+        ({"latitude": 1.0, "daily": {}}, "not a forecast of Open-Meteo with hourly values"),
         (_hourly(temperature_2m=None), "has no hourly temperature_2m"),
         (_hourly(shortwave_radiation=None, cloud_cover=None), "neither shortwave_radiation nor cloud_cover"),
         (_hourly(shortwave_radiation=[0.0] * 12), "has 12 values of shortwave_radiation for 48 stamps"),
-        (_hourly(shortwave_radiation=["a"] * 48), "has a shortwave_radiation with values that are no numbers"),
-        (_hourly(shortwave_radiation=[1e400] * 48), "has a shortwave_radiation with values that are no numbers"),
+        (_hourly(shortwave_radiation=["a"] * 48), "has a shortwave_radiation with values that are not numbers"),
+        (_hourly(shortwave_radiation=[1e400] * 48), "has a shortwave_radiation with values that are not numbers"),
         (_changed(utc_offset_seconds=10**9), "has the utc_offset_seconds '1000000000'"),
         (_hourly(shortwave_radiation=[None] * 48), "has no hour with a temperature and an irradiance"),
         (_hourly(time=["2024-03-30T00:00"] * 48), "48 hourly stamps that are not one hour apart"),

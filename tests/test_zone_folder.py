@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid import _sqlite
 from skhybrid.cli import main
 from skhybrid.datasets import load_small_office
 from skhybrid.exceptions import ModelFileError
@@ -274,7 +275,7 @@ def test_a_changed_configuration(log, zone, cheap, tmp_path):
 
 def test_an_archive_that_is_none_is_refused(log, zone, tmp_path):
     zone.archive.write_bytes(b"not a database" * 100)
-    with pytest.raises(OSError, match=r"archive.sqlite cannot be used: .*move the file away"):
+    with pytest.raises(OSError, match=r"archive.sqlite cannot be used \(.*move the file away"):
         zone.tick(write(log, tmp_path / "log.csv", DAYS))
 
 
@@ -339,7 +340,7 @@ def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
 
 
 def test_a_locked_archive_asks_to_try_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(forecast_archive, "_PATIENCE", 0.0)
+    monkeypatch.setattr(_sqlite, "_PATIENCE", 0.0)
     path = tmp_path / "forecasts.db"
     with forecast_archive.open_archive(path) as archive:
         assert archive.last_origin() is None

@@ -31,7 +31,7 @@ def study_to_folder(
     else:
         truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
         written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
-    return tell(result, progress, f"{out}{os.sep}: {', '.join(path.name for path in written)}", as_json=as_json)
+    return print_result(result, progress, f"{out}{os.sep}: {', '.join(path.name for path in written)}", as_json=as_json)
 
 
 def study_of(settings: Settings, data: StudyData, progress: Progress) -> StudyResult | BuildingResult:
@@ -47,7 +47,7 @@ def read_study(log: str, settings: Settings, progress: Progress) -> StudyData:
     return split_log(frame, settings)
 
 
-def tell(result: StudyResult | BuildingResult, progress: Progress, written: str, *, as_json: bool) -> int:
+def print_result(result: StudyResult | BuildingResult, progress: Progress, written: str, *, as_json: bool) -> int:
     """Print the warnings, the verdicts and the comparison of a study, and what was written; the exit code."""
     for text in result.warnings:
         progress.warn(text)

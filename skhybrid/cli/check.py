@@ -15,7 +15,7 @@ from ._output import DONE, Progress
 @click.option(
     "--config", type=click.Path(path_type=Path), metavar="zone.toml", help="Configuration to propose, or to use."
 )
-@click.option("--format", "format_", help="Format of the log, where its content does not tell.")
+@click.option("--format", "format_", help="Format of the log, if its content does not show it.")
 @click.option("--timezone", help="Zone of stamps without an offset, such as Europe/Amsterdam.")
 @click.option("--overwrite", is_flag=True, help="Replace a configuration that is there.")
 def command(

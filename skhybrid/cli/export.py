@@ -51,8 +51,8 @@ def emhass(
     """Write EMHASS's thermal_config or thermal_battery.
 
     Each value has its standard error.  They come from a log with its configuration, from a log and the model file or
-    zone's folder that has its configuration, or from a two-stage model file alone.  What the data do not tell is left
-    out, with the reason.
+    zone's folder that has its configuration, or from a two-stage model file alone.  What the data do not determine is
+    left out, with the reason.
     """
     from .._files import atomic_path
     from ..zone import emhass_parameters
@@ -120,5 +120,5 @@ def _text(found: Any, written: dict[str, Any], hours: float) -> str:
     reasons = [f"- {name}: {reason}." for name, reason in found.left_out.items()]
     table = found.values.rename(columns={"std": "std. error"}).to_string(na_rep="-", float_format="{:.4g}".format)
     return "\n".join(
-        [table, "", change, "", "What the log does not tell:", *reasons, "", json.dumps(written, indent=2)]
+        [table, "", change, "", "What the log does not determine:", *reasons, "", json.dumps(written, indent=2)]
     )

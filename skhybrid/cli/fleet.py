@@ -29,7 +29,7 @@ def fit(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
 
     say(1, 1, "fitting the zones")
     fleet = FleetFolder(folder, jobs).fit()
-    _tell(fleet.errors_, say)
+    _print_errors(fleet.errors_, say)
     _show({"folder": str(folder), "zones": len(fleet.zones_), "failed": len(fleet.errors_)}, fleet.errors_, as_json)
     return DONE
 
@@ -46,7 +46,7 @@ def tick(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
     from ..fleet import FleetFolder
 
     found = FleetFolder(folder, jobs).tick()
-    _tell(found.errors, say)
+    _print_errors(found.errors, say)
     key = str(found.forecast.columns[0])
     facts = {"forecast zones": int(found.forecast[key].nunique()), "rows": len(found.forecast)}
     _show({**facts, "failed": len(found.errors)}, found.errors, as_json)
@@ -84,7 +84,7 @@ command = as_group(
 )
 
 
-def _tell(errors: Mapping[Any, str], say: Progress) -> None:
+def _print_errors(errors: Mapping[Any, str], say: Progress) -> None:
     for zone, why in list(errors.items())[:_MOST_SHOWN]:
         say.warn(f"{zone}: {why}")
     if len(errors) > _MOST_SHOWN:

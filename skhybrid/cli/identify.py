@@ -1,4 +1,4 @@
-"""``skhybrid identify``: the building as its log tells it."""
+"""``skhybrid identify``: the building, identified from its log."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> int:
     """
     settings = settings_at(config, several=True)
     from ..study import read_log
-    from ..study.identified_building import told
+    from ..study.identified_building import identified_only
     from ..zone.building import describe_building, describe_rooms
 
     say(1, 2, "reading the log")
     frame, _ = read_log(log, settings)
     say(2, 2, "identifying the building")
     if settings.zones:
-        _tell_rooms(describe_rooms(settings, frame), as_json)
+        _print_rooms(describe_rooms(settings, frame), as_json)
         return DONE
-    table = told(describe_building(settings, frame))
+    table = identified_only(describe_building(settings, frame))
     if as_json:
         print_json(table.to_dict(orient="index"))
     else:
@@ -37,15 +37,15 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> int:
     return DONE
 
 
-def _tell_rooms(found: Any, as_json: bool) -> None:
+def _print_rooms(found: Any, as_json: bool) -> None:
     """Print the rooms, and what each two exchange."""
     from ..study.building_outputs import identified_content
-    from ..study.identified_building import told
+    from ..study.identified_building import identified_only
 
     if as_json:
         print_json(identified_content(found))
         return
-    rooms, partitions = told(found.rooms), told(found.partitions)
+    rooms, partitions = identified_only(found.rooms), identified_only(found.partitions)
     for zone in rooms.index.get_level_values("zone").unique():
         print(f"{zone}\n{_text(rooms.loc[zone])}\n")
     how = "found in the log; adjacency in the configuration is surer" if found.found else "by the floor plan"

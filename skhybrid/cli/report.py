@@ -20,7 +20,7 @@ def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bo
     from ..study.building_study import BuildingResult
     from ..study.outputs import write_page
     from ..study.report.building_page import write_building_report
-    from ._study import read_study, refuse_unwritable, study_of, tell
+    from ._study import print_result, read_study, refuse_unwritable, study_of
 
     refuse_unwritable(out, "file")
     result = study_of(settings, read_study(log, settings, say), say)
@@ -28,4 +28,4 @@ def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bo
         write_building_report(out, result)
     else:
         write_page(result, out)
-    return tell(result, say, str(out), as_json=as_json)
+    return print_result(result, say, str(out), as_json=as_json)

@@ -116,10 +116,10 @@ def _in_words(found: dict[str, Any]) -> dict[str, Any]:
     none_yet = "no forecast has run out yet"
     drift = found["drift"]
     grown = f"errors have grown since {drift['since']}" if drift.get("drifted") else "none"
-    told = {f"{v['quantity']}: {v['level']}": v["reasons"] for v in found["verdicts"]}
+    verdicts = {f"{v['quantity']}: {v['level']}": v["reasons"] for v in found["verdicts"]}
     words = {
         "drift": f"{grown} ({drift['statistic']} of {drift['threshold']})" if drift else "not known before a whole day",
-        "verdicts": told or none_yet,
+        "verdicts": verdicts or none_yet,
     }
     for span in ("yesterday's forecast", "last four weeks"):
         errors = {k: _errors(v) if isinstance(v, dict) else v for k, v in (found[span] or {}).items()}

@@ -48,7 +48,7 @@ def read_inputs(
     by_name = {**{column_of(role): role for role in plant}, **{role: role for role in plant}}
     for name in names:
         if not isinstance(name, str) or name not in by_name:
-            what = "is no heating or cooling" if name in trained else "was not in the training table"
+            what = "is neither heating nor cooling" if name in trained else "was not in the training table"
             raise ValueError(
                 f"inputs names {name!r}, which {what}; heating and cooling of training are {listed(plant)}."
             )

@@ -33,7 +33,7 @@ def load_dutch_home(number: int) -> Bunch:
         ``X`` DataFrame [T_oa, q_sol, u_heat, T_za]; ``y`` Series T_za [degC]; ``DESCR``.
     """
     if number not in (1, 2, 3):
-        raise ValueError(f"number={number!r} is no home; choose 1, 2 or 3.")
+        raise ValueError(f"number={number!r} must be 1, 2 or 3.")
     with as_file(files("skhybrid.datasets").joinpath("data", f"dutch_home_{number}.csv.gz")) as path:
         X = read_zone_csv(path, _COLUMNS, timezone="Europe/Amsterdam")
     X = X.assign(u_heat=X["u_heat"] / _HIGHEST)

@@ -65,7 +65,7 @@ def make_prbs(
 
 
 def occupied(time: pd.DatetimeIndex, holidays: Holidays = NO_HOLIDAYS) -> np.ndarray:
-    """Whether each stamp lies in the occupied hours of a weekday that is no holiday, shape (n,) bool."""
+    """Whether each stamp lies in the occupied hours of a weekday that is not a holiday, shape (n,) bool."""
     begin, end = OCCUPIED_HOURS
     return np.asarray(~holidays.weekend(time) & (time.hour >= begin) & (time.hour < end))
 

@@ -71,7 +71,7 @@ def read_weather(
     Raises
     ------
     ValueError
-        If the file cannot be read, or has no temperature or nothing that tells the irradiance.
+        If the file cannot be read, or has no temperature or no irradiance.
 
     Notes
     -----
@@ -199,14 +199,14 @@ def _answer(file: Path, where: str) -> Mapping[str, Any]:
     try:
         answer = json.loads(file.read_text(encoding="utf-8-sig"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{where} is no whole JSON file ({error}); download it again.") from error
+        raise ValueError(f"{where} is not a complete JSON file ({error}); download it again.") from error
     if isinstance(answer, list):
         raise ValueError(f"{where} holds {len(answer)} places; request the forecast of one place.")
     if isinstance(answer, dict) and answer.get("error"):
         raise ValueError(f"{where} holds an error message of Open-Meteo: {str(answer.get('reason')).rstrip('.')}.")
     if not isinstance(answer, dict) or not isinstance(answer.get("hourly"), dict) or not answer["hourly"].get("time"):
         raise ValueError(
-            f"{where} is no forecast of Open-Meteo with hourly values; request it with "
+            f"{where} is not a forecast of Open-Meteo with hourly values; request it with "
             "hourly=temperature_2m,shortwave_radiation,direct_normal_irradiance,diffuse_radiation."
         )
     return answer
@@ -244,7 +244,7 @@ def _quantity(values: Any, name: str, units: Mapping[str, Any], n: int, where: s
         if np.isinf(numbers).any():
             raise ValueError
     except (TypeError, ValueError):
-        raise ValueError(f"{where} has a {name} with values that are no numbers; download it again.") from None
+        raise ValueError(f"{where} has a {name} with values that are not numbers; download it again.") from None
     if len(numbers) != n:
         raise ValueError(f"{where} has {len(numbers)} values of {name} for {n} stamps; download it again.")
     return convert(numbers, conversion_of(_UNITS.get(unit, unit), role))

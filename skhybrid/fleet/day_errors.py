@@ -1,4 +1,4 @@
-"""Errors of day-ahead forecasts by day, which tell how a zone is doing."""
+"""Errors of day-ahead forecasts by day, which show how a zone is doing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
-from ..study.run import INTERVAL
+from ..study.scores import INTERVAL
 
 _KEPT_DAYS, _KEPT_ROWS = 28, pd.Timedelta("3D")
 _DAY = pd.Timedelta("1D")

@@ -13,10 +13,10 @@ from .._files import atomic_path
 from .._time import positive_duration
 from ..forecasting import ARXRegressor
 from ..hybrid import HybridPredictor
+from ..study.data import TRAINING_DAYS
 from .zone_fleet import ZoneFleet
 
 _KEYS = {"key", "days", "fallback", "estimator"}
-_DAYS = 56  # of training: longer logs bring seasons that tomorrow does not have
 EXAMPLE = """# skhybrid fleet: data/ holds a folder per zone, such as data/zone=kitchen/*.parquet
 key = "zone"       # name of these folders
 days = 56          # of training, at the end of the data
@@ -110,7 +110,7 @@ class FleetFolder:
         self._refuse_unknown(given)
         params = given.get("estimator", {})
         fallback = ARXRegressor(columns=params.get("columns")) if given.get("fallback", True) else None
-        days = positive_duration(pd.Timedelta(days=given.get("days", _DAYS)), "days")
+        days = positive_duration(pd.Timedelta(days=given.get("days", TRAINING_DAYS)), "days")
         fleet = ZoneFleet(
             HybridPredictor(**params), given.get("key", "zone"), store=self.store, fallback=fallback, n_jobs=self.n_jobs
         )
@@ -121,7 +121,7 @@ class FleetFolder:
         tables = [("", given, _KEYS), ("estimator.", given.get("estimator", {}), known)]
         for where, table, names in tables:
             if not isinstance(table, dict):
-                raise ValueError(f"estimator in {self.config} is no table; write its parameters below [estimator].")
+                raise ValueError(f"estimator in {self.config} must be a table; write its parameters below [estimator].")
             for name in table:
                 if name not in names:
                     raise ValueError(

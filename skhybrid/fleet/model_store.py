@@ -5,19 +5,19 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
 from .._files import atomic_path
+from .._sqlite import open_database
 from ..model_selection.search.store import check_settings
 from ..persistence import load_model, save_model
 from .journal import Journal
 
 _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
-_PATIENCE = 1.0  # how long a fleet waits for another one before it gives up [s]
 _MOST_ROWS = 4000  # taken in since the model was saved, from which on it is saved with them
 
 
@@ -109,15 +109,6 @@ class ModelStore:
         check_settings(str(self.path), known, settings)
         return known
 
-    @contextmanager
-    def _open(self) -> Iterator[sqlite3.Connection]:
-        path = self.path / _LOCK
-        try:
-            with closing(sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)) as database:
-                yield database
-        except sqlite3.Error as error:
-            if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                raise BlockingIOError(
-                    f"another fleet is at work in {self.path}; wait until it has ended, or give another store."
-                ) from None
-            raise OSError(f"{path} cannot be used ({error}); check the disk, or give another store.") from error
+    def _open(self) -> AbstractContextManager[sqlite3.Connection]:
+        busy = f"another fleet is at work in {self.path}; wait until it has ended, or give another store."
+        return open_database(self.path / _LOCK, busy, "check the disk, or give another store.")

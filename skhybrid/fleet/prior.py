@@ -94,10 +94,10 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         Raises
         ------
         ValueError
-            If it is no positive number, or no sizes were given.
+            If it is not a positive number, or no sizes were given.
         """
         if not (np.isfinite(size) and size > 0):
-            raise ValueError(f"size={size!r} is no positive number.")
+            raise ValueError(f"size={size!r} must be a positive number.")
         if not any(self.nameplates):
             raise ValueError(
                 "this prior was learned without sizes, so that a nameplate says nothing; pass sizes to learn."

@@ -11,8 +11,9 @@ from sklearn.base import clone
 
 from .._time import positive_duration
 from ..exceptions import TooFewDaysError
+from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest
-from ..study.run import INTERVAL
+from ..study.scores import INTERVAL
 from .day_errors import day_ahead, scored_days
 from .journal import Journal
 from .model_store import ModelStore
@@ -158,7 +159,7 @@ def _forecast(
     if quantiles is None or (quantiles is INTERVAL and not hasattr(model, "intervals_")):
         return found
     bands = model.predict_quantiles_from(table, [len(past) - 1], quantiles, **asked)[0]
-    return found.assign(**{f"q_{level:g}": bands[:, i] for i, level in enumerate(quantiles)})
+    return found.assign(**dict(zip(quantile_columns(quantiles), bands.T, strict=True)))
 
 
 def _first_forecasts(known: pd.DataFrame, found: pd.DataFrame, now: pd.Timestamp) -> pd.DataFrame:

@@ -118,7 +118,7 @@ def _write(rows: pd.DataFrame, path: Path) -> str:
 
 def _in_dataset(path: Path, key: str) -> ZoneFiles:
     if not path.is_dir():
-        raise ValueError(f"{path} is no folder; give a Parquet dataset with one folder per zone, as {key}=kitchen.")
+        raise ValueError(f"{path} is not a folder; give a Parquet dataset with one folder per zone, as {key}=kitchen.")
     found = ZoneFiles({}, {})
     for folder in sorted(path.glob(f"{escape(key)}=*/")):
         name = unquote(folder.name.partition("=")[2])

@@ -199,7 +199,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _check_parameters(self, like: Any) -> None:
         if like is not None and (not isinstance(like, ARXRegressor) or like.objective != self.objective):
-            raise ValueError(f"like={like!r} is no ARXRegressor with the same objective; leave it out.")
+            raise ValueError(f"like={like!r} must be an ARXRegressor with the same objective; leave it out.")
         if self.adapt not in (None, "refit"):
             raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
         if self.objective not in ("one_step", "multi_step"):
@@ -207,9 +207,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         for name in ("n_lags", "n_input_lags"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-                raise ValueError(f"{name}={value!r} is not a whole number from 1.")
+                raise ValueError(f"{name}={value!r} must be an integer of at least 1.")
         if self.alpha is not None and not self.alpha > 0:
-            raise ValueError(f"alpha={self.alpha!r} is not a positive penalty.")
+            raise ValueError(f"alpha={self.alpha!r} must be a positive penalty.")
         if self.alpha is not None and self.prior is not None:
             raise ValueError(f"alpha={self.alpha!r} does nothing beside prior=, which takes its place; leave one out.")
 

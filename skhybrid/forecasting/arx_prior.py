@@ -43,7 +43,7 @@ class ARXKind(NamedTuple):
         return cls(step, roles, design.n_lags, design.n_input_lags, design.calendar, objective)
 
     def refuse_other(self, other: ARXKind, what: str = "prior=") -> None:
-        """Say in one sentence why what was learned for this kind says nothing of another."""
+        """Raise a ValueError if ``other`` differs in step, columns or setting."""
         if other.step != self.step:
             raise ValueError(
                 f"{what} was learned at {spell(self.step)}, this log has {spell(other.step)}; give a prior that was "

@@ -52,7 +52,9 @@ class ModelCase:
         if not self.past and not self.future:
             raise ValueError(f"case {self.name!r} has no feature; give past or future at least one.")
         if isinstance(self.pattern_days, bool) or self.pattern_days != int(self.pattern_days) or self.pattern_days < 1:
-            raise ValueError(f"pattern_days={self.pattern_days!r} of case {self.name!r} is not a whole number from 1.")
+            raise ValueError(
+                f"case {self.name!r} has pattern_days={self.pattern_days!r}; give an integer of at least 1."
+            )
 
     @property
     def features(self) -> tuple[str, ...]:

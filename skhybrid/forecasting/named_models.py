@@ -20,7 +20,7 @@ BASELINES: dict[str, Any] = {
     "none": NoDisturbance,
 }
 ACTIVATIONS = ("relu", "selu", "gelu")
-#: the least value of each whole number
+#: the least value of each integer
 _LEAST = dict.fromkeys(("n_layers", "hidden_size", "n_channels", "filter_size"), 1) | {"pool_size": 0}
 _LEAST |= dict.fromkeys(("max_epochs", "patience", "batch_size", "n_repeats"), 1)
 
@@ -65,7 +65,7 @@ def _check_numbers(forecaster: Any) -> None:
     for name, low in _LEAST.items():
         value = getattr(forecaster, name)
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
-            raise ValueError(f"{name}={value!r} is not a whole number from {low}.")
+            raise ValueError(f"{name}={value!r} must be an integer of at least {low}.")
     for name in ("dropout", "validation_fraction"):
         value = getattr(forecaster, name)
         if not 0.0 <= value < 1.0:

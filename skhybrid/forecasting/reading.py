@@ -55,7 +55,7 @@ def read_zone(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
 
 
 def frame_only(table: Any) -> pd.DataFrame:
-    """History or future, refused where it is no DataFrame."""
+    """History or future, refused where it is not a DataFrame."""
     if not isinstance(table, pd.DataFrame):
         raise ValueError(f"history and future must be DataFrames, but one is a {type(table).__name__}.")
     return table

@@ -185,7 +185,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         rows.refuse_unless_following(table)
         return table
 
-    def _own_part(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
+    def _part_of_zone(self, whole: ZoneTable, role_of: Mapping[Any, str]) -> ZoneTable:
         """The part of one zone of a building's table, whose roles are ``role_of`` columns."""
 
         def values(wanted: Iterable[str], given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -195,7 +195,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         inputs, history = values(self._scheme.rows.training.inputs, whole.inputs), ("T_za", *SETPOINT_ROLES)
         return whole.replace(inputs=inputs, history=values(history, whole.history))
 
-    def _taking_in(self, table: ZoneTable) -> Self:
+    def _copy_after(self, table: ZoneTable) -> Self:
         """A copy after rows that follow the known ones, with their temperature as history."""
         check_setpoints(table)
         made = copy(self)
@@ -245,7 +245,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
         """
         if boundary is not None and not isinstance(boundary, Mapping):
-            raise ValueError(f"boundary={boundary!r} is no mapping of boundary temperatures to their values.")
+            raise ValueError(f"boundary={boundary!r} must be a mapping of boundary temperatures to their values.")
         if not boundary:
             return super().predict_from(X, origins, horizon)
 
@@ -374,7 +374,7 @@ def _scheme_of(like: Any) -> Scheme | None:
     if like is None:
         return None
     if not isinstance(like, BaseHybrid):
-        raise ValueError(f"like={like!r} is no hybrid predictor; give a fitted one, or leave it out.")
+        raise ValueError(f"like={like!r} must be a fitted hybrid predictor; give one, or leave it out.")
     check_is_fitted(like)
     return like._present_scheme()
 

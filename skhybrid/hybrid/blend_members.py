@@ -19,7 +19,7 @@ _LAGS = 24  # temperatures that the black box regresses on
 _RULE_SHARES, _TAUGHT_SHARES = (0.6, 0.1), (0.45, 0.1)
 
 
-def make_others(
+def members_beside_network(
     fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[Member] = (), prior: Any = None
 ) -> list[Member]:
     """The members beside the network; the heat whose gain they are not to learn is taken out of them.
@@ -36,7 +36,7 @@ def make_others(
         ]
     plan = purpose == "plan"
     fitted = {m.multi_step: m.arx_ for m in like if isinstance(m, ARXMember)}
-    # errors at many leads cannot tell what a trace of heat did, and large coefficients look as good as small ones
+    # errors at many leads do not determine what a trace of heat did, and large coefficients look as good as small ones
     multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True, like=fitted.get(True))]
     others: list[Member] = [ARXMember(_LAGS, like=fitted.get(False)), *multi_step, DailyProfileMember()]
     if plan:
@@ -76,5 +76,5 @@ def _prior_shares(members: Sequence[Member], rule: float, first_day: bool) -> np
 
 
 def _has_trace(training: ZoneTable) -> bool:
-    """Whether a plant ran, but so little that the training does not tell what its heat does."""
+    """Whether a plant ran, but so little that the training does not determine what its heat does."""
     return any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())

@@ -13,10 +13,10 @@ from sklearn.utils.validation import check_is_fitted
 from .._joining import read_now, refuse_no_frames
 from .._table import as_numbers, listed
 from .._threads import one_blas_thread
-from .._warnings import speaking_of
+from .._warnings import warnings_prefixed_with
 from ..forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from .base import BaseHybrid
-from .building_tables import beside, tables_of_zones
+from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone
 from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on
 
@@ -28,7 +28,7 @@ _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np
 def of_zone(zone: str) -> Iterator[None]:
     """Name the zone in errors and warnings of its predictor."""
     try:
-        with speaking_of(f"zone {zone!r}"):
+        with warnings_prefixed_with(f"zone {zone!r}"):
             yield
     except ValueError as error:
         raise type(error)(f"zone {zone!r}: {error}") from None
@@ -267,7 +267,8 @@ class BuildingForecastMixin:
                 T_now[zone] = read_now(T, ahead.index)
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
-            return model._columns_ahead(beside(tables[zone], T), T_now.get(zone), None if T else levels)
+            table = with_neighbour_temperatures(tables[zone], T)
+            return model._columns_ahead(table, T_now.get(zone), None if T else levels)
 
         return of
 
@@ -290,7 +291,7 @@ class BuildingForecastMixin:
         return of
 
     def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
-        """A value per zone: by name, or in the order of zones; a set-point that is no mapping holds for all of them."""
+        """A value per zone: by name, or in the order of zones; a set-point without zones holds for all."""
         if given is None:
             return {}
         if name == "setpoint" and not isinstance(given, Mapping):

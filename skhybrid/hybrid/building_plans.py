@@ -197,7 +197,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         """
         check_is_fitted(self)
         if isinstance(n_samples, bool) or not isinstance(n_samples, int | np.integer) or n_samples < 1:
-            raise ValueError(f"n_samples={n_samples!r} is not a whole number from 1.")
+            raise ValueError(f"n_samples={n_samples!r} must be an integer of at least 1.")
         levels = (np.arange(n_samples) + 0.5) / n_samples
         frame = self.forecast(history, future, T_za, quantiles=list(levels))
         names = quantile_columns(levels)
@@ -217,7 +217,7 @@ class _Affine(NamedTuple):
     path: np.ndarray  # (H,) [degC]
     gain: np.ndarray  # (H, H, n_inputs) [K per kW or stage]
     zeta: np.ndarray  # (H,)
-    beside: np.ndarray  # (H, H, n_neighbours) slope by the neighbours' temperatures [K/K]
+    gain_by_neighbours: np.ndarray  # (H, H, n_neighbours) slope by the neighbours' temperatures [K/K]
 
     @classmethod
     def of(
@@ -246,10 +246,13 @@ class _Affine(NamedTuple):
 
     def through(self, own: Mapping[str, _Affine], one: CoupledZone) -> _Affine:
         """With what the plan does by way of the neighbours."""
-        by_others = (np.einsum("ij,jkm->ikm", self.beside[:, :, n], own[z].gain) for n, z in enumerate(one.neighbours))
+        by_others = (
+            np.einsum("ij,jkm->ikm", self.gain_by_neighbours[:, :, n], own[z].gain)
+            for n, z in enumerate(one.neighbours)
+        )
         return self._replace(gain=self.gain + sum(by_others))
 
     def blended(self, other: _Affine, one: CoupledZone, first_lead: int) -> _Affine:
         share = one.share_by_row(len(self.path), first_lead)
         mean = [a + (share * (b - a).T).T for a, b in zip(self[:3], other[:3], strict=True)]
-        return _Affine(mean[0], mean[1], mean[2], self.beside)
+        return _Affine(mean[0], mean[1], mean[2], self.gain_by_neighbours)

@@ -25,7 +25,7 @@ from ..thermal import get_network
 from .base import BaseHybrid
 from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
-from .building_tables import beside, tables_of_zones
+from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone, couple, with_neighbours
 from .predictor import HybridPredictor, takes_two_stages
 from .preprocess import fit_preprocess, preprocessed
@@ -107,7 +107,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """
         template = HybridPredictor() if self.estimator is None else self.estimator
         if not isinstance(template, BaseHybrid):
-            raise ValueError(f"estimator={template!r} is no hybrid predictor; give a HybridPredictor, or leave it out.")
+            raise ValueError(f"estimator={template!r} must be a hybrid predictor; give a HybridPredictor or None.")
         X = self._read(X, reset=True)
         check_consistent_length(X, y)
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
@@ -320,7 +320,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
         def after(zone: str, model: BaseHybrid, neighbours: Sequence[str]) -> BaseHybrid:
             with of_zone(zone):
-                return model._taking_in(beside(tables[zone], {other: known[other] for other in neighbours}))
+                around = {other: known[other] for other in neighbours}
+                return model._copy_after(with_neighbour_temperatures(tables[zone], around))
 
         return after
 

@@ -35,13 +35,13 @@ def tables_of_zones(
     except (ValueError, SkhybridWarning):
         return None
     role_of = {column: role for role, column in columns.columns.items()}
-    tables = {zone: model._own_part(whole, role_of) for zone, model in models.items()}
+    tables = {zone: model._part_of_zone(whole, role_of) for zone, model in models.items()}
     if measured and not all("T_za" in table.history for table in tables.values()):
         return None
     return tables
 
 
-def beside(table: ZoneTable, T: Mapping[str, np.ndarray]) -> ZoneTable:
+def with_neighbour_temperatures(table: ZoneTable, T: Mapping[str, np.ndarray]) -> ZoneTable:
     """A zone's table with temperatures (n,) of its neighbours as boundaries."""
     if not T:
         return table

@@ -28,7 +28,7 @@ from .setpoint_columns import band_of
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
 _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least
 _EVERY = 3  # hours between the origins that are learned from
-_TAIL = 2.0 / 3.0  # share of the training after which it is forecast by what has not seen it
+_FIT_SHARE = 2.0 / 3.0  # the law is fitted on this first share of the training and judged on the rest
 _DAYS_BACK = 21  # days whose errors count
 _WIDER = 1.1  # loads may be so much larger than the largest known
 _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
@@ -133,7 +133,7 @@ class ClosedLoop:
         capacity = PlantCapacity.of(scheme, training, heat)
         ideal = scheme.adapting(None).load_paths(training, origins, n_leads, band, capacity.range)
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
-        begin = int(_TAIL * training.n_rows)
+        begin = int(_FIT_SHARE * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
             return None
         later = origins >= begin

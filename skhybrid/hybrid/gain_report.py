@@ -10,13 +10,13 @@ import pandas as pd
 from .._table import ZoneTable
 from .._warnings import warn_user
 from ..exceptions import ExcitationWarning, GainWarning
-from ..schedule import LITTLE_ERROR, LeadFit, days_to_tell, step_gain_error
+from ..schedule import LITTLE_ERROR, LeadFit, days_to_determine, step_gain_error
 from .blend import by_lead
 from .members import Member
 from .rolling_blend import BlendRecord
 
 _LEADS = ("1h", "4h", "12h", "24h")  # beside that of one row
-#: relative error beside what the data tell, in 11 step tests of EnergyPlus rooms by the network that is fitted for it
+#: relative error beyond what the data determine, by the purpose of the fit: found in 11 step tests of EnergyPlus rooms
 BEYOND_DATA = {"forecast": 0.5, "plan": 0.25}
 _DISAGREE = 2.0  # ratio of two members' gains
 
@@ -33,8 +33,8 @@ def plant_of(fit: LeadFit, training: ZoneTable) -> tuple[str, float] | None:
     return max(known, key=lambda one: float(np.abs(one[1] * training.inputs[one[0]]).mean())) if known else None
 
 
-def told_plant(fit: LeadFit, training: ZoneTable) -> str | None:
-    """The role that gave most of the known heat, where the training tells its effect."""
+def determined_plant(fit: LeadFit, training: ZoneTable) -> str | None:
+    """The role that gave most of the known heat, where the training determines its effect."""
     plant = plant_of(fit, training)
     return plant[0] if plant and plant[0] not in fit.undetermined else None
 
@@ -76,7 +76,7 @@ def disagreement(fit: LeadFit, members: Sequence[Member], gains: pd.DataFrame, r
 
 
 def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
-    """Warn of plants of whose effect the training says next to nothing, and of a plan whose gain no jumps tell."""
+    """Warn of plants of whose effect the training says next to nothing, and of a plan whose gain no jumps determine."""
     capacity = {s.role: s.parameter for s in fit.plan.network.sources(training.inputs)}
     for role in fit.undetermined:
         parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
@@ -88,18 +88,18 @@ def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) 
             f"{_experiment(fit, role)}.",
             ExcitationWarning,
         )
-    told, pull = told_plant(fit, training), fit.problem.pull
-    if told and pull is not None and not pull.observed:
+    plant, pull = determined_plant(fit, training), fit.problem.pull
+    if plant and pull is not None and not pull.observed:
         warn_user(
             "the heat hardly jumped in the training, so that its effect is that of a network fitted to forecasts, "
-            f"often too small; {_experiment(fit, told)}.",
+            f"often too small; {_experiment(fit, plant)}.",
             GainWarning,
         )
 
 
 def _experiment(fit: LeadFit, role: str) -> str:
     """Days of an experiment, and how far they would lower the error of a plant's gain."""
-    days, error = days_to_tell(fit, role)
+    days, error = days_to_determine(fit, role)
     often, reached = f"{days} days", f"below {LITTLE_ERROR:.0%}"
     if error >= LITTLE_ERROR:
         often, reached = f"even {often}", f"only to {error:.0%}"

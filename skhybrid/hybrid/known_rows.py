@@ -99,7 +99,7 @@ class KnownRows:
         return replace(self, settled=(training,), recent=(), n_end=min(self.n_end + self._n_recent, training.n_rows))
 
     def n_known_of(self, history: ZoneTable) -> int:
-        """How many rows of a history are known already, where it goes on from known rows or ends with the last one."""
+        """Number of rows of a history that are known already, where it goes on from them or ends with the last one."""
         if history.utc is None or self.last_stamp is None or history.utc[-1] < self.last_stamp:
             return 0
         n = int((history.utc <= self.last_stamp).sum())

@@ -14,7 +14,7 @@ from .law_features import LawRows, further_features, network_features, same_cloc
 MEMBERS = ("network", "network, corrected", "direct", "last week")
 PRIOR = np.array([0.25, 0.30, 0.35, 0.10])
 _PAIRS, _PER_ORIGIN = 8000, 24  # pairs of origin and lead that the trees see, in all and of one origin, at most
-_BLOCK_DAYS = 4  # of the blocks that are forecast by what the others taught
+_BLOCK_DAYS = 4  # days per block of the cross-fitting
 _GOLDEN = 0.6180339887498949  # its multiples spread the leads evenly
 
 
@@ -75,7 +75,8 @@ def _as_seen(network: np.ndarray, further: np.ndarray) -> tuple[np.ndarray, np.n
 def learn(pairs: Pairs, per_day: int, weight: np.ndarray | None = None) -> Law:
     """Trees from pairs, as many as there are weights (n,).
 
-    The load by which the temperature is learned is forecast by what has not seen it, in blocks of days by turns.
+    The load by which the temperature is learned is cross-fitted: in every other block of days it is forecast by trees
+    that were fitted on the blocks between.
     """
     (heat, ideal), (T, network) = pairs.heat.T, pairs.temperature.T
     of_network, X = _as_seen(pairs.network, pairs.further)

@@ -39,7 +39,7 @@ def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:
     measured = {name: X[name] if name in X.columns else pd.Series(np.nan, X.index) for name in past}
     out = step.transform(_with_columns(X, {name: measured[name] for name in past if name in names})[names])
     if not isinstance(out, pd.DataFrame):
-        raise ValueError("preprocess= returns no DataFrame; take a transformer that has set_output.")
+        raise ValueError("preprocess= must return a DataFrame; use a transformer with set_output.")
     kept = {
         name: out[name].where(known.notna().to_numpy()) if name in out.columns else known
         for name, known in measured.items()

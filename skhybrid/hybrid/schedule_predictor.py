@@ -23,7 +23,7 @@ class SchedulePredictor(BaseHybrid):
     forecast is blended with ARX.  The user guide has the equations.  Where the training does not determine what a plant
     does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`), takes a network of the usual size, and lets
     no other member of the blend say what that plant does.  A :class:`~skhybrid.exceptions.GainWarning` is given where
-    a gain is not to be relied on: by ``fit`` with ``purpose="plan"`` where no jumps of the heat tell it, and by
+    a gain is unreliable: by ``fit`` with ``purpose="plan"`` where no jumps of the heat determine it, and by
     :meth:`affine_forecast` and :meth:`to_state_space` where the members of the blend disagree on it.  Every
     forecast stays within the temperatures known so far, widened by their range and 2 K, and by 10 K at least.
 
@@ -125,7 +125,7 @@ def make_schedule_scheme(
 
 def _check_prior(prior: Any, purpose: str) -> None:
     if not (hasattr(prior, "arx") and hasattr(prior, "network")):
-        raise ValueError(f"prior={prior!r} is no FleetPrior; learn one from fitted zones, or leave it out.")
+        raise ValueError(f"prior={prior!r} must be a FleetPrior; learn one from fitted zones, or leave it out.")
     if purpose == "plan":
         raise ValueError(
             "prior= was learned for forecasts and would undo the pull of purpose='plan' on the gain; leave one out."

@@ -29,9 +29,9 @@ from ..schedule import (
 )
 from ..thermal import RCNetwork
 from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
-from .blend_members import evidence_of, first_shares, make_others
+from .blend_members import evidence_of, first_shares, members_beside_network
 from .drift import DriftMonitor
-from .gain_report import disagreement, gain_errors, gain_table, plant_of, told_plant, warn_of_gain
+from .gain_report import determined_plant, disagreement, gain_errors, gain_table, plant_of, warn_of_gain
 from .known_rows import KnownRows
 from .members import Member, ScheduleMember
 from .numbered_table import NumberedTable
@@ -103,7 +103,7 @@ class ScheduleScheme(Scheme):
         network_prior = self.prior.network if self.prior is not None and young else None
         self._physics = ScheduleMember(self.network, self.known, self.purpose, network_prior).fit(training, n_leads)
         fit = self._physics.fit_
-        self._others = make_others(fit, training, self.purpose, like, self.prior)
+        self._others = members_beside_network(fit, training, self.purpose, like, self.prior)
         for member in self._others:
             member.fit(training, n_leads)
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
@@ -119,8 +119,8 @@ class ScheduleScheme(Scheme):
         self._record = BlendRecord(
             sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
-        if told := told_plant(fit, training):
-            self.gain_doubt = disagreement(fit, self._members, self.gain_, told)
+        if plant := determined_plant(fit, training):
+            self.gain_doubt = disagreement(fit, self._members, self.gain_, plant)
 
     def _warn_scale(self) -> None:
         """Warn where neither a capacity nor a measured heat fixes what a kW is."""

@@ -125,8 +125,8 @@ class BaseTwoStage(BaseHybrid):
         case = getattr(part, "case", None)
         if refits_fast(part) and case != DisturbanceForecaster().case:
             raise ValueError(
-                f"forecaster__case={case!r} does nothing with model={part.model!r}, which is no network; leave it out, "
-                "or set forecaster__model to a network."
+                f"forecaster__case={case!r} does nothing with model={part.model!r}, which is not a network; leave it "
+                "out, or set forecaster__model to a network."
             )
         return part
 

@@ -52,7 +52,7 @@ class WithoutHeat:
 
     def view(self, rows: NumberedTable) -> RowsAndHeat:
         response = self._response
-        before = None if rows.before is None else response.of_others(rows.before)
+        before = None if rows.before is None else response.without_plant_inputs(rows.before)
         without = rows._replace(table=response.without_plants(rows.table), before=before, whole=None)
         return RowsAndHeat(without, response.heat(rows.table))
 

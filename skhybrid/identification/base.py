@@ -157,7 +157,7 @@ class NetworkIdentifier(NetworkModel):
         """Read and check what ``fit`` is given."""
         network = get_network(self.network)
         if not isinstance(self.n_starts, int | np.integer) or self.n_starts < 1:
-            raise ValueError(f"n_starts={self.n_starts!r} is not a whole number from 1.")
+            raise ValueError(f"n_starts={self.n_starts!r} must be an integer of at least 1.")
         table = self._read(X, network, reset=True)
         target = read_outputs(y, table, network, max_missing=self.max_missing)
         self._check_spans(table.step)

@@ -68,7 +68,7 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
     if not network.zones:
         raise ValueError(f"the network {network.name} has no zones; make it by thermal.building_network.")
     if not isinstance(X, pd.DataFrame):
-        raise ValueError("X is no DataFrame; a room's columns are found by name.")
+        raise ValueError("X must be a DataFrame; a room's columns are found by name.")
     roles = {column: role for role, column in dict(estimator.columns or {}).items()}
     read = {column: roles.get(column, column) for column in X.columns}
     _refuse_what_rooms_cannot_tell(network, read.values())
@@ -101,7 +101,7 @@ def _by_role(network: RCNetwork, y: Any) -> pd.DataFrame:
     """The measured temperatures, with columns ``T_za_<zone>``."""
     names = dict(zip(network.measured_names, network.history_roles, strict=True))
     if not isinstance(y, pd.DataFrame):
-        raise ValueError(f"y is no DataFrame; give one with the columns {listed(names.values())}.")
+        raise ValueError(f"y must be a DataFrame; give one with the columns {listed(names.values())}.")
     named = y.rename(columns=names)
     for role in names.values():
         if list(named.columns).count(role) != 1:

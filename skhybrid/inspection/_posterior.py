@@ -115,7 +115,7 @@ def _density(draws: np.ndarray, n_points: int = 200) -> tuple[np.ndarray, np.nda
 class RobustnessDisplay(Display):
     """Errors of each case over its sizes (left), and the predicted difference between the best case and each (right).
 
-    Cases are in the order of their medians; those that cannot be told from the best are blue.  A negative
+    Cases are in the order of their medians; those that are indistinguishable from the best are blue.  A negative
     difference means that the best case is better.
 
     Parameters
@@ -128,7 +128,7 @@ class RobustnessDisplay(Display):
     probability : Series
         P(best case < case), by case.
     indistinguishable : list of str
-        Cases that cannot be told from the best.
+        Cases that are indistinguishable from the best.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class RobustnessDisplay(Display):
             panel.set_ylim(len(cases) - 0.4, -0.8)
         left.set_yticks(rows, cases, fontsize="small")
         right.set_yticks(rows, [""] * len(cases))
-        for color, label in ((COLORS[0], "cannot be told from the best"), (_GREY, "worse than the best")):
+        for color, label in ((COLORS[0], "indistinguishable from the best"), (_GREY, "worse than the best")):
             left.plot([], [], color=color, alpha=0.6, linewidth=6.0, label=label)
         shared_legend(axes, title)
         tidy(left, ylabel="", xlabel="RMSE over sizes [K]")

@@ -10,6 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from ..identification import Diagnostics, diagnose
+from ..identification.diagnostics.residual_tests import Z95
 from ._display import Display
 from ._style import COLORS, MEASURED, grid_or_new, tidy, time_axis
 
@@ -95,7 +96,7 @@ class ResidualDisplay(Display):
 
 def _draw_time(ax: Any, z: pd.Series) -> None:
     place = z.index if isinstance(z.index, pd.DatetimeIndex) else np.arange(len(z))
-    ax.axhspan(-1.96, 1.96, **_BAND)
+    ax.axhspan(-Z95, Z95, **_BAND)
     ax.plot(place, z.to_numpy(), color=MEASURED, linewidth=0.6)
     tidy(ax, ylabel="error / its std [-]", title="standardised one-step errors")
     time_axis(ax, z.index)

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..forecasting.quantiles import quantile_columns
+
 #: palette of Okabe and Ito, for colour-blind readers, without its black and its pale yellow.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MEASURED = "#222222"
@@ -129,6 +131,6 @@ def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") 
     pairs = [(low, high) for low, high in zip(levels, levels[::-1], strict=True) if low < high]
     for low, high in pairs:
         name = f"{label}, {100 * (high - low):.3g} %" if label else f"{100 * (high - low):.3g} % interval"
-        edges = frame[f"q_{low:g}"], frame[f"q_{high:g}"]
+        edges = (frame[name] for name in quantile_columns((low, high)))
         ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=name)
     return len(pairs)

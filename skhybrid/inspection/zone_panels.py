@@ -30,7 +30,9 @@ def days_figure(forecasts: Mapping[str, pd.DataFrame], width: float = 9.0, power
     figure, axes = _panels(len(forecasts), 1 + loads, width)
     for row, (zone, frame) in zip(axes, forecasts.items(), strict=True):
         shown = row[: 1 + ("Q_hvac" in frame)]
-        DayAheadDisplay.from_predictions(frame, **beside(frame), ax=shown if len(shown) > 1 else shown[0])
+        DayAheadDisplay.from_predictions(
+            frame, **measured_and_setpoint(frame), ax=shown if len(shown) > 1 else shown[0]
+        )
         for ax, unit in zip(shown, ("degC", power), strict=False):
             ax.set_ylabel(f"{zone} [{unit}]")
             ax.get_legend().remove()
@@ -41,7 +43,7 @@ def days_figure(forecasts: Mapping[str, pd.DataFrame], width: float = 9.0, power
     return figure
 
 
-def beside(forecast: pd.DataFrame) -> dict[str, Any]:
+def measured_and_setpoint(forecast: pd.DataFrame) -> dict[str, Any]:
     """Measurements of a day, and its set-point, where it is not the measured temperature itself."""
     renamed = {"T_za_measured": "T_za", "Q_hvac_delivered": "Q_hvac"}
     measured = forecast[[c for c in renamed if c in forecast]].rename(columns=renamed)

@@ -10,14 +10,14 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant
 
-_FEW_HOURS = 5.0  # hours at full heat, below which a plant tells little
+_FEW_HOURS = 5.0  # hours at full heat, below which a plant shows little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
-_LEAST_SPREAD = 1.0  # range of a room's temperature [K] that tells of its time constants
-_LEAST_WEATHER = 5.0  # range of the outdoor temperature [K] that tells of the loss
+_LEAST_SPREAD = 1.0  # range of a room's temperature [K] that shows its time constants
+_LEAST_WEATHER = 5.0  # range of the outdoor temperature [K] that shows the loss
 
 
 class Abilities(NamedTuple):
-    """Facts that a log tells of a zone, those that it does not, and what would help."""
+    """Facts of a zone that a log determines, those that it does not, and what would help."""
 
     can: list[str]
     cannot: list[str]
@@ -61,7 +61,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
     if {rooms[0], "T_oa"} <= have:
         _building(moved, n_days, can, cannot, rooms[0])
     if not plants:
-        cannot.append("how the room answers to heating or cooling: no column tells when the plant ran.")
+        cannot.append("how the room answers to heating or cooling: no column shows when the plant ran.")
         steps.append("log the heat [kW], the stage of the plant or the opening of the valve.")
     for role in plants:
         ran = moved["hours run"].get(role, 0.0)
@@ -70,7 +70,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
             steps.append(f"log days on which {role} runs, if the plant can.")
         elif not ran >= _FEW_HOURS:
             cannot.append(f"the effect of {role}: it ran for {ran:.1f} full-load hours only.")
-            steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) tell its effect.")
+            steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) show its effect.")
         elif role in unsure:
             can.append(f"the effect of {role} on the temperature.")
             cannot.append(f"kW of {role}: its scale or its coefficient of performance is not known.")

@@ -241,7 +241,7 @@ def _finish(
     else:
         held = frozenset(choice.held)
         for name in held - set(frame):
-            raise ValueError(f"held= names {name!r}, which is no channel of {pieces.where}.")
+            raise ValueError(f"held= names {name!r}, which is not a channel of {pieces.where}.")
     notes = tuple(_counted(pieces.notes))
     if held and not frame.index.is_unique:
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written

@@ -88,12 +88,12 @@ class Channel:
 
     @property
     def odd(self) -> tuple[str, int]:
-        """The most frequent word that is no number, and the number of cells that hold words."""
+        """The most frequent word that is not a number, and the number of cells that hold words."""
         return (self.words.most_common(1)[0][0], self.words.total()) if self.words else ("", 0)
 
     @property
     def is_text(self) -> bool:
-        """Whether the words have a meaning of their own, so that this is no channel of numbers."""
+        """Whether the words have a meaning of their own, so that this is not a channel of numbers."""
         meant = sum(n for word, n in self.words.items() if not _ERRORS.fullmatch(word))
         # "off" beside "heat" is a mode, not a switch
         return meant > self.n_numbers or (meant > 0 and self.n_switches > 0)
@@ -115,7 +115,7 @@ class Channel:
         return values
 
     def _one(self, word: str, n: int, decimal: str) -> float:
-        """The value of a cell that is no plain number, ``n`` of which were found."""
+        """The value of a cell that is not a plain number, ``n`` of which were found."""
         if (switch := _SWITCHES.get(word.lower())) is not None:
             self.n_switches += n
             return switch

@@ -146,7 +146,7 @@ def _open(file: Path, where: str) -> tuple[pd.DataFrame, _Layout, list[str]]:
     layout = _layout(text)
     if layout is None:
         raise ValueError(
-            f"{where} is no log of an ecobee thermostat: it has no header such as 'Date,Time,System Setting,...', "
+            f"{where} is not a log of an ecobee thermostat: it has no header such as 'Date,Time,System Setting,...', "
             "'DateTime,...,T_ctrl' or 'date,time,zoneAveTemp'."
         )
     if text.lstrip().startswith("{"):
@@ -169,7 +169,7 @@ def _rows_of_report(text: str, where: str) -> str:
         header = f"date,time,{report['columns']}"
     except (json.JSONDecodeError, KeyError, IndexError, TypeError) as error:
         raise ValueError(
-            f"{where} is no whole runtime report (columns and reportList with rowList); request it again."
+            f"{where} is not a complete runtime report (columns and reportList with rowList); request it again."
         ) from error
     if len(reports) > 1:
         raise ValueError(f"{where} holds {len(reports)} thermostats; request a report of one of them.")

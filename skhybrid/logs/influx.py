@@ -171,7 +171,8 @@ def _to_numbers(cells: pd.Series, name: str, line: int, where: str) -> np.ndarra
     if wrong.any():
         row = int(np.argmax(wrong))
         raise ValueError(
-            f"line {line + cells.index[row]} of {where}: {cells.iloc[row]!r} is no number of {name!r}; export it again."
+            f"line {line + cells.index[row]} of {where}: {name!r} is {cells.iloc[row]!r}, not a number; export "
+            "it again."
         )
     numbers[~np.isfinite(numbers)] = np.nan
     return numbers

@@ -60,7 +60,7 @@ def _fitted(row: list[str], n: int, line: int, where: str) -> list[str]:
 
 
 def to_numbers(cells: pd.Series, where: str) -> np.ndarray:
-    """A column as float64, NaN where nothing was logged; a cell that is no number is refused."""
+    """A column as float64, NaN where nothing was logged; a cell that is not a number is refused."""
     text = cells.astype(str).str.strip()
     numbers = pd.to_numeric(text, errors="coerce").to_numpy(np.float64, copy=True)
     wrong = np.isnan(numbers) & ~text.str.lower().isin(_NO_VALUE).to_numpy()
@@ -102,8 +102,8 @@ def utc_ticks(cells: pd.Series, line: int, where: str) -> np.ndarray:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise ValueError(
-            f"line {line + row} of {where}: {cell(cells.iloc[row])} is no time stamp; the file may be cut off there: "
-            "export it again."
+            f"line {line + row} of {where}: {cell(cells.iloc[row])} is not a time stamp; the file may be cut off "
+            "there: export it again."
         )
     return stamps.dt.as_unit("ns").astype("int64").to_numpy()
 

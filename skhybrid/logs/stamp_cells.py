@@ -125,7 +125,7 @@ def _from_epoch(cells: pd.Series, timezone: str | None, where: str) -> tuple[pd.
     known = numbers.notna().to_numpy()
     if not known.all():
         row = int(np.argmax(~known))
-        raise ValueError(f"row {cells.index[row] + 2} of {where}: the time stamp {cell(cells.iloc[row])} is no number.")
+        raise ValueError(f"row {cells.index[row] + 2} of {where}: the stamp {cell(cells.iloc[row])} is not a number.")
     unit = next(unit for limit, unit in _EPOCH_UNITS if numbers.iloc[0] < limit)
     scale = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}[unit]
     ticks = numbers.astype(np.int64) * int(scale) if (numbers % 1 == 0).all() else (numbers * scale).round()

@@ -182,7 +182,7 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
     if by is None:
         return pd.concat([scores.mean(), pd.Series({"n": len(scores)})])
     if isinstance(by, str) and by not in frame:
-        raise ValueError(f"by={by!r} is no column of the back-test; give 'lead' or 'origin'.")
+        raise ValueError(f"by={by!r} is not a column of the back-test; give 'lead' or 'origin'.")
     keys = frame[by] if isinstance(by, str) else pd.Series(np.asarray(by), index=frame.index)
     groups = scores.groupby(keys[known])
     return groups.mean().assign(n=groups.size())
@@ -248,7 +248,7 @@ def _first_row(stamps: pd.Index, start: Any) -> int:
         try:
             start = pd.Timestamp(start).as_unit(stamps.unit)
         except (TypeError, ValueError):
-            raise ValueError(f"start={start!r} is no time stamp; give one, such as {str(stamps[0])!r}.") from None
+            raise ValueError(f"start={start!r} is not a time stamp; give one, such as {str(stamps[0])!r}.") from None
         if stamps.tz is not None and start.tz is None:
             start = start.tz_localize(stamps.tz)
     return int(stamps.searchsorted(start))

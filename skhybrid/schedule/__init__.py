@@ -7,7 +7,7 @@ in ``docs/explanation/schedule_model.rst``.
 """
 
 from .fit import LeadFit, fit_leads
-from .gain_error import LITTLE_ERROR, days_to_tell, step_gain, step_gain_error
+from .gain_error import LITTLE_ERROR, days_to_determine, step_gain, step_gain_error
 from .heat_response import HeatResponse
 from .network_prior import NetworkPrior, NetworkSums
 from .online_network import OriginState
@@ -30,7 +30,7 @@ __all__ = [
     "ScheduledNetwork",
     "Segment",
     "bends_at",
-    "days_to_tell",
+    "days_to_determine",
     "fit_leads",
     "heat_frame",
     "linear_network",

@@ -41,7 +41,7 @@ def _variance(H: np.ndarray, slope: np.ndarray) -> np.ndarray:
     return np.asarray(np.sum(slope.T * np.linalg.solve(H, slope.T), axis=0))
 
 
-def days_to_tell(fit: LeadFit, role: str) -> tuple[int, float]:
+def days_to_determine(fit: LeadFit, role: str) -> tuple[int, float]:
     """Days of random set-points and the relative standard error of a plant's gain at 24 h after them.
 
     The fewest days with little error, or as many as are tried.  They are like those of the training, but for random

@@ -47,9 +47,9 @@ class HeatResponse:
 
     def without_plants(self, table: ZoneTable) -> ZoneTable:
         """A table without the columns of the plants."""
-        return table.replace(inputs=self.of_others(table.inputs))
+        return table.replace(inputs=self.without_plant_inputs(table.inputs))
 
-    def of_others(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def without_plant_inputs(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Inputs without those of the plants."""
         return {role: v for role, v in inputs.items() if role not in self.roles}
 

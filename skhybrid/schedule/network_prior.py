@@ -114,7 +114,7 @@ class NetworkPrior:
         return ProblemPrior(np.linalg.inv(self.covariance), self.channels, gram)
 
     def refuse_other(self, model: FilterModel) -> None:
-        """Say in one sentence why it says nothing of another network or step."""
+        """Raise a ValueError if the prior was learned with another network or step."""
         if model.step != self.step:
             raise ValueError(
                 f"prior= was learned at {60.0 * self.step:g} min, this log has {60.0 * model.step:g} min; give a prior "

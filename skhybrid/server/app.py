@@ -228,7 +228,7 @@ def _csv_text(body: bytes) -> tuple[str, int]:
     except UnicodeDecodeError:
         raise ValueError("the CSV is not text in UTF-8.") from None
     if "\0" in text or text.startswith("BZh") or not text.strip():
-        raise ValueError("the body is no CSV.")
+        raise ValueError("the body is not CSV.")
     return text, max(0, len(text.strip().splitlines()) - 1)
 
 

@@ -109,7 +109,7 @@ def rows_words(status: dict[str, Any]) -> str:
 def drift_words(drift: dict[str, Any]) -> str:
     """Whether errors have drifted."""
     if not drift:
-        return "cannot be told yet"
+        return "not known yet"
     return f"yes, since {drift['since']}" if drift["drifted"] else "no"
 
 

@@ -75,7 +75,7 @@ class PastErrors(BaseModel):
 
 
 class Drift(BaseModel):
-    """Whether errors have grown since the model learned; empty where that cannot be told yet."""
+    """Whether errors have grown since the model learned; empty while that is not known."""
 
     drifted: bool | None = Field(None, description="whether they have")
     since: str | None = Field(None, description="day of the change")

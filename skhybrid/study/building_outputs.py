@@ -14,12 +14,13 @@ from .. import __version__
 from .._files import atomic_path
 from ..inspection.zone_panels import weeks_figure
 from ..persistence import save_model
-from .building_study import BuildingResult, coverage_of
+from .building_study import BuildingResult
 from .compared_models import HYBRID
-from .identified_building import told
+from .identified_building import identified_only
 from .outputs import NAMES, plain, staged_files, write_csv
 from .report import verdict
 from .report.building_page import write_building_report, zones_in_words
+from .scores import coverage_of, side_by_side
 from .verdict import Verdict
 
 _SHOWN = pd.Timedelta("7D")
@@ -43,7 +44,7 @@ def write_building(
     """
     with staged_files(folder, before_swap) as staged:
         write_csv(result.forecast, staged / "forecast.csv")
-        write_csv(_side_by_side(result).set_index("origin"), staged / "backtest.csv")
+        write_csv(side_by_side(result.frames).set_index("origin"), staged / "backtest.csv")
         write_csv(_identified(result), staged / "parameters.csv", digits=6)
         (staged / "metrics.json").write_text(building_metrics(result) + "\n", encoding="utf-8")
         save_model(result.model, staged / "model.skops")
@@ -94,13 +95,6 @@ def format_zones(result: BuildingResult) -> str:
     return f"{head}\n{shown}\n\n{verdict(result.table, HYBRID)}"
 
 
-def _side_by_side(result: BuildingResult) -> pd.DataFrame:
-    """All back-tests in one table: zone, origin, lead [h], time, measured, and one column per model."""
-    first = result.frames[HYBRID]
-    shared = first[["origin", "zone", "lead", "time", "y_true"]].assign(lead=first["lead"].dt.total_seconds() / 3600)
-    return shared.assign(**{label: frame["y_pred"].to_numpy() for label, frame in result.frames.items()})
-
-
 def _identified(result: BuildingResult) -> pd.DataFrame:
     """Quantities of the rooms, and what each two exchange; empty where the rooms were not identified."""
     columns = ["zone", "value", "std", "unit", "remark"]
@@ -119,7 +113,7 @@ def _nested(result: BuildingResult) -> dict[str, Any]:
 
 def identified_content(identified: Any) -> dict[str, Any]:
     """An identified building of several zones as plain values."""
-    rooms, partitions = told(identified.rooms), told(identified.partitions)
+    rooms, partitions = identified_only(identified.rooms), identified_only(identified.partitions)
     zones = rooms.index.get_level_values("zone").unique()
     between = [{"zones": list(pair), **row} for pair, row in plain(partitions).items()]
     return {"zones": {str(zone): plain(rooms.loc[zone]) for zone in zones}, "exchange": between}

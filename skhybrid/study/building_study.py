@@ -20,7 +20,8 @@ from .compared_models import HYBRID, YESTERDAY, make_models
 from .data import StudyData
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
-from .run import INTERVAL, Progress
+from .run import Progress, counted
+from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
 from .verdict import CARE, NOT, USABLE, Verdict
 from .zone_part import data_of, forecast_of, rows_of, settings_of
@@ -74,7 +75,7 @@ class BuildingResult:
     @property
     def has_intervals(self) -> bool:
         """Whether the forecasts have intervals."""
-        return "q_0.1" in self.frames[HYBRID]
+        return has_intervals(self.frames[HYBRID])
 
     @property
     def best(self) -> str:
@@ -137,7 +138,7 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
             remarks.append(f"the rooms were not identified: {error}")
         say("loads, and forecast of the next day")
         loads = _loads(model, settings, data)
-        forecast = _next_day(model, settings, data, "q_0.1" in frames[HYBRID])
+        forecast = _next_day(model, settings, data, has_intervals(frames[HYBRID]))
         verdicts = {zone: _judged(model, settings, data, frames, zone, loads.get(zone)) for zone in settings.zones}
     said = (without_class(w.message) for w in caught if issubclass(w.category, UserWarning))
     zones = zone_table(frames, verdicts).join(_load_table(loads, data, settings))
@@ -211,32 +212,13 @@ def _of_zones(
     return pd.concat(parts, ignore_index=True)
 
 
-def counted(progress: Progress | None, total: int) -> Callable[[str], None]:
-    numbers = iter(range(1, total + 1))
-    return lambda text: None if progress is None else progress(next(numbers), total, text)
-
-
-def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> tuple[pd.DataFrame, pd.Series]:
-    """Errors of forecasts that every model made, and the zone of each.
-
-    Raises
-    ------
-    ValueError
-        If there are none.
-    """
-    errors = pd.DataFrame({name: frame["y_pred"] - frame["y_true"] for name, frame in frames.items()}).dropna()
-    if errors.empty:
-        raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
-    return errors, next(iter(frames.values()))["zone"][errors.index]
-
-
 def zone_table(frames: Mapping[str, pd.DataFrame], verdicts: Mapping[str, list[Verdict]]) -> pd.DataFrame:
     """Level of the verdicts, errors [K] by model and coverage of each zone, the worst first."""
-    errors, zone = errors_by_model(frames)
-    table = (errors**2).groupby(zone, sort=False).mean() ** 0.5
+    errors, own = errors_by_model(frames), frames[HYBRID]
+    table = (errors**2).groupby(own["zone"][errors.index], sort=False).mean() ** 0.5
     table = table.reindex(list(verdicts))
     level = pd.Series({name: worst(found) for name, found in verdicts.items()})
-    coverage = pd.Series({name: coverage_of(frames[HYBRID], name) for name in verdicts}, dtype=float)
+    coverage = pd.Series({name: coverage_of(own[own["zone"] == name]) for name in verdicts}, dtype=float)
     by_error = table[HYBRID].sort_values(ascending=False, kind="stable").index
     order = worst_first({str(zone): [level[zone]] for zone in by_error})
     return table.assign(level=level, coverage=coverage).loc[order].rename_axis("zone")
@@ -252,17 +234,10 @@ def worst(verdicts: list[Verdict]) -> str:
     return min((one.level for one in verdicts), key=_WORST_FIRST.index)
 
 
-def coverage_of(frame: pd.DataFrame, zone: str | None = None) -> float | None:
-    """Share of the measurements of a zone, or of all, inside the intervals of a back-test; None without intervals."""
-    low, high = (f"q_{level:g}" for level in INTERVAL)
-    own = (frame if zone is None else frame[frame["zone"] == zone]).dropna(subset="y_true")
-    return float(own["y_true"].between(own[low], own[high]).mean()) if low in own and len(own) else None
-
-
 def judge_zone(frames: Mapping[str, pd.DataFrame], zone: str, doubts: list[str] | None = None) -> Verdict:
     """The verdict on a zone's temperature."""
     own, yesterday = (frames[label][frames[label]["zone"] == zone] for label in (HYBRID, YESTERDAY))
-    return judge_temperature(own, yesterday, coverage_of(frames[HYBRID], zone), doubts or ())
+    return judge_temperature(own, yesterday, coverage_of(own), doubts or ())
 
 
 def _judged(
@@ -321,8 +296,7 @@ def _of_all(
     start: pd.Timestamp,
 ) -> pd.DataFrame:
     """Errors by model over all zones together, the best first."""
-    errors, _ = errors_by_model(frames)
-    table = pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()})
+    table = error_table(errors_by_model(frames))
     notes = _NOTES | {one.label: one.note for one in make_models(settings) if one.label in _COMPARED}
     table = table.assign(load_rmse=np.nan, seconds=pd.Series(seconds), note=pd.Series(notes)[table.index])
     table = table.sort_values("rmse")

@@ -24,6 +24,7 @@ from .settings import Settings
 SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 #: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
+TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
 _WARMEST_SETPOINT = 45.0  # of a room [degC]
 _SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
@@ -107,7 +108,7 @@ def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.Data
 
 
 def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
-    """The channels of a log as its source has them, by the format that the settings name or its content tells."""
+    """The channels of a log as its source has them, in the format that the settings name or its content shows."""
     given = {name: getattr(settings, name) for name in ("timezone", "time_column", "dayfirst", "sep", "decimal")}
     options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
     options.pop("max_hold", None)
@@ -259,7 +260,7 @@ def _checked(frame: Any, temperatures: Sequence[str]) -> pd.DataFrame:
     """A log with the temperatures of zones as numbers, refused where it cannot be split."""
     for role in temperatures:
         if not isinstance(frame, pd.DataFrame) or role not in frame:
-            raise ValueError(f"the log is no DataFrame with a column {role}; read_log returns one.")
+            raise ValueError(f"the log must be a DataFrame with a column {role}; read_log returns one.")
     if not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("the log has no time stamps as its index; read_log gives it one.")
     refuse_shape(frame, 1)

@@ -11,8 +11,8 @@ import pandas as pd
 from .doubts import ends_of, in_words
 from .settings import is_scaled
 
-_NOT = "not identified"  # how the remarks on values begin that the log does not tell
-UNTOLD = f"{_NOT}: the log does not tell it"
+_NOT = "not identified"  # how the remarks on values begin that the log does not determine
+NOT_IDENTIFIED = f"{_NOT}: the log does not determine it"
 UNSCALED = f"{_NOT}: no capacity of the plant is known"
 NEIGHBOUR = "T_za_"  # how temperatures begin that a room of a building measures, its own and its neighbours'
 _UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified
@@ -96,7 +96,7 @@ def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
 
 
 def has_scale(gray_box: Any) -> bool:
-    """Whether a gray box tells kW; time constants need none."""
+    """Whether the kW of a gray box have a scale; time constants need none."""
     return is_scaled(gray_box.state_space_.input_names, gray_box.known or ())
 
 
@@ -105,7 +105,7 @@ def remark_on(name: str, value: float, std: float) -> str:
     relative = std / abs(value) if value else np.inf
     usual = next((span for begin, span in _USUAL.items() if name.startswith(begin)), (-np.inf, np.inf))
     if np.isfinite(relative) and relative > _UNKNOWN:
-        return UNTOLD
+        return NOT_IDENTIFIED
     if not usual[0] <= value <= usual[1]:
         return f"implausible: a room or a building has {usual[0]:g} to {usual[1]:g}"
     return "uncertain" if np.isfinite(relative) and relative > _UNSURE else ""
@@ -119,7 +119,7 @@ def parameter_table(gray_box: Any) -> pd.DataFrame:
         table[column] = [getattr(searched[str(name)], column) for name in table.index]
     table["description"] = table["description"].map(in_words)
     relative = (table["std"] / table["value"].abs()).to_numpy(dtype=float)
-    remark = np.select([relative > _UNKNOWN, relative > _UNSURE], [UNTOLD, "uncertain"], "")
+    remark = np.select([relative > _UNKNOWN, relative > _UNSURE], [NOT_IDENTIFIED, "uncertain"], "")
     scaled = [] if has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
     special = (
         dict.fromkeys(scaled, UNSCALED)
@@ -130,8 +130,8 @@ def parameter_table(gray_box: Any) -> pd.DataFrame:
     return table.rename_axis("parameter")
 
 
-def told(table: pd.DataFrame) -> pd.DataFrame:
-    """The table without the values and errors of what was not identified, for those who read it."""
+def identified_only(table: pd.DataFrame) -> pd.DataFrame:
+    """The table without the values and standard errors of what was not identified."""
     known = ~table["remark"].astype(str).str.startswith(_NOT)
     return table.assign(value=table["value"].where(known), std=table["std"].where(known))
 

@@ -19,7 +19,7 @@ Pairs = Sequence[Sequence[str]]
 
 
 class IdentifiedRooms(NamedTuple):
-    """A building as its log tells it."""
+    """The rooms of a building, identified from its log."""
 
     rooms: pd.DataFrame  # index (zone, quantity): value, std, unit, remark
     partitions: pd.DataFrame  # index (zone, neighbour): value, std [W/K], unit, remark; heat that they exchange per K

@@ -17,9 +17,10 @@ from .. import __version__
 from .._files import named_in_errors
 from ..persistence import save_model
 from .compared_models import HYBRID
-from .identified_building import told
+from .identified_building import identified_only
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
+from .scores import side_by_side
 from .tariff import Cost, energy_cost
 
 
@@ -112,7 +113,7 @@ def _swap(staged: Path, out: Path) -> None:
 
 def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
     write_csv(result.forecast, out / "forecast.csv")
-    write_csv(_wide(result).set_index("origin"), out / "backtest.csv")
+    write_csv(side_by_side(result.frames).set_index("origin"), out / "backtest.csv")
     write_csv(result.parameters, out / "parameters.csv", digits=6)
     (out / "metrics.json").write_text(metrics_text(result) + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
@@ -138,8 +139,8 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
         table=result.table,
         frames=result.frames,
         forecast=result.forecast,
-        parameters=told(result.parameters),
-        building=told(result.building),
+        parameters=identified_only(result.parameters),
+        building=identified_only(result.building),
         label=HYBRID,
         zeta=result.zeta,
         truth=truth,
@@ -186,13 +187,6 @@ def write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
 
-def _wide(result: StudyResult) -> pd.DataFrame:
-    """All back-tests in one table: origin, lead [h], time, measured, and one column per model."""
-    first = result.frames[HYBRID]
-    shared = first[["origin", "lead", "time", "y_true"]].assign(lead=first["lead"].dt.total_seconds() / 3600)
-    return shared.assign(**{label: frame["y_pred"].to_numpy() for label, frame in result.frames.items()})
-
-
 def plain(table: pd.DataFrame) -> dict[Any, Any]:
     """The rows of a table by name, None for what is not known."""
     values = table.astype(object)
@@ -206,7 +200,7 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
         "verdicts": [one._asdict() for one in result.verdicts],
-        "building": plain(told(result.building)),
+        "building": plain(identified_only(result.building)),
         "models": plain(result.table.drop(columns="note")),
         "interval_80_coverage": result.coverage,
         **result.data.spans(result.frames[HYBRID]),

@@ -22,10 +22,10 @@ from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_
 from .data import StudyData
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, plant_roles
+from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
 from .verdict import Verdict
 
-INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
 Progress = Callable[[int, int, str], None]  # called before every step with its number, the number of steps and a text
 
 
@@ -42,7 +42,7 @@ class StudyResult:
         The identification whose parameters describe the building: the model's own, or with the schedule model that of
         the two-stage model next to it.
     frames : dict of label to DataFrame
-        Back-tests; the hybrid's with the quantiles of :data:`INTERVAL` where there are intervals.
+        Back-tests; the hybrid's with quantiles where there are intervals.
     table : DataFrame
         Index = label; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``; the best first.
     forecast : DataFrame, the next day
@@ -83,9 +83,7 @@ class StudyResult:
     @property
     def coverage(self) -> float | None:
         """Share of the test measurements inside the intervals; None without intervals."""
-        frame = self.frames[HYBRID].dropna(subset="y_true")
-        low, high = (f"q_{level:g}" for level in INTERVAL)
-        return float(frame["y_true"].between(frame[low], frame[high]).mean()) if low in frame else None
+        return coverage_of(self.frames[HYBRID])
 
 
 class _Span(NamedTuple):
@@ -128,14 +126,14 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         models = make_models(settings, memory=folder)
-        say = _counted(progress, len(models) + 1)
+        say = counted(progress, len(models) + 1)
         remarks = list(data.remarks)
         train, later = _Span(data.train, read_once(data.train)), _Span(data.later, read_once(data.later, fits=False))
         tested = _test_all(models, settings, data.test_start, (train, later), say, remarks)
         say("forecast of the next day")
         identification = tested[identified_by(settings)].model.gray_box_
         model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
-        forecast = _next_day(model, identification, data, "q_0.1" in tested[HYBRID].frame)
+        forecast = _next_day(model, identification, data, has_intervals(tested[HYBRID].frame))
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
         delivered = delivered_heat(identification, pd.concat([data.train, data.later]))
         rules = {} if delivered is None else loads_by_rule(data, delivered)
@@ -180,7 +178,8 @@ def _judged(
     return out
 
 
-def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
+def counted(progress: Progress | None, total: int) -> Callable[[str], None]:
+    """A function that passes a text on to ``progress``, with its number and the total."""
     numbers = iter(range(1, total + 1))
     return lambda text: None if progress is None else progress(next(numbers), total, text)
 
@@ -251,19 +250,12 @@ def _compared(
     rules: dict[str, pd.Series],
 ) -> pd.DataFrame:
     """The table of results, over the forecasts that every model made, the best first."""
-    errors = pd.DataFrame({name: one.frame["y_pred"] - one.frame["y_true"] for name, one in tested.items()}).dropna()
-    if errors.empty:
-        raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
-    table = pd.DataFrame(
-        {
-            "rmse": np.sqrt((errors**2).mean()),
-            "mae": errors.abs().mean(),
-            "load_rmse": {name: _load_error(one.load, identification, data) for name, one in tested.items()},
-            "seconds": {name: one.seconds for name, one in tested.items()},
-            "note": {one.label: one.note for one in models if one.label in tested},
-        }
-    )
-    table = table.loc[list(tested)].sort_values("rmse")
+    table = error_table(errors_by_model({name: one.frame for name, one in tested.items()}))
+    table = table.assign(
+        load_rmse=pd.Series({name: _load_error(one.load, identification, data) for name, one in tested.items()}),
+        seconds=pd.Series({name: one.seconds for name, one in tested.items()}),
+        note=pd.Series({one.label: one.note for one in models if one.label in tested}),
+    ).sort_values("rmse")
     for name, load in rules.items():
         table.loc[name, ["load_rmse", "note"]] = _rmse_of_load(load, identification, data), "a rule for the load alone"
     return table.rename_axis("model")

@@ -51,7 +51,7 @@ class Settings:
     timezone : str, optional, local time zone, such as ``"Europe/Amsterdam"``
     label : {"left", "right"}, whether a row is stamped with the start or the end of its step
     time_column, dayfirst, sep, decimal
-        Format of stamps and cells in the log, where its content does not tell, as for :func:`skhybrid.logs.read_log`.
+        Format of stamps and cells, where the log does not show it by itself, as for :func:`skhybrid.logs.read_log`.
     step : str, sampling time to which the log is resampled
     horizon, origin_step : str, how far ahead the back-test forecasts, and the distance of its origins
     random_state : int, seed of the random starts
@@ -79,7 +79,7 @@ class Settings:
         ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
         the schedule model and for ARX.
     format : str, optional
-        Format of the log, as :func:`skhybrid.logs.read_log` names it; by default its content tells.
+        Format of the log, as :func:`skhybrid.logs.read_log` names it; by default found from its content.
     log : mapping
         Options of the reader of that format, such as ``sheet`` of an Excel file or ``table`` of a database.
     plant : mapping
@@ -258,10 +258,10 @@ def _check_plain(settings: Settings) -> None:
             raise ValueError(f"{key} = {getattr(settings, key)!r} must be one character.")
     seed = settings.random_state
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
-        raise ValueError(f"random_state = {seed!r} must be a whole number from 0 to 4294967295.")
+        raise ValueError(f"random_state = {seed!r} must be an integer from 0 to 4294967295.")
     if not isinstance(settings.dayfirst, bool | None):
         raise ValueError(f"dayfirst = {settings.dayfirst!r} must be true or false.")
-    read_holidays(settings.holidays, pd.DatetimeIndex(["2000-01-01"]))  # refuses what is no place and no dates
+    read_holidays(settings.holidays, pd.DatetimeIndex(["2000-01-01"]))  # refuses what is neither a place nor dates
 
 
 def _check_tables(settings: Settings) -> None:
@@ -269,12 +269,12 @@ def _check_tables(settings: Settings) -> None:
     for table in ("columns", "units"):
         for role, value in getattr(settings, table).items():
             if role_of(role) is None and (table, role) != ("units", "setpoint"):
-                raise ValueError(f"[{table}] {role} is no role; roles are {', '.join(name for name, *_ in ROLES)}.")
+                raise ValueError(f"[{table}] {role} is not a role; roles are {', '.join(name for name, *_ in ROLES)}.")
             if not isinstance(value, str):
                 raise ValueError(f"[{table}] {role} = {value!r} must be text in quotes.")
     n_starts = settings.estimator.get("n_starts", 1)
     if isinstance(n_starts, bool) or not isinstance(n_starts, int) or n_starts < 1:
-        raise ValueError(f"[estimator] n_starts = {n_starts!r} must be a whole number of at least 1.")
+        raise ValueError(f"[estimator] n_starts = {n_starts!r} must be an integer of at least 1.")
     for name, value in _inner_table(settings.estimator, "estimator", "known").items():
         if not _is_number(value):
             raise ValueError(f"[estimator] known: {name} = {value!r} must be a number.")

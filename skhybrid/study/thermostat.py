@@ -87,7 +87,7 @@ def _of_text(side: str) -> Any:
             return float(side)
         return {clock: float(value) for clock, value in (part.split("=") for part in side.split(","))}
     except ValueError:
-        raise ValueError(f"--setpoint {side!r} is no set-point such as 21, or 6:00=21,22:00=17.") from None
+        raise ValueError(f"--setpoint {side!r} is not a set-point such as 21, or 6:00=21,22:00=17.") from None
 
 
 def _side(where: str, given: Any) -> dict[int, float]:
@@ -108,12 +108,12 @@ def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None
     for clock, value in given.items():
         found = _CLOCK.fullmatch(str(clock))
         if found is None:
-            raise ValueError(f"{where} has {clock!r}, which is no clock time such as 6:30.")
+            raise ValueError(f"{where} has {clock!r}, which is not a clock time such as 6:30.")
         plain = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
         if not plain or not low <= value <= high:
             allowed = f" from {low:g} to {high:g} degC" if span else ""
             allowed += " (degF must be converted)" if span and plain and high < value < 120 else ""
-            raise ValueError(f"{where} at {clock} is {value!r}, which is no {what}{allowed}.")
+            raise ValueError(f"{where} at {clock} is {value!r}, which is not a {what}{allowed}.")
         out[60 * int(found[1]) + int(found[2])] = float(value)
     return dict(sorted(out.items()))
 

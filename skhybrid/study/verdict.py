@@ -11,7 +11,7 @@ import pandas as pd
 USABLE, CARE, NOT = "usable", "use with care", "not usable"
 _BLOCK = 2  # origins that are drawn together, since neighbours err alike
 _DRAWS = 2000
-_SURE = (0.05, 0.95)  # quantiles of the ratio of errors between which it lies by chance
+_SURE = (0.05, 0.95)  # quantiles of the bootstrapped ratio of errors that bound its interval
 _COVERAGE = (0.70, 0.90)  # of 80 % intervals, that are as they should be
 _WORST_COVERAGE = 0.5
 _FEW = 5  # origins, below which nothing is sure
@@ -29,7 +29,7 @@ class Verdict(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """Ratio of a model's error to that of a simple rule, with an interval by chance (0 to inf: too few to tell)."""
+    """Ratio of a model's error to that of a simple rule, with its 90 % interval (0 to inf: too few to tell)."""
 
     rule: str
     ratio: float
@@ -39,14 +39,12 @@ class Comparison(NamedTuple):
     def words(self) -> str:
         """The comparison as a reason."""
         if np.isinf(self.high):
-            return (
-                f"its error is {self.ratio:.2f} of that of {self.rule}, in too few forecasts to tell what chance does"
-            )
-        span = f"{self.low:.2f} to {self.high:.2f} by chance"
+            return f"its error is {self.ratio:.2f} times that of {self.rule}, over too few forecasts to judge by"
+        span = f"90 % interval {self.low:.2f} to {self.high:.2f}"
         if self.high < 1.0:
-            return f"its error is {self.ratio:.2f} of that of {self.rule} ({span})"
+            return f"its error is {self.ratio:.2f} times that of {self.rule} ({span})"
         if self.low > 1.0:
-            return f"{self.rule} is better: its error is {1.0 / self.ratio:.2f} of ours"
+            return f"{self.rule} is better: its error is {1.0 / self.ratio:.2f} times ours"
         return f"it is not surely better than {self.rule} (ratio {self.ratio:.2f}, {span})"
 
 
@@ -107,6 +105,6 @@ def judge(
         care, reasons = True, [*reasons, f"it was tested on {n_origins} forecast{'s' * (n_origins != 1)} only"]
     if coverage is not None and not _COVERAGE[0] <= coverage <= _COVERAGE[1]:
         care, failed = True, failed or coverage < _WORST_COVERAGE
-        reasons.append(f"its 80 % intervals held {100 * coverage:.0f} % of the measurements")
+        reasons.append(f"its 80 % intervals contained {100 * coverage:.0f} % of the measurements")
     reasons += doubts
     return Verdict(quantity, NOT if failed and not few else CARE if care or doubts else USABLE, tuple(reasons))

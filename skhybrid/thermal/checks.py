@@ -53,7 +53,7 @@ def _name_problems(network: Declaration) -> Iterator[str]:
     own = [*network.capacitances.values(), *network.resistors, *_fractions(network)]
     for name in own:
         if not isinstance(name, str):
-            yield f"{name!r} is no name of a parameter; give text, such as 'C_za'."
+            yield f"{name!r} is not a name of a parameter; give text, such as 'C_za'."
         elif name.startswith(SOURCE_PARAMETERS):
             yield f"{name!r} cannot name this parameter: A_win... and Q_... are reserved for the sources."
     twice = sorted({str(name) for name in own if own.count(name) > 1})
@@ -100,7 +100,7 @@ def _end_problems(network: Declaration, name: str, end: str) -> Iterator[str]:
     if end in network.capacitances:
         return
     if not _BOUNDARY.match(end):
-        yield f"{name} ends at {end!r}, which has no capacitance and is no boundary temperature (T_...)."
+        yield f"{name} ends at {end!r}, which has no capacitance and is not a boundary temperature (T_...)."
     if end[2:] in network.capacitances:
         yield f"{name} ends at {end!r}, the temperature of the node {end[2:]!r}; write {end[2:]!r}."
     if end in ("T_heat_set", "T_cool_set"):

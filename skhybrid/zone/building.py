@@ -7,13 +7,11 @@ from typing import Any
 import pandas as pd
 
 from ..study.compared_models import make_gray_box
-from ..study.data import FACADES
+from ..study.data import FACADES, TRAINING_DAYS
 from ..study.identified_building import describe
 from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.settings import Settings
 from .zone_model import complete_rows
-
-_DAYS = 56
 
 
 def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
@@ -51,4 +49,4 @@ def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:
 
 
 def _last_weeks(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows[rows.index > rows.index[-1] - pd.Timedelta(days=_DAYS)]
+    return rows[rows.index > rows.index[-1] - pd.Timedelta(days=TRAINING_DAYS)]

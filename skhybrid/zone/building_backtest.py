@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 import pandas as pd
 
-from ..study.building_study import (
-    N_STEPS,
-    backtest_zones,
-    counted,
-    coverage_of,
-    errors_by_model,
-    judge_zone,
-    zone_table,
-)
+from ..study.building_study import N_STEPS, backtest_zones, judge_zone, zone_table
 from ..study.compared_models import HYBRID
 from ..study.data import train_and_test, with_facades
+from ..study.run import counted
+from ..study.scores import coverage_of, error_table, errors_by_model
 from ..study.settings import Settings
 from .zone_backtest import ZoneBacktest
 from .zone_model import complete_rows
@@ -47,8 +40,6 @@ def backtest_building(
     _, frames, _ = backtest_zones(settings, train, later, test.index[0], say, [])
     verdicts = {zone: [judge_zone(frames, zone)] for zone in settings.zones}
     found = [one._replace(quantity=f"{one.quantity} of {zone}") for zone, judged in verdicts.items() for one in judged]
-    errors, _ = errors_by_model(frames)
     of_each = zone_table(frames, verdicts)[list(frames)].loc[settings.zones].T.add_prefix("rmse_")
-    of_all = pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()})
-    table = of_all.join(of_each).sort_values("rmse").rename_axis("model")
+    table = error_table(errors_by_model(frames)).join(of_each).sort_values("rmse").rename_axis("model")
     return ZoneBacktest(table, frames[HYBRID], coverage_of(frames[HYBRID]), tuple(found), "")

@@ -156,7 +156,7 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
         found |= {f"heating of {zone} [kWh]": round(heat, 2) for zone, heat in kWh.items()}
         found["largest load [kW]"] = round(float(of_all.abs().max()), 2)
     if "Q_hvac" not in out or not is_scaled(settings.columns, settings.capacities):
-        return found  # kW without a scale are no sum to put in front
+        return found  # a sum of kW without a scale would mislead
     heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
     found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
     found["largest load [kW]"] = round(float(out["Q_hvac"].abs().max()), 2)

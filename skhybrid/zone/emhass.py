@@ -13,7 +13,7 @@ from ..study.settings import Settings, is_scaled
 from .first_order import Law, first_order, temperatures, warming
 
 _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]
-_LARGE = 0.99  # quantile of the logged heat that is its nominal power, where nothing else tells
+_LARGE = 0.99  # quantile of the logged heat that is its nominal power, where no setting gives it
 _SIGNS = {"heat": 1.0, "cool": -1.0}
 _UNSURE = 0.3  # relative standard error above which a value is uncertain
 _UNITS = {
@@ -109,7 +109,7 @@ def emhass_parameters(
     time = step * np.arange(1, round(hours / step) + 1)
     found = with_errors(gray_box, lambda theta: _values(gray_box, theta, plant, time))
     scaled = is_scaled(gray_box.state_space_.input_names, settings.capacities)
-    left_out = _not_told(found, scaled) | _BY_HAND
+    left_out = _undetermined(found, scaled) | _BY_HAND
     known = {str(name): float(f"{value:.4g}") for name, value in found["value"].items() if name not in left_out}
     efficiency = settings.plant.get("cop") if sense == "heat" else settings.plant.get("eer", settings.plant.get("cop"))
     if isinstance(efficiency, int | float):
@@ -152,7 +152,7 @@ def _plant(gray_box: Any, settings: Settings, rows: pd.DataFrame | None, sense: 
     if stages:
         return stages
     if not heats:
-        raise ValueError(f"the log has no heat and no stage that can {sense}, so EMHASS's law cannot be told.")
+        raise ValueError(f"the log has no heat and no stage that can {sense}, so EMHASS's law cannot be determined.")
     given = settings.plant.get("most_heat" if sense == "heat" else "most_cold")
     if given is None and rows is not None:
         used = (sign * rows[heats[0]])[lambda heat: heat > 0.0]
@@ -181,8 +181,8 @@ def _electricity(settings: Settings, heat: float, rows: pd.DataFrame | None) -> 
     return round(found) if np.isfinite(found) else None
 
 
-def _not_told(found: pd.DataFrame, scaled: bool) -> dict[str, str]:
-    """Parameters that this log does not tell, with the reason."""
+def _undetermined(found: pd.DataFrame, scaled: bool) -> dict[str, str]:
+    """Parameters that this log does not determine, with the reason."""
     out = {}
     for name, value, std in found.itertuples():
         if name in _IN_KW and not scaled:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from os import PathLike, fspath
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-_PATIENCE = 1.0  # how long a command waits for another one before it gives up [s]
+from .._sqlite import open_database
+
 _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
 BEYOND = "beyond"  # column of a forecast: 1 where the weather lies beyond what training covered
@@ -206,20 +207,12 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
     OSError
         If the file cannot be read or written.
     """
-    try:
-        with closing(sqlite3.connect(fspath(path), timeout=_PATIENCE, isolation_level=None)) as database:
-            for statement in _TABLES:
-                database.execute(statement)
-            yield ForecastArchive(database)
-    except sqlite3.Error as error:
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-            raise BlockingIOError(
-                f"another command is at work on {fspath(path)}; try again when it has ended."
-            ) from None
-        raise OSError(
-            f"{fspath(path)} cannot be used: {error}; check disk and permissions, or move the file away to begin a new "
-            "archive."
-        ) from error
+    busy = f"another command is at work on {fspath(path)}; try again when it has ended."
+    remedy = "check disk and permissions, or move the file away to begin a new archive."
+    with open_database(path, busy, remedy) as database:
+        for statement in _TABLES:
+            database.execute(statement)
+        yield ForecastArchive(database)
 
 
 def _of_zones(names: tuple[str, ...], zones: Sequence[str]) -> tuple[str, ...]:

@@ -67,8 +67,8 @@ def _refuse_sums(channel: Channel) -> None:
     """Refuse what is read with the help of the rows around it."""
     if channel.unit in ENERGY or (channel.unit in TIMES and channel.scale == 1.0):
         raise ValueError(
-            f"{channel.role} is logged in {channel.unit}, which a posted row does not tell without its neighbours; let "
-            "skhybrid zone tick read the log."
+            f"{channel.role} is logged in {channel.unit}, which a posted row alone does not determine; let skhybrid "
+            "zone tick read the log."
         )
 
 

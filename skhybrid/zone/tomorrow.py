@@ -112,7 +112,7 @@ def _setpoints(
     if found is None:
         names = " and ".join(plant) or "heat"
         raise ValueError(
-            f"nothing tells what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
+            f"nothing says what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
             f"configuration, or fill in {names} in the rows ahead."
         )
     free = free_days(settings.holidays, index)

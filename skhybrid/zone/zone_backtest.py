@@ -21,7 +21,7 @@ from ..study.judgement import (
     loads_by_rule,
     plant_roles,
 )  # fmt: skip
-from ..study.run import INTERVAL
+from ..study.scores import INTERVAL, coverage_of, error_table, errors_by_model
 from ..study.settings import Settings, is_scaled
 from ..study.verdict import Verdict
 
@@ -56,14 +56,9 @@ def backtest_zone(
         if progress is not None:
             progress(number, len(models), f"{one.label}: fit and back-test")
         frames[one.label] = _forecasts(one.estimator, one.label, settings, data)
-    errors = pd.DataFrame({name: frame["y_pred"] - frame["y_true"] for name, frame in frames.items()}).dropna()
-    if errors.empty:
-        raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
-    table = pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()}).sort_values("rmse")
+    table = error_table(errors_by_model(frames)).sort_values("rmse")
     own, predictor = frames[HYBRID], models[0].estimator
-    low, high = (f"q_{level:g}" for level in INTERVAL)
-    known = own.dropna(subset="y_true")
-    coverage = float(known["y_true"].between(known[low], known[high]).mean()) if low in own else None
+    coverage = coverage_of(own)
     doubts = Doubts.of(predictor, data.later, data)
     verdicts = [judge_temperature(own, frames[YESTERDAY], coverage, doubts.temperature)]
     delivered = load_of(pd.concat([data.train, data.later]), settings, plant_roles(data.train))

@@ -17,13 +17,12 @@ from ..hybrid import BuildingPredictor
 from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import SETPOINT, with_facades
-from ..study.run import INTERVAL
+from ..study.data import SETPOINT, TRAINING_DAYS, with_facades
+from ..study.scores import INTERVAL
 from ..study.settings import Settings, settings_from
 from ..study.zone_part import settings_of
 from .outages import bridged, like_index, stretches
 
-_DAYS = 56  # of training: longer logs bring seasons that tomorrow does not have
 _LEAST_DAYS = 3
 _BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
 _ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
@@ -44,7 +43,7 @@ class ZoneModel:
     settings: Settings
 
     @classmethod
-    def fit(cls, settings: Settings, frame: pd.DataFrame, days: int = _DAYS) -> Self:
+    def fit(cls, settings: Settings, frame: pd.DataFrame, days: int = TRAINING_DAYS) -> Self:
         """Fit the predictor of the settings on the last days of a log, on their longest stretch without a gap.
 
         Parameters
@@ -66,7 +65,7 @@ class ZoneModel:
             found = len(rows) * step / pd.Timedelta("1D")
             raise ValueError(
                 f"the log has {found:.1f} days in a row with all of {', '.join(map(str, rows))}; a model "
-                f"needs {_LEAST_DAYS} (skhybrid check tells which column is missing where)."
+                f"needs {_LEAST_DAYS} (skhybrid check shows which column is missing where)."
             )
         predictor = make_models(settings)[0].estimator
         if settings.zones:
@@ -233,7 +232,7 @@ class ZoneModel:
         rows = self.complete(frame)
         if rows.empty:
             raise ValueError(
-                "no row of the log has all inputs and a temperature; skhybrid check tells which are missing."
+                "no row of the log has all inputs and a temperature; skhybrid check shows which are missing."
             )
         parts = stretches(rows, pd.Timedelta(self.settings.step))
         rows = parts.pop()

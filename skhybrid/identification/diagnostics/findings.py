@@ -10,6 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from ..._time import rows_per_day
+from .residual_tests import Z95
 
 #: heat flow that is badly described where the errors follow an input
 _MEANING = {
@@ -21,7 +22,6 @@ _MEANING = {
     "T_": "heat to this neighbour",
     "u_": "this stage (its capacity or its lag)",
 }
-_Z95 = 1.96  # 95 % of a standard normal variable lies within
 _WEAK = 0.1  # a correlation below this is real where rows are many, and still of little weight
 
 
@@ -59,8 +59,8 @@ class ErrorPattern:
             what = (
                 "the disturbance model is not quite that of these rows."
                 if weak
-                else "heat comes and goes that the model does not carry (a disturbance state, a node); its standard "
-                "errors are too small."
+                else "the model lacks a heat flow that comes and goes, so its standard errors are too small; add a "
+                "disturbance state or a node."
             )
             return [f"errors that follow one another are {weak}alike {at}: {what}"]
         return [
@@ -97,7 +97,7 @@ class ErrorPattern:
             part = self.crossed[name].loc[1:]
             t = part["t"].abs().to_numpy()
             worst = int(np.nanargmax(t))
-            lags, r = _segment(t > _Z95, worst) + 1, float(part["ccf"].iloc[worst])
+            lags, r = _segment(t > Z95, worst) + 1, float(part["ccf"].iloc[worst])
             first, last = _spell(int(lags[0]) * self.step), _spell(int(lags[-1]) * self.step)
             at = f"at a lag of {first}" if first == last else f"at lags of {first} to {last}"
             out.append(

@@ -150,7 +150,7 @@ def diagnose_residuals(
     name : str
     """
     if not isinstance(level, Real) or not 0.0 < level < 1.0:
-        raise ValueError(f"level={level!r} is no probability between 0 and 1.")
+        raise ValueError(f"level={level!r} must be a probability between 0 and 1.")
     innovations = float_columns(innovations, ("innovation", "std"), "innovations")
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):

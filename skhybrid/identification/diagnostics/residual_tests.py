@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from ..._table import as_numbers
 
-_Z95 = 1.959964  # 95 % of a standard normal variable lies within
+Z95 = 1.959964  # 95 % of a standard normal variable lies within
 _MAX_ORDER = 32  # longest autoregression that makes an input white
 
 
@@ -38,7 +38,7 @@ def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:
     pairs = np.array([np.count_nonzero(seen[k:] & seen[:-k]) for k in lags])
     products = np.array([z[k:] @ z[:-k] for k in lags])
     with np.errstate(invalid="ignore", divide="ignore"):
-        acf, band = products / pairs / variance, _Z95 / np.sqrt(pairs)
+        acf, band = products / pairs / variance, Z95 / np.sqrt(pairs)
     table = pd.DataFrame({"acf": acf, "band": band, "n_pairs": pairs}, index=pd.Index(lags, name="lag"))
     return table.where(table["n_pairs"] > 0)
 
@@ -171,7 +171,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
         if n < 3 or spread == 0.0:
             rows.append((np.nan, np.nan, np.nan))
         else:
-            rows.append((total / n / scale, _Z95 * spread / n / scale, total / spread))
+            rows.append((total / n / scale, Z95 * spread / n / scale, total / spread))
     return pd.DataFrame(rows, columns=["ccf", "band", "t"], index=pd.Index(list(lags), name="lag"))
 
 

@@ -27,9 +27,9 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
 
 
 def check_start(begin: Any, names: Collection[str]) -> None:
-    """Refuse a start that is no mapping of some of the names to values."""
+    """Refuse a start that is not a mapping of some of the names to values."""
     if not isinstance(begin, Mapping):
-        raise ValueError(f"theta_init={begin!r} is not a mapping of parameters to values.")
+        raise ValueError(f"theta_init={begin!r} must be a mapping of parameters to values.")
     unknown = [name for name in begin if name not in names]
     if unknown:
         raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")

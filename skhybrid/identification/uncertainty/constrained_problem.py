@@ -47,7 +47,7 @@ class ConstrainedProblem:
         fitted = self.estimator
         if parameter not in fitted.theta_.index:
             names = ", ".join(fitted.theta_.index)
-            raise ValueError(f"{parameter!r} is no parameter of the network, which has {names}.")
+            raise ValueError(f"{parameter!r} is not a parameter of the network, which has {names}.")
         if parameter in (fitted.known or {}):
             raise ValueError(f"{parameter} is given by known=, so the data have no say in it; drop it there.")
         if parameter in fitted.identifiability_.not_excited:

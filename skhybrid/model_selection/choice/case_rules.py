@@ -10,17 +10,17 @@ import numpy as np
 import pandas as pd
 
 from ...forecasting import ModelCase
+from ..search.design_matrix import IDENTITY
 from .pattern_expressiveness import PatternExpressiveness
 from .regression_terms import framework_label
 from .results_table import case_of, finished, ingredients
 from .robustness_comparison import RobustnessComparison
 
 _BY = ("name", "disturbance")
-_IDENTITY = ("framework", "case", "disturbance", "name")
 #: ingredients that a case has or has not
 _INGREDIENTS = {"time": "time features", "past-w": "past weather", "future-w": "future weather"}
-#: columns that are no size, besides those that end with _rmse, _time or _score
-_NO_SIZE = (*_IDENTITY, "rmse", "error", "n_epochs", "stopped_at")
+#: columns that are not sizes, besides those that end with _rmse, _time or _score
+_NO_SIZE = (*IDENTITY, "rmse", "error", "n_epochs", "stopped_at")
 _KIND = {"input": "ID", "output": "OD"}
 
 
@@ -107,7 +107,7 @@ def select_case(
     """
     if not 0.5 < level < 1.0:
         raise ValueError(f"level={level!r} is not between 0.5 and 1.")
-    table = finished(results, _IDENTITY).reset_index(drop=True)
+    table = finished(results, IDENTITY).reset_index(drop=True)
     is_case = table["case"].notna()
     candidates = table[is_case]
     if candidates.empty:
@@ -122,7 +122,7 @@ def select_case(
     chosen, rules = _narrowed(overview, robust, _framework_effects(overview, regression))
     baselines = _baselines(table[~is_case], robust, chosen, level)
     sufficient, last = _verdict_on_baselines(baselines, overview["median"][chosen])
-    identity: dict[str, Any] = {part: str(overview[part][chosen]) for part in _IDENTITY}
+    identity: dict[str, Any] = {part: str(overview[part][chosen]) for part in IDENTITY}
     return CaseChoice(
         **identity,
         size=_size(candidates[_keys(candidates) == chosen]),
@@ -144,7 +144,7 @@ def _keys(table: pd.DataFrame) -> pd.Series:
 def _overview(candidates: pd.DataFrame, cases: tuple[ModelCase, ...]) -> pd.DataFrame:
     """One row per case: identity, ``history`` [d], ``week`` feature, ingredients, ``median`` [K] and ``n_sizes``."""
     made_of = ingredients(candidates, cases).assign(key=_keys(candidates))
-    first = candidates.assign(key=_keys(candidates)).groupby("key")[list(_IDENTITY)].first()
+    first = candidates.assign(key=_keys(candidates)).groupby("key")[list(IDENTITY)].first()
     found = [case_of(f, c, cases) for f, c in zip(first["framework"], first["case"], strict=True)]
     first["history"], first["week"] = [case.history for case in found], [_week_feature(case) for case in found]
     errors = candidates["rmse"].groupby(_keys(candidates))
@@ -253,7 +253,7 @@ def _narrowed(overview: pd.DataFrame, robust: RobustnessComparison, effects: dic
 def _baselines(rows: pd.DataFrame, robust: RobustnessComparison, chosen: str, level: float) -> pd.DataFrame:
     """One row per baseline in order of error: identity, median, n_sizes, ``probability`` that the choice is better."""
     errors = rows["rmse"].groupby(_keys(rows))
-    found = rows.assign(key=_keys(rows)).groupby("key")[list(_IDENTITY)].first()
+    found = rows.assign(key=_keys(rows)).groupby("key")[list(IDENTITY)].first()
     found = found.assign(median=errors.median(), n_sizes=errors.size())
     beaten = np.array([robust.probability_below(chosen, error) for error in found["median"]], dtype=float)
     return found.assign(probability=beaten, sufficient=beaten < level).sort_values("median", kind="stable")
@@ -280,7 +280,7 @@ def _verdict_on_baselines(baselines: pd.DataFrame, median: float) -> tuple[str |
 def _table(
     overview: pd.DataFrame, baselines: pd.DataFrame, robust: RobustnessComparison, demanded: dict[str, int], chosen: str
 ) -> pd.DataFrame:
-    columns = [*_IDENTITY, "kind", "median", "n_sizes", "history", "probability", "verdict"]
+    columns = [*IDENTITY, "kind", "median", "n_sizes", "history", "probability", "verdict"]
     verdicts = []
     for key, row in overview.iterrows():
         lacks = [_ingredient(name, value) for name, value in demanded.items() if row[name] != value]

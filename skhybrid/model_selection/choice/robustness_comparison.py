@@ -11,13 +11,14 @@ from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 
 from ..._transaction import unchanged_on_failure
+from ...forecasting.quantiles import quantile_columns
 from ...identification.uncertainty import posterior
 from .results_table import finished
 
 _ADVICE = "or give the cases more sizes"
 _FEW = 6
 _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-_IDENTITY = ("framework", "disturbance")  # columns of a results table that must not differ within a case
+_ONE_PER_CASE = ("framework", "disturbance")  # columns of a results table that must not differ within a case
 
 
 class RobustnessComparison(BaseEstimator):
@@ -169,7 +170,7 @@ def _errors_by_case(results: pd.DataFrame, by: list[str]) -> pd.Series:
             row = table[column].isna().idxmax()
             raise ValueError(f"{column} of row {row!r} is empty; every row must name its case.")
     keys = table[by].astype(str).agg(" ".join, axis=1)
-    for column in set(_IDENTITY) & set(table.columns) - set(by):
+    for column in set(_ONE_PER_CASE) & set(table.columns) - set(by):
         mixed = table[column].groupby(keys).nunique()
         if (mixed > 1).any():
             raise ValueError(
@@ -227,4 +228,4 @@ def _difference(mu: pd.DataFrame, sigma: pd.DataFrame, best: str, rng: np.random
     of_best = np.exp(centres[:, place] + spreads[:, place] * rng.standard_normal(len(mu)))
     others = np.exp(centres + spreads * rng.standard_normal(mu.shape))
     quantiles = np.quantile(of_best[:, None] - others, _QUANTILES, axis=0).T
-    return pd.DataFrame(quantiles, index=mu.columns, columns=[f"q_{q:g}" for q in _QUANTILES])
+    return pd.DataFrame(quantiles, index=mu.columns, columns=quantile_columns(_QUANTILES))

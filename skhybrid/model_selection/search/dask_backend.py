@@ -1,4 +1,4 @@
-"""joblib's Dask backend, which also tells that a worker died."""
+"""joblib's Dask backend, which also reports that a worker died."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from joblib._dask import DaskDistributedBackend
 _RESTART = 60.0  # seconds that workers which died may take to come back
 
 
-class _Death(NamedTuple):
+class _LostTask(NamedTuple):
     error: BaseException
 
 
-class TellingDaskBackend(DaskDistributedBackend):
+class ErrorReportingDaskBackend(DaskDistributedBackend):
     """A Dask backend that hands on the error of a lost task; joblib's own would wait for its result forever."""
 
     def __init__(self, active: DaskDistributedBackend) -> None:
@@ -29,24 +29,24 @@ class TellingDaskBackend(DaskDistributedBackend):
 
     def submit(self, func: Any, callback: Callable[[Any], None] | None = None) -> Future:
         """Submit a task; ``callback`` hears of its result, and of the error if there will be none."""
-        return _tell_of_death(super().submit(func, callback), callback)
+        return _with_error(super().submit(func, callback), callback)
 
     def apply_async(self, func: Any, callback: Callable[[Any], None] | None = None) -> Future:
         """:meth:`submit` as joblib before 1.6 names it."""
-        return _tell_of_death(super().apply_async(func, callback), callback)
+        return _with_error(super().apply_async(func, callback), callback)
 
     def retrieve_result_callback(self, out: Any) -> Any:
         """The result of a task, or its error raised."""
-        if isinstance(out, _Death):
+        if isinstance(out, _LostTask):
             raise out.error
         return super().retrieve_result_callback(out)
 
 
-def _tell_of_death(future: Future, callback: Callable[[Any], None] | None) -> Future:
-    def tell(done: Future) -> None:
+def _with_error(future: Future, callback: Callable[[Any], None] | None) -> Future:
+    def report(done: Future) -> None:
         error = done.exception()
         if error is not None and callback is not None:
-            callback(_Death(error))
+            callback(_LostTask(error))
 
-    future.add_done_callback(tell)
+    future.add_done_callback(report)
     return future

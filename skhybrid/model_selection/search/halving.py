@@ -26,9 +26,9 @@ class Outcome(NamedTuple):
 
 
 def check_halving(first: Any, factor: Any = 3) -> tuple[int, int]:
-    """Epochs of the first rung and the factor, as whole numbers."""
+    """Epochs of the first rung and the factor, as integers."""
     if any(not isinstance(n, int | np.integer) or n < least for n, least in ((first, 1), (factor, 2))):
-        raise ValueError(f"halving=({first!r}, {factor!r}) must be whole numbers, from 1 epoch and a factor of 2.")
+        raise ValueError(f"halving=({first!r}, {factor!r}) must be integers of at least 1 and 2.")
     return int(first), int(factor)
 
 

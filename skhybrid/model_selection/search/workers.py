@@ -61,9 +61,9 @@ def _of_dask() -> dict[str, Any]:
     active, _ = get_active_backend()
     if type(active).__name__ != "DaskDistributedBackend":
         return {}
-    from .dask_backend import TellingDaskBackend  # imports Dask
+    from .dask_backend import ErrorReportingDaskBackend  # imports Dask
 
-    return {"backend": TellingDaskBackend(active)}
+    return {"backend": ErrorReportingDaskBackend(active)}
 
 
 class Runner:

@@ -14,7 +14,7 @@ from ... import __version__
 from ..._files import atomic_path
 from ..building_study import ALONE, BuildingResult, worst
 from ..compared_models import HYBRID
-from ..identified_building import told
+from ..identified_building import identified_only
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
@@ -133,17 +133,17 @@ def _map(result: BuildingResult) -> str:
     source = (
         "The floor plan of the configuration says which zones are next to each other."
         if result.settings.adjacency is not None
-        else "No floor plan was given, so neighbours were found in the log: give adjacency in the configuration where "
-        "it is known."
+        else "No floor plan was given, so neighbours were found in the log; if you know which zones are next to each "
+        "other, give them as adjacency in the configuration."
     )
     known = any(value is not None for value in pairs.values())
     lines = (
-        " Lines carry the heat that two zones exchange per degree, as far as the log tells it, and are wider where it "
-        "is more."
+        " Lines carry the heat that two zones exchange per degree, as far as the log determines it, and are wider "
+        "where it is more."
         if known
         else ""
     )
-    dashed = " A dashed line joins zones of which it does not." if None in pairs.values() else ""
+    dashed = " A dashed line joins neighbours whose exchange it does not determine." if None in pairs.values() else ""
     return (
         f"<h2>Rooms</h2>\n<p>{source}{lines}{dashed} The darker a room, the larger the error of its forecast.</p>\n"
         + in_two_widths(lambda width: map_figure(pairs, by_zone, width), "Rooms and what they exchange.", "rooms")
@@ -248,7 +248,7 @@ def _zone_table(result: BuildingResult, models: Sequence[str]) -> str:
 def _building(result: BuildingResult) -> str:
     if result.identified is None:
         return ""
-    rooms, partitions = (told(table) for table in (result.identified.rooms, result.identified.partitions))
+    rooms, partitions = (identified_only(table) for table in (result.identified.rooms, result.identified.partitions))
     quantities = list(dict.fromkeys(rooms.index.get_level_values("quantity")))
     rows = []
     for zone in result.settings.zones:

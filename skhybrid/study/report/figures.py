@@ -21,10 +21,10 @@ from ...inspection import (
     ScheduleDisplay,
 )
 from ...inspection.unshown_figure import blank_axes, svg_text
-from ...inspection.zone_panels import beside
 from ...inspection.zone_panels import days_figure as days_figure
 from ...inspection.zone_panels import errors_figure as errors_figure
 from ...inspection.zone_panels import map_figure as map_figure
+from ...inspection.zone_panels import measured_and_setpoint
 from ...inspection.zone_panels import weeks_figure as weeks_figure
 
 WIDE, NARROW = 9.0, 4.4  # of a figure [in]
@@ -90,7 +90,7 @@ def day_figure(forecast: pd.DataFrame, width: float = 9.0) -> Any:
 
 
 def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
-    DayAheadDisplay.from_predictions(forecast, **beside(forecast), ax=ax)
+    DayAheadDisplay.from_predictions(forecast, **measured_and_setpoint(forecast), ax=ax)
 
 
 def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN, width: float = 9.0) -> Any:

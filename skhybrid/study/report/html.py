@@ -12,6 +12,7 @@ import pandas as pd
 
 from ... import __version__
 from ..._files import atomic_path
+from ..scores import has_intervals
 from ..tariff import Cost
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
@@ -144,7 +145,7 @@ def write_report(
     coverage : float, optional, share of the test measurements inside the intervals
     spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
     verdicts : sequence of Verdict, on temperature and load
-    scaled : bool, whether the log fixes what a kW is; else no kW are put in front
+    scaled : bool, whether the log fixes what a kW is; else no kW are shown at the top
     cost : Cost, optional, what the load of the next day costs
     notes : iterable of str, warnings
     """
@@ -243,7 +244,7 @@ def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
     words = (
         f"<p>{day} The temperature curve assumes the logged or planned heating and cooling. The load curve is the heat "
         f"{held}, within the limits of the plant."
-        + (" Four out of five measurements should lie in the shaded interval." if "q_0.1" in forecast else "")
+        + (" Four out of five measurements should lie in the shaded interval." if has_intervals(forecast) else "")
         + "</p>"
     )
     return f"<h2>Forecast for {escape(day_words(forecast.index))}</h2>\n{words}\n" + _figure(
@@ -270,7 +271,7 @@ def _accuracy(
         f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
         "no room temperature measured after it started. All models are compared at the same times.</p>\n"
         + results_table(table, scaled)
-        + _TABLE_WORDS.format("" if scaled else ", whose scale this log does not tell")
+        + _TABLE_WORDS.format("" if scaled else ", whose scale this log does not determine")
         + interval
         + _figure(as_image(backtest_figure(ordered)), days)
         + _figure(as_image(lead_figure(ordered)), "Error by lead time, for the best models.")
@@ -332,7 +333,7 @@ def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identific
         "<h2>The building</h2>\n<p>Heat loss of the zone per degree of temperature difference, time constants, and the "
         "window area that the sun heats through. The standard error shows how well the data determine a value; one "
         f"that they do not determine is not shown.{separate}</p>\n{described}"
-        "<p>Parameters of the thermal network: capacities store heat and resistances resist its flow.</p>\n"
+        "<p>Parameters of the thermal network: capacities store heat, and resistances slow its flow.</p>\n"
         + _values("parameter", parameters, ("unit", "description", "remark"))
     )
 

@@ -1,0 +1,36 @@
+"""SQLite files that one process at a time writes to."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from os import PathLike, fspath
+
+_PATIENCE = 1.0  # how long a process waits for another one before it gives up [s]
+
+
+@contextmanager
+def open_database(path: str | PathLike[str], busy: str, remedy: str) -> Iterator[sqlite3.Connection]:
+    """A connection that begins no transaction by itself; the file is created where there is none.
+
+    Parameters
+    ----------
+    path : path-like
+    busy : str, the message where another process is writing to it
+    remedy : str, what to do where it cannot be used for another reason
+
+    Raises
+    ------
+    BlockingIOError
+        If another process is writing to it.
+    OSError
+        If the file cannot be read or written.
+    """
+    try:
+        with closing(sqlite3.connect(fspath(path), timeout=_PATIENCE, isolation_level=None)) as database:
+            yield database
+    except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise BlockingIOError(busy) from None
+        raise OSError(f"{fspath(path)} cannot be used ({error}); {remedy}") from error

@@ -1,0 +1,53 @@
+"""Errors of back-tested models, coverage of their intervals, and all their forecasts in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from ..forecasting.quantiles import quantile_columns
+
+INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
+
+
+def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Errors [K] of the forecasts that every model made and that meet a measurement, one column per model.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    errors = pd.DataFrame({name: frame["y_pred"] - frame["y_true"] for name, frame in frames.items()}).dropna()
+    if errors.empty:
+        raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
+    return errors
+
+
+def error_table(errors: pd.DataFrame) -> pd.DataFrame:
+    """``rmse`` and ``mae`` of each column of errors."""
+    return pd.DataFrame({"rmse": np.sqrt((errors**2).mean()), "mae": errors.abs().mean()})
+
+
+def has_intervals(frame: pd.DataFrame) -> bool:
+    """Whether a back-test or a forecast holds the quantiles of :data:`INTERVAL`."""
+    return quantile_columns(INTERVAL)[0] in frame
+
+
+def coverage_of(frame: pd.DataFrame) -> float | None:
+    """Share of the measurements inside the intervals of a back-test; None without intervals or measurements."""
+    known = frame.dropna(subset="y_true")
+    if not has_intervals(frame) or known.empty:
+        return None
+    low, high = quantile_columns(INTERVAL)
+    return float(known["y_true"].between(known[low], known[high]).mean())
+
+
+def side_by_side(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Back-tests in one table: origin, zone if several, lead [h], time, measured, and one column per model."""
+    first = next(iter(frames.values()))
+    shared = first.reindex(columns=[c for c in ("origin", "zone", "lead", "time", "y_true") if c in first])
+    shared["lead"] = shared["lead"].dt.total_seconds() / 3600
+    return shared.assign(**{label: frame["y_pred"].to_numpy() for label, frame in frames.items()})
