@@ -216,6 +216,8 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     """Check that an input is finite."""
     refuse_infinite(v, f"column {name}", index)
     bad = np.isnan(v)
+    if len(v) and bad.all():
+        raise ValueError(f"column {name} is empty: it contains NaN in all {len(v)} rows; give its values, or drop it.")
     if bad.any():
         raise ValueError(
             f"column {name} contains NaN in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "

@@ -14,11 +14,9 @@ import stat
 import zipfile
 from collections.abc import Mapping
 from dataclasses import is_dataclass
-from datetime import date, datetime
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
@@ -26,6 +24,7 @@ from ._archive import MOST_BYTES, check_archive, is_tight
 from ._files import atomic_path
 from ._folded import MARK, fold, unfold
 from ._packed import pack, unpack
+from ._pandas_data import PANDAS_KINDS
 from ._skops import import_skops
 from ._warnings import first_sentence
 from .exceptions import ModelFileError
@@ -40,7 +39,6 @@ _HOLDERS = re.compile(
     r"preprocessing|schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
 )
 _BASES = {"skhybrid", "sklearn", "builtins", "abc", "collections", "typing"}  # packages of their bases
-_MOST_ROWS, _MOST_STAMPS = 10**8, 10**6  # of an index that is not written out, in which stamps take memory
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [
     "sklearn.metrics._scorer._PassthroughScorer",
@@ -197,7 +195,7 @@ def _to_data(value: Any, where: str) -> Any:
     """Replace pandas objects and objects of this package by marked dictionaries, at any depth."""
     if isinstance(value, _PLAIN):
         return _array_to_data(value, where)
-    for kind, (accepted, encode, _) in _PANDAS.items():
+    for kind, (accepted, encode, _) in PANDAS_KINDS.items():
         if isinstance(value, accepted):
             return {MARK: kind, **{k: _to_data(v, f"{where}.{k}") for k, v in encode(value).items()}}
     if isinstance(value, type):
@@ -269,8 +267,8 @@ def _rebuild(kind: str, value: dict[str, Any]) -> Any:
     parts = {k: _from_data(v) for k, v in value.items() if k != MARK}
     if any(not isinstance(parts[k], list) for k in ("items", "pairs", "tuples") if k in parts):
         raise ValueError(f"the items of a {kind} are not a list")  # a range of 10**12 would be unfolded
-    if kind in _PANDAS:
-        return _PANDAS[kind][2](**parts)
+    if kind in PANDAS_KINDS:
+        return PANDAS_KINDS[kind][2](**parts)
     if kind in ("planes", "symmetric"):
         return unpack(kind, parts)
     if kind == "dict":
@@ -307,96 +305,3 @@ def _own_class(name: str) -> type:
     if not named or {base.__module__.partition(".")[0] for base in found.__mro__} - _BASES:
         raise ValueError(f"{name!r} is not a class of skhybrid that a model file may name")
     return found
-
-
-def _datetimes_to_data(value: pd.DatetimeIndex) -> dict[str, Any]:
-    freq = None if value.freq is None else value.freq.freqstr
-    ns: Any = value.as_unit("ns").asi8
-    if 2 < len(ns) <= _MOST_STAMPS and len(steps := np.unique(np.diff(ns))) == 1 and steps[0] > 0:
-        ns = pd.RangeIndex(ns[0], ns[-1] + 1, steps[0])
-    return {"ns": ns, "unit": value.unit, "tz": value.tz and str(value.tz), "freq": freq, "name": value.name}
-
-
-def _data_to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any) -> pd.DatetimeIndex:
-    if isinstance(ns, pd.RangeIndex) and len(ns) > _MOST_STAMPS:
-        raise ValueError(f"an index has more than {_MOST_STAMPS:,} stamps")
-    made = pd.DatetimeIndex(np.asarray(ns, dtype=np.int64).view("M8[ns]")).as_unit(unit)
-    made = made if tz is None else made.tz_localize("UTC").tz_convert(tz)
-    return pd.DatetimeIndex(made, freq=freq, name=name)
-
-
-def _data_to_date(text: str) -> date:
-    return datetime.fromisoformat(text) if "T" in text else date.fromisoformat(text)
-
-
-def _frame_to_data(value: pd.DataFrame) -> dict[str, Any]:
-    return {"index": value.index, "columns": value.columns, "values": [_column_values(c) for _, c in value.items()]}
-
-
-def _data_to_range(start: int, stop: int, step: int, name: Any) -> pd.RangeIndex:
-    if len(range(start, stop, step)) > _MOST_ROWS:
-        raise ValueError(f"an index has more than {_MOST_ROWS:,} rows")
-    return pd.RangeIndex(start, stop, step, name=name)
-
-
-def _data_to_series(values: Any, index: pd.Index, name: Any) -> pd.Series:
-    return pd.Series(_per_row(values, index), index=index, name=name)
-
-
-def _per_row(values: Any, index: pd.Index) -> Any:
-    """The values, which pandas would repeat for every row if they were one number."""
-    if not isinstance(values, np.ndarray | pd.Index) or len(values) != len(index):
-        raise ValueError("the values and the index of a table differ in length")
-    return values
-
-
-def _data_to_frame(index: pd.Index, columns: pd.Index, values: list[Any]) -> pd.DataFrame:
-    made = pd.DataFrame({number: _per_row(column, index) for number, column in enumerate(values)}, index=index)
-    made.columns = columns
-    return made
-
-
-def _column_values(column: pd.Series) -> Any:
-    """(n,) values as an array, or as an index if they are dates or durations, which keeps time zones."""
-    if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
-        return pd.Index(column).rename(None)
-    return column.to_numpy()
-
-
-#: kind -> (types, object to parts, parts to object); searched in this order, so subclasses come first.
-_PANDAS: dict[str, tuple[Any, Any, Any]] = {
-    "Timedelta": (pd.Timedelta, lambda v: {"ns": v.as_unit("ns").value}, lambda ns: pd.Timedelta(ns, unit="ns")),
-    "Timestamp": (
-        pd.Timestamp,
-        lambda v: {"ns": v.as_unit("ns").value, "tz": v.tz and str(v.tz)},
-        lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
-    ),
-    "date": (date, lambda v: {"text": v.isoformat()}, _data_to_date),  # after Timestamp, which is one
-    "DatetimeIndex": (pd.DatetimeIndex, _datetimes_to_data, _data_to_datetimes),
-    "TimedeltaIndex": (
-        pd.TimedeltaIndex,
-        lambda v: {"ns": v.as_unit("ns").asi8, "unit": v.unit, "name": v.name},
-        lambda ns, unit, name: pd.TimedeltaIndex(ns.view("m8[ns]"), name=name).as_unit(unit),
-    ),
-    "RangeIndex": (
-        pd.RangeIndex,
-        lambda v: {"start": v.start, "stop": v.stop, "step": v.step, "name": v.name},
-        _data_to_range,
-    ),
-    "MultiIndex": (
-        pd.MultiIndex,
-        lambda v: {"tuples": v.to_list(), "names": list(v.names)},
-        lambda tuples, names: pd.MultiIndex.from_tuples(tuples, names=names),
-    ),
-    "Index": (
-        pd.Index,
-        lambda v: {"values": v.to_numpy(), "name": v.name},
-        lambda values, name: pd.Index(values, name=name),
-    ),
-    "Series": (
-        pd.Series,
-        lambda v: {"values": _column_values(v), "index": v.index, "name": v.name},
-        _data_to_series,
-    ),
-    "DataFrame": (pd.DataFrame, _frame_to_data, _data_to_frame),
-}

@@ -430,7 +430,7 @@ def test_a_history_that_repeats_the_known_rows_adds_nothing(make):
     model = make().fit(X[:end], y[:end])
     ahead, levels = X[end : end + 96].drop(columns="T_za"), (0.1, 0.9)
     expected = model.forecast(None, ahead, quantiles=levels)
-    for history in (X[:end], X[end - 300 : end]):
+    for history in (X[:end], X[end - 300 : end], X[:end].astype(np.float32).astype(np.float64)):
         pd.testing.assert_frame_equal(model.forecast(history, ahead, quantiles=levels), expected, rtol=1e-12)
     later, grown = X[end + 96 : end + 192].drop(columns="T_za"), deepcopy(model).update(X[end : end + 96])
     expected = grown.forecast(None, later)

@@ -96,6 +96,12 @@ def test_measured_heat_in_a_row_without_weather_is_no_plan(frame, zone, tmp_path
         day_ahead(held, log)
 
 
+def test_one_of_two_set_points_is_refused(frame, zone, tmp_path):
+    path = tomorrow(frame, tmp_path / "w.csv")
+    with pytest.raises(ValueError, match="T_cool_set is not given for the rows ahead, .* such as --setpoint 21,24"):
+        day_ahead(zone, frame[:N], path, Schedule.of_text("21"))
+
+
 def test_a_short_outage_is_bridged_and_told(frame, zone, tmp_path):
     """Nine rows alone say next to nothing of the state; those before an outage of five hours do."""
     path, gap = tomorrow(frame, tmp_path / "w.csv"), slice(N - 14, N - 9)

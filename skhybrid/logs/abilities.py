@@ -73,7 +73,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
             steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) show its effect.")
         elif role in unsure:
             can.append(f"the effect of {role} on the temperature.")
-            cannot.append(f"kW of {role}: its scale or its coefficient of performance is not known.")
+            cannot.append(f"kW of {role}: its capacity or its coefficient of performance is not known.")
             steps.append(f"give the nameplate capacity or the coefficient of performance of {role}.")
         else:
             can.append(f"the effect of {role}, which ran for {ran:.0f} full-load hours.")

@@ -105,7 +105,9 @@ class LogReport:
         self.gaps = gaps_of(logged, self.step)
         self.days = _days(self.frame, self.step, holidays)
         self.excitation = excitation(self.frame)
+        measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
+        unsure |= {c.role for c in channels if c.role.startswith("u_") and not measured}
         self.can, self.cannot, self.next_steps = abilities(
             self.excitation, sum(self.days.values()), unsure, [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         )

@@ -12,7 +12,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
-from .._time import ASSUMED_START, even_step, positive_duration, rows_of, wall_clock
+from .._time import ASSUMED_START, even_step, positive_duration, rows_of, spell, wall_clock
 from ..forecasting.quantiles import quantile_columns
 from ..forecasting.weather_error import read_weather_error
 from .single_reading import read_once, reading_of, takes_tables
@@ -70,8 +70,8 @@ def backtest(
     Raises
     ------
     ValueError
-        If the lengths of X and y differ, a duration is not a multiple of the sampling time, no origin fits, or the
-        estimator forecasts no quantiles.
+        If the lengths of X and y differ, a duration is not a multiple of the sampling time, X is too short for a
+        forecast, or the estimator forecasts no quantiles.
     """
     check_is_fitted(estimator)
     forecaster, table = _unwrap(estimator, X, quantiles)
@@ -83,8 +83,8 @@ def backtest(
     origins = origins[origins + (n_leads if whole else 1) < len(wall)]
     if not len(origins):
         raise ValueError(
-            f"no origin fits: X has {len(wall)} rows ({len(wall) * sampling}), and a horizon of {horizon!r} must "
-            "follow the first origin; pass a longer X."
+            f"X is too short to be forecast: its {len(wall)} rows cover {spell(len(wall) * sampling)}, and the first "
+            f"forecast over {spell(n_leads * sampling)} does not end within them; give more rows."
         )
     ahead = origins[:, None] + np.arange(1, n_leads + 1)
     rows, there = np.minimum(ahead, len(wall) - 1), (ahead < len(wall)).ravel()

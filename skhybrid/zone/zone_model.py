@@ -262,6 +262,7 @@ class ZoneModel:
             columns=[role for role in self.settings.setpoints if setpoint is not None and role in future]
         )
         if setpoint is None:
+            self._refuse_one_side(future)
             return self._with_intervals(history, ahead, limits)
         found = self.predictor.forecast(history, ahead, setpoint=setpoint, limits=limits)
         planned = future.assign(**{r: found[r] for r in self._plant() if r in found})
@@ -319,6 +320,15 @@ class ZoneModel:
 
     def _plant(self) -> list[str]:
         return [role for role in self.settings.columns if is_plant(role)]
+
+    def _refuse_one_side(self, future: pd.DataFrame) -> None:
+        """Refuse one of two set-points under which the thermostat was learned."""
+        absent = [role for role in self.settings.setpoints if role not in future]
+        if absent and len(absent) < len(self.settings.setpoints) and not any(map(is_plant, future)):
+            raise ValueError(
+                f"{absent[0]} is not given for the rows ahead, but the thermostat was learned with it; give the heating "
+                "and the cooling set-point, such as --setpoint 21,24."
+            )
 
     def _ideal_setpoint(self, future: pd.DataFrame) -> Any:
         """Set-points to hold by an ideal plant: where none was learned and the rows ahead have no heat."""
