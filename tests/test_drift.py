@@ -149,3 +149,12 @@ def test_the_default_takes_its_reference_wherever_its_table_begins():
     days = HybridPredictor(adapt=None).fit(X[:n], X["T_za"][:n]).drift(X[n:])
     assert len(days) == 4  # of the last one no row follows
     assert not days["drifted"].any()
+
+
+def test_a_shorter_horizon_raises_no_alarms_of_its_own():
+    """The reference has errors of forecasts over the horizon, and so must the days that are tested."""
+    office = make_office(41, random_state=2)
+    model = HybridPredictor(horizon="5h").fit(office.X[: 28 * DAY], office.y[: 28 * DAY]).update(office.X[28 * DAY :])
+    days = model.drift()
+    assert len(days) == 12
+    assert not days["drifted"].any()

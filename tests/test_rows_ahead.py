@@ -98,7 +98,7 @@ def test_measured_heat_in_a_row_without_weather_is_no_plan(frame, zone, tmp_path
 
 def test_one_of_two_set_points_is_refused(frame, zone, tmp_path):
     path = tomorrow(frame, tmp_path / "w.csv")
-    with pytest.raises(ValueError, match="T_cool_set is not given for the rows ahead, .* such as --setpoint 21,24"):
+    with pytest.raises(ValueError, match=r"T_cool_set is not given for the rows ahead, .* such as --setpoint 21,24"):
         day_ahead(zone, frame[:N], path, Schedule.of_text("21"))
 
 

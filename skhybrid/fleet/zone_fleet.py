@@ -132,8 +132,7 @@ class ZoneFleet(BaseEstimator):
             zone, why = next(iter(self.errors_.items()))
             taken = f", and the fallback took over for {len(whys)} of them" if whys else ""
             warn_user(
-                f"{len(self.errors_)} of {len(found)} zones could not be fitted{taken}, the first "
-                f"{zone}: {why}",
+                f"{len(self.errors_)} of {len(found)} zones could not be fitted{taken}, the first {zone}: {why}",
                 SkhybridWarning,
             )
         if self.store is None and before is not None:

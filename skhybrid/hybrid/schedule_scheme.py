@@ -38,13 +38,14 @@ from .numbered_table import NumberedTable
 from .plausible_range import PlausibleRange
 from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import AffinePaths, Ahead, Paths, Scheme
-from .tables import days_after, midnights, with_temperature
+from .tables import days_after, parts_of_days, with_temperature
 
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
 _FREE = (-np.inf, np.inf)  # set-points of rows that have none
 _NETWORK_PRIOR_DAYS = 7  # days from which the log says more of the network than others do (benchmarks/fleet_prior.py)
+_NEVER = np.iinfo(np.int64).max  # a row after all others
 _EVERY = 3  # every so many hours an error of the blend is taken for its intervals
 
 
@@ -368,32 +369,29 @@ class ScheduleScheme(Scheme):
         rows = self.rows if measured is None else self.rows.appended(measured)
         training = rows.training
         n_learned = max(int(_MOST_LEARNED / training.step), training.n_rows)
-        learned = type(self)(
-            self.network,
-            known=self.known,
-            horizon=self.horizon,
-            adapt=self.adapt,
-            purpose=self.purpose,
-            prior=self.prior,
-        )
+        settings = {name: getattr(self, name) for name in ("known", "horizon", "adapt", "purpose", "prior")}
+        learned = type(self)(self.network, **settings)
         learned._learn(last_rows(rows.tables, n_learned))
         learned.rows = rows.retrained(learned.rows.training)
         return learned
 
     def drift(self, table: ZoneTable | None) -> pd.DataFrame:
-        """Test the day-ahead errors of the temperature, forecast without adaptation."""
+        """Test the errors of each day's temperature, forecast without adaptation."""
         known, per_day = self.rows.training, self._record.rows_per_day
-        left_out = self.left_out_errors(per_day, every=1)
-        # the first forecast of each day: where the table does not begin on the hour there is none at midnight
-        midnight = midnights(known)
-        at = np.searchsorted(left_out.origins, midnight)
-        near = at < len(left_out.origins)
-        near[near] = left_out.origins[at[near]] - midnight[near] < self._record.every
-        reference = days_after(known, left_out.origins[at[near]], per_day)
-        monitor = DriftMonitor(holidays=known.holidays).fit(reference, reference - left_out.errors[at[near]])
+        # with a shorter horizon a day has several forecasts: the errors left out say nothing of longer ones
+        wanted = parts_of_days(known, self._record.n_leads, per_day)
+        n_leads = per_day // wanted.shape[1]
+        left_out = self.left_out_errors(n_leads, every=1)
+        # the first forecast of each part: where the table does not begin on the hour there is none at midnight
+        at = np.searchsorted(left_out.origins, wanted)
+        found = np.append(left_out.origins, _NEVER)[at]
+        near = (found - wanted < self._record.every).all(axis=1)
+        reference = days_after(known, found[near, 0], per_day)
+        errors = left_out.errors[at[near]].reshape(-1, per_day)
+        monitor = DriftMonitor(holidays=known.holidays).fit(reference, reference - errors)
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
-        origins = midnights(rows.table)
-        origins = origins[(origins >= rows.begin) & (origins + per_day < rows.table.n_rows)]
-        forecast = self._blend(rows, origins, per_day, adapt=None).temperature
-        measured = days_after(rows.table.replace(history={"T_za": rows.T}), origins, per_day)
+        parts = parts_of_days(rows.table, n_leads, per_day)
+        parts = parts[(parts[:, 0] >= rows.begin) & (parts[:, 0] + per_day < rows.table.n_rows)]
+        forecast = self._blend(rows, parts.ravel(), n_leads, adapt=None).temperature.reshape(-1, per_day)
+        measured = days_after(rows.table.replace(history={"T_za": rows.T}), parts[:, 0], per_day)
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))

@@ -174,6 +174,12 @@ def midnights(table: ZoneTable) -> np.ndarray:
     return np.flatnonzero(day[1:] != day[:-1]) + 1
 
 
+def parts_of_days(table: ZoneTable, longest: int, per_day: int) -> np.ndarray:
+    """(n_days, n_parts) rows at which the equal parts of each local day begin, none longer than ``longest`` rows."""
+    n_rows = max(n for n in range(1, min(longest, per_day) + 1) if per_day % n == 0)
+    return midnights(table)[:, None] + np.arange(0, per_day, n_rows)
+
+
 def days_after(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:
     """Measured temperature of the rows after each origin, stamped by the day."""
     return pd.DataFrame(measured_ahead(table, origins, per_day), index=table.time[origins].normalize())

@@ -16,7 +16,8 @@ from .._table import HISTORY_ROLES, ZoneTable, read_table
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
-from ..thermal import Parameter, RCNetwork, check_known, get_network
+from ..thermal import Parameter, RCNetwork, get_network
+from ..thermal.parameters import check_known
 from .experiment import Experiment, make_experiment, read_outputs
 from .filtered_network import filter_training
 from .fitting.excitation import unexcited, warn_scale

@@ -17,7 +17,8 @@ import numpy as np
 from .._calendar import clock_hour, one_hot
 from .._table import ZoneTable
 from .._time import hour_of_day, wall_clock
-from ..thermal import RCNetwork, check_known
+from ..thermal import RCNetwork
+from ..thermal.parameters import check_known
 
 #: groups of coefficients that are shrunk alike
 GROUPS = ("free", "gain_hour", "gain_day_type", "ua_hour", "ua_day_type", "swapped")

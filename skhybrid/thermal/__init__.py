@@ -6,7 +6,7 @@ from .drawing import draw
 from .joined_rooms import building_network, room_network
 from .matrices import MatrixBuilder
 from .network import RCNetwork
-from .parameters import Parameter, check_known
+from .parameters import Parameter
 
 __all__ = [
     "CATALOGUE",
@@ -15,7 +15,6 @@ __all__ = [
     "RCNetwork",
     "Source",
     "building_network",
-    "check_known",
     "draw",
     "get_network",
     "list_networks",

@@ -326,8 +326,8 @@ class ZoneModel:
         absent = [role for role in self.settings.setpoints if role not in future]
         if absent and len(absent) < len(self.settings.setpoints) and not any(map(is_plant, future)):
             raise ValueError(
-                f"{absent[0]} is not given for the rows ahead, but the thermostat was learned with it; give the heating "
-                "and the cooling set-point, such as --setpoint 21,24."
+                f"{absent[0]} is not given for the rows ahead, but the thermostat was learned with it; give the "
+                "heating and the cooling set-point, such as --setpoint 21,24."
             )
 
     def _ideal_setpoint(self, future: pd.DataFrame) -> Any:
