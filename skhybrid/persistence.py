@@ -298,9 +298,12 @@ def _own_class(name: str) -> type:
     module, _, qualified = name.partition(":")
     if not _HOLDERS.fullmatch(module):
         raise ValueError(f"{name!r} is not a class of skhybrid that a model file may name")
-    found: Any = importlib.import_module(module)
-    for part in qualified.split("."):
-        found = vars(found)[part]
+    try:
+        found: Any = importlib.import_module(module)
+        for part in qualified.split("."):
+            found = vars(found)[part]
+    except (ModuleNotFoundError, KeyError):
+        raise ValueError(f"it names {name!r}, which this version does not have; fit and save it again") from None
     named = isinstance(found, type) and (found.__module__, found.__qualname__) == (module, qualified)
     if not named or {base.__module__.partition(".")[0] for base in found.__mro__} - _BASES:
         raise ValueError(f"{name!r} is not a class of skhybrid that a model file may name")

@@ -15,7 +15,8 @@ from sklearn.model_selection import GridSearchCV
 
 from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
 from skhybrid.exceptions import MeasurementWarning, UnitWarning
-from skhybrid.hybrid import base, building_forecast, building_predictor
+from skhybrid.hybrid import base
+from skhybrid.hybrid.building import building_forecast, building_predictor
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import GapFiller
@@ -338,7 +339,7 @@ def test_a_failed_update_changes_nothing(building, later):
 
 
 def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
-    with pytest.raises(ValueError, match=r"zone 'hall': column 'Q_hvac_hall' contains NaN"):
+    with pytest.raises(ValueError, match=r"zone 'hall': column 'Q_hvac_hall' is empty"):
         building.forecast(None, tomorrow.assign(Q_hvac_hall=np.nan))
     with pytest.raises(ValueError, match=r"zone 'study': .*T_za_study"):
         copy.deepcopy(building).update(later[:5].assign(T_za_study=1e30))

@@ -16,7 +16,7 @@ from sklearn.base import clone
 from skhybrid import HybridPredictor, SchedulePredictor
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ExcitationWarning, GainWarning
-from skhybrid.hybrid.gain_report import disagreement
+from skhybrid.hybrid.blending.gain_report import disagreement
 from skhybrid.persistence import load_model, save_model
 from skhybrid.schedule import LITTLE_ERROR, days_to_determine, step_gain, step_gain_error
 from skhybrid.schedule.lead_problem import LeadProblem

@@ -218,6 +218,25 @@ def test_a_module_imports_only_the_layers_below_it(path):
     assert not wrong, "\n".join(wrong)
 
 
+#: folders of hybrid that are below its predictors -> the modules of hybrid that they may import, besides their own.
+BELOW_PREDICTORS = {
+    "blending": {"plausible_range", "scheme", "tables"},
+    "thermostat_law": {"blending", "known_rows", "scheme", "setpoint_columns", "tables"},
+}
+
+
+@pytest.mark.parametrize("path", [path for path in sorted(MODULES) if path.startswith("hybrid/")])
+def test_the_folders_of_hybrid_have_layers(path):
+    """Blending and the thermostat's law know no predictor, and no predictor of one zone knows a building."""
+    own = path.split("/")[1]
+    pieces = [one.module.split(".")[2:3] for part, one in _inner(MODULES[path]) if part == "hybrid"]
+    imported = {piece for found in pieces for piece in found}
+    if own in BELOW_PREDICTORS:
+        assert imported - {own} <= BELOW_PREDICTORS[own]
+    elif own not in ("building", "__init__.py"):
+        assert "building" not in imported
+
+
 @pytest.mark.parametrize("path", sorted(MODULES))
 def test_no_private_name_of_another_part_is_imported(path):
     wrong = [

@@ -123,7 +123,7 @@ def test_score_leaves_out_what_was_not_measured(office):
 
 def test_an_estimator_is_not_fitted_after_a_refused_fit(office):
     model = GrayBoxRC(known=office.theta)
-    with pytest.raises(ValueError, match="'T_oa' contains NaN"):
+    with pytest.raises(ValueError, match="'T_oa' is empty: it contains NaN in all"):
         model.fit(office.X.assign(T_oa=np.nan), office.y)
     with pytest.raises(NotFittedError):
         model.predict(office.X)

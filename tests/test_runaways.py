@@ -20,7 +20,7 @@ from skhybrid import (
 from skhybrid.control.setpoints import Band
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.exceptions import ExcitationWarning
-from skhybrid.hybrid import members
+from skhybrid.hybrid.blending import members
 from skhybrid.hybrid.plausible_range import PlausibleRange
 
 ZONES = Path(__file__).parents[2] / "shared" / "data" / "zones"

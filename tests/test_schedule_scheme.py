@@ -17,11 +17,11 @@ from skhybrid._table import read_table
 from skhybrid.control.setpoints import Band, Limits
 from skhybrid.datasets import make_office
 from skhybrid.filtering import ForecastSample
-from skhybrid.hybrid.blend import blend_weights, by_lead, faded, lead_groups, moments
-from skhybrid.hybrid.members import DailyProfileMember
-from skhybrid.hybrid.numbered_table import NumberedTable
+from skhybrid.hybrid.blending.blend import blend_weights, by_lead, faded, lead_groups, moments
+from skhybrid.hybrid.blending.members import DailyProfileMember
+from skhybrid.hybrid.blending.numbered_table import NumberedTable
+from skhybrid.hybrid.blending.rolling_blend import BlendRecord, RollingBlend, residual_correction
 from skhybrid.hybrid.plausible_range import PlausibleRange
-from skhybrid.hybrid.rolling_blend import BlendRecord, RollingBlend, residual_correction
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.schedule import NumberedSegment, RollingNetwork, fit_leads, loads, make_segment

@@ -11,11 +11,11 @@ from skhybrid import InputDisturbanceID, SchedulePredictor, TwoStagePredictor
 from skhybrid.control import Band
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import UnitWarning
-from skhybrid.forecasting.boosted_trees import fit_trees
-from skhybrid.hybrid import law_refits
-from skhybrid.hybrid.closed_loop import _Errors
-from skhybrid.hybrid.law_features import LawRows, same_plan
-from skhybrid.hybrid.plant_law import Pairs
+from skhybrid.hybrid.thermostat_law import law_refits
+from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
+from skhybrid.hybrid.thermostat_law.closed_loop import _Errors
+from skhybrid.hybrid.thermostat_law.law_features import LawRows, same_plan
+from skhybrid.hybrid.thermostat_law.plant_law import Pairs
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
 
@@ -191,7 +191,7 @@ def test_a_saved_model_forecasts_the_same(log, model, tmp_path):
 def test_trees_as_arrays_are_those_of_scikit_learn():
     from sklearn.ensemble import HistGradientBoostingRegressor
 
-    from skhybrid.forecasting import boosted_trees
+    from skhybrid.hybrid.thermostat_law import boosted_trees
 
     rng = np.random.default_rng(0)
     unknown = fit_trees(np.full((60, 2), np.nan), np.arange(60.0))

@@ -1,7 +1,7 @@
 """Hybrid predictors: a thermal network joined to a forecast of its disturbance (design 6), and a drift monitor."""
 
 from ..control import AffineForecast, ControlModel
-from .building_predictor import BuildingPredictor
+from .building.building_predictor import BuildingPredictor
 from .drift import DriftMonitor
 from .predictor import HybridPredictor
 from .schedule_predictor import SchedulePredictor

@@ -26,10 +26,10 @@ from .._transaction import unchanged_on_failure
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .affine_frames import AffineFramesMixin
-from .closed_loop import ClosedLoop
 from .preprocess import fit_preprocess, preprocessed
 from .scheme import Scheme
 from .setpoint_columns import check_setpoints, setpoints_in
+from .thermostat_law.closed_loop import ClosedLoop
 
 #: what a forecast takes in from the history up to its origin
 Adapt = Literal["linear", "full"] | None

@@ -19,10 +19,10 @@ from ..control.setpoints import read_limits, read_plant_limits, read_setpoint
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
-from .closed_loop import ClosedLoop, ClosedLoopPaths
 from .frames_reading import FramesReadingMixin
 from .scheme import Paths, Scheme
 from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
+from .thermostat_law.closed_loop import ClosedLoop, ClosedLoopPaths
 
 
 class FramesForecastMixin(FramesReadingMixin):

@@ -28,15 +28,15 @@ from ..schedule import (
     plant_heat,
 )
 from ..thermal import RCNetwork
-from .blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
-from .blend_members import evidence_of, first_shares, members_beside_network
+from .blending.blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
+from .blending.blend_members import evidence_of, first_shares, members_beside_network
+from .blending.gain_report import determined_plant, disagreement, gain_errors, gain_table, plant_of, warn_of_gain
+from .blending.members import Member, ScheduleMember
+from .blending.numbered_table import NumberedTable
+from .blending.rolling_blend import BlendRecord, RollingBlend
 from .drift import DriftMonitor
-from .gain_report import determined_plant, disagreement, gain_errors, gain_table, plant_of, warn_of_gain
 from .known_rows import KnownRows
-from .members import Member, ScheduleMember
-from .numbered_table import NumberedTable
 from .plausible_range import PlausibleRange
-from .rolling_blend import BlendRecord, RollingBlend
 from .scheme import AffinePaths, Ahead, Paths, Scheme
 from .tables import days_after, parts_of_days, with_temperature
 

@@ -16,7 +16,7 @@ import pandas as pd
 from .._holidays import read_holidays
 from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
-from ..hybrid.zone_columns import neighbours_of
+from ..hybrid.building.zone_columns import neighbours_of
 from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
 from .plant import Performance

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pandas as pd
 
-from ..hybrid.zone_columns import ZoneColumns
+from ..hybrid.building.zone_columns import ZoneColumns
 from .data import StudyData
 from .settings import Settings
 

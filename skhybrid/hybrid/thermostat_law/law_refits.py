@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..control import LoadPaths
+from ...control import LoadPaths
 from .law_features import LawRows
 from .plant_law import Law, Pairs, learn, make_pairs
 

@@ -9,14 +9,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..control import Plan
-from ..filtering import ForecastSample
-from ..forecasting.intervals import DAYS_BACK
+from ...control import Plan
+from ...filtering import ForecastSample
+from ...forecasting.intervals import DAYS_BACK
+from ..plausible_range import PlausibleRange
+from ..scheme import RecentErrors
 from .blend import PULL, blend_weights, by_lead, faded, moments
 from .members import Member
 from .numbered_table import NumberedTable
-from .plausible_range import PlausibleRange
-from .scheme import RecentErrors
 from .without_heat import RollingWithoutHeat
 
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from .._table import ZoneTable
-from .._time import rows_per_day
-from ..control import Plan
-from ..filtering import ForecastSample
-from ..schedule import HeatResponse, RollingNetwork
+from ..._table import ZoneTable
+from ..._time import rows_per_day
+from ...control import Plan
+from ...filtering import ForecastSample
+from ...schedule import HeatResponse, RollingNetwork
 from .members import Member, RollingMember
 from .numbered_table import NumberedTable
 

@@ -7,8 +7,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from .._last_known import last_known_row
-from .._table import ZoneTable
+from ..._last_known import last_known_row
+from ..._table import ZoneTable
 
 _KEPT = 0.5 ** (1.0 / 7.0)  # a day counts half after a week
 

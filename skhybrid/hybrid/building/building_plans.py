@@ -10,11 +10,11 @@ import pandas as pd
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from .._joining import refuse_no_frames
-from .._table import is_plant, listed
-from ..control import AffineForecast
-from ..forecasting.quantiles import LeftOut, quantile_columns
-from .base import BaseHybrid
+from ..._joining import refuse_no_frames
+from ..._table import is_plant, listed
+from ...control import AffineForecast
+from ...forecasting.quantiles import LeftOut, quantile_columns
+from ..base import BaseHybrid
 from .building_forecast import BuildingForecastMixin, columns_of, of_zone, with_next
 from .coupled_zone import CoupledZone, at_common_origins
 

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from .._joining import read_now, refuse_no_frames
-from .._table import as_numbers, listed
-from .._threads import one_blas_thread
-from .._warnings import warnings_prefixed_with
-from ..forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
-from .base import BaseHybrid
+from ..._joining import read_now, refuse_no_frames
+from ..._table import as_numbers, listed
+from ..._threads import one_blas_thread
+from ..._warnings import warnings_prefixed_with
+from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
+from ..base import BaseHybrid
 from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone
 from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on

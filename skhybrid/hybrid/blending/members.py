@@ -9,13 +9,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
-from .._time import rows_per_day, rows_per_hour
-from ..control import Plan, gain_of
-from ..filtering import ForecastSample
-from ..forecasting import ARXRegressor
-from ..forecasting.arx import ARXData
-from ..schedule import (
+from ..._table import ZoneTable
+from ..._time import rows_per_day, rows_per_hour
+from ...control import Plan, gain_of
+from ...filtering import ForecastSample
+from ...forecasting import ARXRegressor
+from ...forecasting.arx import ARXData
+from ...schedule import (
     ErrorHistory,
     LeadFit,
     NetworkPrior,
@@ -25,7 +25,7 @@ from ..schedule import (
     plant_gain,
     step_gain,
 )
-from ..thermal import RCNetwork
+from ...thermal import RCNetwork
 from .daily_profile import MeanDay, ProfileRows
 from .numbered_table import NumberedTable
 

@@ -6,11 +6,11 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from .._last_known import carried_forward
-from .._table import ZoneTable
-from .._time import hour_of_day, rows_per_day
-from ..control import Band, LoadPaths
-from ..forecasting.features import periods_before, span_means
+from ..._last_known import carried_forward
+from ..._table import ZoneTable
+from ..._time import hour_of_day, rows_per_day
+from ...control import Band, LoadPaths
+from ...forecasting.features import periods_before, span_means
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]

@@ -8,7 +8,7 @@ import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
-from ..filtering import sum_of_leaves
+from ...filtering import sum_of_leaves
 
 _DEPTH = 7
 SETTINGS = {

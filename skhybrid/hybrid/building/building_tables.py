@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable
-from ..exceptions import SkhybridWarning
-from .base import BaseHybrid
+from ..._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable
+from ...exceptions import SkhybridWarning
+from ..base import BaseHybrid
 from .zone_columns import NEXT, ZoneColumns
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._table import ZoneTable
+from ..._table import ZoneTable
 
 
 class NumberedTable(NamedTuple):

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from .._table import ZoneTable, is_plant
-from ..forecasting.arx_prior import ZoneEvidence, ZoneSums
-from ..schedule import HeatResponse, LeadFit
+from ..._table import ZoneTable, is_plant
+from ...forecasting.arx_prior import ZoneEvidence, ZoneSums
+from ...schedule import HeatResponse, LeadFit
 from .members import ARXMember, DailyProfileMember, Member
 from .without_heat import WithoutHeat
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable
-from .._warnings import warn_user
-from ..exceptions import ExcitationWarning, GainWarning
-from ..schedule import LITTLE_ERROR, LeadFit, days_to_determine, step_gain_error
+from ..._table import ZoneTable
+from ..._warnings import warn_user
+from ...exceptions import ExcitationWarning, GainWarning
+from ...schedule import LITTLE_ERROR, LeadFit, days_to_determine, step_gain_error
 from .blend import by_lead
 from .members import Member
 from .rolling_blend import BlendRecord

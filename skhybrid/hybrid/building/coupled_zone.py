@@ -9,10 +9,10 @@ from functools import reduce
 import numpy as np
 import pandas as pd
 
-from ..forecasting.quantiles import LeftOut
-from ..thermal import RCNetwork
-from .base import BaseHybrid
-from .blend import GROUP_NAMES, blend_weights, by_lead, lead_groups, moments
+from ...forecasting.quantiles import LeftOut
+from ...thermal import RCNetwork
+from ..base import BaseHybrid
+from ..blending.blend import GROUP_NAMES, blend_weights, by_lead, lead_groups, moments
 from .zone_columns import NEXT
 
 #: shares of a zone by itself and with neighbours where the training says nothing; chosen on coupled rooms and an office

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._last_known import carried_forward
-from .._table import SETPOINT_ROLES, is_plant, listed, role_of
+from ..._last_known import carried_forward
+from ..._table import SETPOINT_ROLES, is_plant, listed, role_of
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours

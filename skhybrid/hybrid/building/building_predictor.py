@@ -14,22 +14,22 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._summary import SummaryMixin
-from .._table import ZoneTable, as_numbers, read_array
-from .._time import rows_of
-from .._transaction import unchanged_on_failure
-from .._warnings import warn_user
-from ..exceptions import MeasurementWarning
-from ..forecasting.quantiles import LeftOut
-from ..thermal import get_network
-from .base import BaseHybrid
+from ..._summary import SummaryMixin
+from ..._table import ZoneTable, as_numbers, read_array
+from ..._time import rows_of
+from ..._transaction import unchanged_on_failure
+from ..._warnings import warn_user
+from ...exceptions import MeasurementWarning
+from ...forecasting.quantiles import LeftOut
+from ...thermal import get_network
+from ..base import BaseHybrid
+from ..predictor import HybridPredictor, takes_two_stages
+from ..preprocess import fit_preprocess, preprocessed
+from ..schedule_predictor import DEFAULT_NETWORK
 from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
 from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone, couple, with_neighbours
-from .predictor import HybridPredictor, takes_two_stages
-from .preprocess import fit_preprocess, preprocessed
-from .schedule_predictor import DEFAULT_NETWORK
 from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on, found_neighbours, neighbours_of
 
 #: the predictor of a zone, with its neighbours or none, after new rows

@@ -11,19 +11,19 @@ from typing import NamedTuple, Self
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, is_plant
-from .._time import rows_per_day, rows_per_hour
-from ..control import Band, LoadPaths
-from ..exceptions import TooFewDaysError
-from ..forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
-from ..forecasting.quantiles import path_clock
-from .blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
-from .known_rows import KnownRows
+from ..._table import ZoneTable, is_plant
+from ..._time import rows_per_day, rows_per_hour
+from ...control import Band, LoadPaths
+from ...exceptions import TooFewDaysError
+from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
+from ...forecasting.quantiles import path_clock
+from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
+from ..known_rows import KnownRows
+from ..scheme import Scheme
+from ..setpoint_columns import band_of
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
 from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
-from .scheme import Scheme
-from .setpoint_columns import band_of
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
 _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..control import LoadPaths
-from ..forecasting.boosted_trees import BoostedTrees, fit_trees
+from ...control import LoadPaths
+from .boosted_trees import BoostedTrees, fit_trees
 from .law_features import LawRows, further_features, network_features, same_clock, same_plan
 
 #: ways to forecast load and temperature, and their shares where nothing is known of their errors
