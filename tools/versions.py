@@ -61,7 +61,10 @@ sys.exit(f"{found} are installed" if found else 0)
 """
 
 
-def requirements(groups: tuple[str, ...] = ("networks", "bayes", "distributed", "holidays", "test")) -> list[str]:
+GROUPS = ("networks", "bayes", "distributed", "holidays", "files", "sql", "serve", "control", "test")
+
+
+def requirements(groups: tuple[str, ...] = GROUPS) -> list[str]:
     """The direct requirements of the package and of some of its extras."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = [line for group in groups for line in project["optional-dependencies"][group]]
