@@ -282,6 +282,7 @@ def test_a_room_without_heating_and_a_shared_boiler(rooms):
     assert (found.gain[12, :12, 0].sum(axis=0) > 0.0).all(), "the boiler warms every room"
 
 
+@pytest.mark.slow
 def test_a_search_goes_over_parameters_of_the_zones(rooms):
     X, y = rooms
     model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=[])

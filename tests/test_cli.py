@@ -242,6 +242,7 @@ def test_a_log_too_short_for_intervals_goes_without(files, capsys):
     assert json.loads((files / "out" / "metrics.json").read_text())["interval_80_coverage"] is None
 
 
+@pytest.mark.slow
 def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
     assert main(["demo", "--quick", "-q", "--out", str(tmp_path / "demo")]) == 0
     out, _ = capsys.readouterr()
@@ -365,6 +366,7 @@ def test_a_sensor_that_stands_still_is_told(files, capsys):
     assert "T_za is the same in all rows" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_run_that_is_stopped_leaves_nothing(files, name):

@@ -24,9 +24,6 @@ ESTIMATORS = [
     GrayBoxRC(n_starts=1, random_state=0, **STEP),
     InputDisturbanceID(n_starts=1, random_state=0, **STEP),
     OutputDisturbanceID(n_starts=1, random_state=0, **STEP),
-    GrayBoxRC(n_starts=1, random_state=0, objective="multi_step", **STEP),
-    InputDisturbanceID(n_starts=1, random_state=0, objective="multi_step", **STEP),
-    OutputDisturbanceID(n_starts=1, random_state=0, objective="multi_step", **STEP),
     PeriodicDisturbanceID(n_starts=1, random_state=0, **STEP),
     HybridPredictor(**STEP),
     BuildingPredictor(SchedulePredictor(**STEP)),
@@ -37,6 +34,10 @@ ESTIMATORS = [
         random_state=0,
         **STEP,
     ),
+]
+MULTI_STEP = [
+    method(n_starts=1, random_state=0, objective="multi_step", **STEP)
+    for method in (GrayBoxRC, InputDisturbanceID, OutputDisturbanceID)
 ]
 ROWS_ARE_TIME_STEPS = "rows are consecutive time steps: their order is information, and a part of them has another past"
 
@@ -51,4 +52,11 @@ def _expected(estimator):
 @pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 @parametrize_with_checks(ESTIMATORS, expected_failed_checks=_expected)
 def test_scikit_learn_checks(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+@parametrize_with_checks(MULTI_STEP, expected_failed_checks=_expected)
+def test_scikit_learn_checks_of_the_other_objective(estimator, check):
     check(estimator)

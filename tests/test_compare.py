@@ -37,6 +37,7 @@ def _conventional(network="2R2C", **known):
     return GrayBoxRC(network, known={"Q_h": 6.0} | known, n_starts=6, random_state=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("network", "more"), [("2R2C", {}), ("3R2C", {"R_wo": 4.0})])
 def test_of_a_nested_pair_the_one_that_made_the_data_is_recommended(network, more):
     X, y = _log(network, SMALL | more)

@@ -493,6 +493,7 @@ def test_slopes_of_a_regression_against_a_loop(every, n_lags):
     np.testing.assert_allclose(found, wanted, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_kernels_run_uncompiled():
     """``NUMBA_DISABLE_JIT=1`` gives the same numbers from plain Python, for whoever steps through them."""
     code = (

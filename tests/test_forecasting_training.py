@@ -297,6 +297,7 @@ def _fitted(model):
     return DisturbanceForecaster(model, n_repeats=2, repeats="mean", **QUICK | {"max_epochs": 2}).fit(X, y).predict(X)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["loky", "threading"])
 def test_a_fit_is_the_same_to_the_bit_in_any_worker(backend):
     models = ["mlp", "lstm"]

@@ -36,6 +36,7 @@ def test_every_public_name_is_called():
     assert forgotten() == set()
 
 
+@pytest.mark.slow
 def test_every_entry_point_accepts_a_good_table(names):
     with_setpoints = Table(columns=WITH_SETPOINTS)
     outcomes = {

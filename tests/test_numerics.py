@@ -222,6 +222,7 @@ def test_two_threads_change_no_bit():
         np.testing.assert_array_equal(two[name], values, err_msg=name)
 
 
+@pytest.mark.slow
 def test_uncompiled_kernels_find_the_same():
     """To the bit, but for the periodic model, whose compiled sums are in another order."""
     plain = elsewhere(False, NUMBA_DISABLE_JIT="1")

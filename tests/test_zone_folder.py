@@ -199,6 +199,7 @@ def test_a_kill_at_any_moment_leaves_a_folder_that_the_next_tick_completes(log, 
     assert _names(zone) == FILES
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills by SIGKILL")
 def test_init_is_repeated_after_a_kill(log, tmp_path):
     source = write(log, tmp_path / "log.csv", DAYS, without=slice(24 * 7, 24 * 7 + 9))
@@ -211,6 +212,7 @@ def test_init_is_repeated_after_a_kill(log, tmp_path):
     assert folder.load().learned_until == log.index[24 * 7 - 1]  # of the longest stretch without a gap
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="kills by SIGKILL")
 def test_a_second_tick_is_told_of_the_first_whose_lock_ends_with_it(log, zone, cheap, tmp_path, capsys):
     source, ready = write(log, tmp_path / "log.csv", DAYS), CHILDREN.Event()
