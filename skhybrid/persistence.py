@@ -36,7 +36,7 @@ _OWN = "skhybrid."
 #: modules whose classes a file may name; the ones left out unpickle, write files or start processes
 _HOLDERS = re.compile(
     r"skhybrid\.(_holidays|_summary|_table|control|filtering|fleet\.prior|forecasting|hybrid|identification|model_selection|"
-    r"preprocessing|schedule|thermal)(\.\w+)*(?<!\.search\.shared)(?<!\.search\.store)(?<!\.search\.workers)"
+    r"preprocessing|schedule|thermal)(\.\w+)*(?<!\.search\.store)(?<!\.search\.runner)"
 )
 _BASES = {"skhybrid", "sklearn", "builtins", "abc", "collections", "typing"}  # packages of their bases
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.

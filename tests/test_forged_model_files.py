@@ -395,9 +395,10 @@ def test_objects_that_save_model_does_not_write_are_refused(tmp_path, name):
 @pytest.mark.parametrize(
     "name",
     [
-        "skhybrid.model_selection.search.shared:Shared",
+        "skhybrid.parallel.shared:Shared",
         "skhybrid.model_selection.search.store:ResultStore",
-        "skhybrid.model_selection.search.workers:Workers",
+        "skhybrid.parallel.workers:Workers",
+        "skhybrid.model_selection.search.runner:Runner",
         "skhybrid.forecasting.networks.modules:MLPStack",
         "skhybrid._skops:_TorchIsAbsent",
         "skhybrid.cli._output:Progress",

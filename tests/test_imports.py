@@ -32,7 +32,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "preprocessing": set(),
     "logs": {"preprocessing"},
     "datasets": {"thermal", "preprocessing", "logs"},
-    "model_selection": {"identification", "forecasting", "hybrid"},
+    "parallel": set(),
+    "model_selection": {"identification", "forecasting", "hybrid", "parallel"},
     "inspection": {"thermal", "identification", "forecasting", "hybrid", "model_selection"},
     "study": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",
@@ -41,7 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "zone": {
         "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
     },
-    "fleet": {"forecasting", "schedule", "hybrid", "persistence", "model_selection", "study"},
+    "fleet": {"forecasting", "schedule", "hybrid", "persistence", "parallel", "model_selection", "study"},
     "server": {"study", "zone"},
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",

@@ -18,7 +18,8 @@ from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, Outpu
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import ModelCase, list_cases
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
-from skhybrid.model_selection.search import candidates, shared, tasks, workers
+from skhybrid.model_selection.search import candidates, runner, tasks
+from skhybrid.parallel import shared
 from skhybrid.persistence import load_model, save_model
 
 CV = RollingOriginSplit(train="8D", test="2D", n_splits=2)
@@ -49,9 +50,9 @@ def count(monkeypatch):
 
         return call
 
-    monkeypatch.setattr(workers, "identify", counted("identify", workers.identify, lambda *args: 1))
+    monkeypatch.setattr(runner, "identify", counted("identify", runner.identify, lambda *args: 1))
     monkeypatch.setattr(
-        workers, "evaluate", counted("tasks", workers.evaluate, lambda p, network, given, *rest: len(given))
+        runner, "evaluate", counted("tasks", runner.evaluate, lambda p, network, given, *rest: len(given))
     )
     fit = counted("networks", OutputDisturbanceID.fit, lambda *args: 1)
     monkeypatch.setattr(OutputDisturbanceID, "fit", fit)
@@ -261,7 +262,7 @@ def test_a_store_of_other_data_or_settings_is_refused(office, estimator, tmp_pat
 def test_a_search_that_is_interrupted_keeps_what_is_finished(office, estimator, monkeypatch, tmp_path):
     matrix = design_matrix(["mlp"], ["case01"], size=SIZE)
     given = {"cv": CV, "store": tmp_path / "r.sqlite", "refit": False, "verbose": 0, "chunk_size": 1}
-    evaluate, calls = workers.evaluate, []
+    evaluate, calls = runner.evaluate, []
 
     def stopped(*args, **kwargs):
         calls.append(args)
@@ -269,7 +270,7 @@ def test_a_search_that_is_interrupted_keeps_what_is_finished(office, estimator, 
             raise KeyboardInterrupt
         return evaluate(*args, **kwargs)
 
-    monkeypatch.setattr(workers, "evaluate", stopped)
+    monkeypatch.setattr(runner, "evaluate", stopped)
     with pytest.raises(KeyboardInterrupt):
         DesignMatrixSearchCV(estimator, matrix, **given).fit(office.X, office.y)
     search = DesignMatrixSearchCV(estimator, matrix, **given).fit(office.X, office.y)
@@ -354,8 +355,8 @@ def test_what_trains_as_one_stack_is_handed_over_together():
 def test_a_stack_that_fits_into_a_chunk_is_not_cut():
     stacks = {"abc": "1", "de": "2", "fghijkl": "3", "m": "4"}
     keys = {name: ("1 d", shape, name) for names, shape in stacks.items() for name in names}
-    assert ["".join(part) for part in workers._parts(keys, 4)] == ["abc", "de", "fghi", "jkl", "m"]
-    assert ["".join(part) for part in workers._parts(keys, 10)] == ["abcde", "fghijkl", "m"]  # joined up to half
+    assert ["".join(part) for part in runner._parts(keys, 4)] == ["abc", "de", "fghi", "jkl", "m"]
+    assert ["".join(part) for part in runner._parts(keys, 10)] == ["abcde", "fghijkl", "m"]  # joined up to half
 
 
 def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
@@ -365,7 +366,7 @@ def test_what_takes_longest_is_begun_first(office, estimator, monkeypatch):
         begun.append(sorted(params["forecaster__hidden_size"] for params in given.values()))
         return tasks.evaluate(problem, network, given, split, catch_errors)
 
-    monkeypatch.setattr("skhybrid.model_selection.search.workers.evaluate", noted)
+    monkeypatch.setattr("skhybrid.model_selection.search.runner.evaluate", noted)
     matrix = design_matrix(["mlp"], ["case01"], disturbance="input", size={"mlp": SIZE | {"hidden_size": [2, 5, 3, 4]}})
     DesignMatrixSearchCV(estimator, matrix, cv=CV, chunk_size=1, refit=False, verbose=0).fit(office.X, office.y)
     assert begun == [[size] for size in (5, 4, 3, 2) for _ in range(CV.get_n_splits(office.X))]

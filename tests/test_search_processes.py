@@ -17,8 +17,9 @@ import pandas as pd
 import pytest
 
 from skhybrid.model_selection import DesignMatrixSearchCV
-from skhybrid.model_selection.search import workers
-from skhybrid.model_selection.search.shared import Shared
+from skhybrid.model_selection.search import runner
+from skhybrid.parallel.shared import Shared
+from skhybrid.parallel.workers import Workers
 
 #: what every process of this file searches, and how it reports how much of it was its own work
 PROGRAM = """
@@ -26,7 +27,7 @@ import sys
 from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
 from skhybrid.datasets import make_office
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix
-from skhybrid.model_selection.search import workers
+from skhybrid.model_selection.search import runner
 
 office = make_office(n_days=12, sampling_time="1h", random_state=1)
 gray_box = OutputDisturbanceID(known=office.theta, n_starts=1, random_state=0)
@@ -36,8 +37,8 @@ matrix = design_matrix(["mlp", "ridge"], ["case02"], size={"hidden_size": [2, 3,
 given = {"cv": RollingOriginSplit(train="8D", test="2D", n_splits=2), "refit": False, "verbose": 0, "chunk_size": 1}
 """
 RUN = """
-done, evaluate = [], workers.evaluate
-workers.evaluate = lambda *args: done.append(1) or evaluate(*args)
+done, evaluate = [], runner.evaluate
+runner.evaluate = lambda *args: done.append(1) or evaluate(*args)
 print("ready", flush=True)
 sys.stdin.readline()
 search = DesignMatrixSearchCV(estimator, matrix, store=sys.argv[1], n_jobs=int(sys.argv[2]), **given)
@@ -108,8 +109,8 @@ def test_a_search_that_was_killed_goes_on_and_ends_the_same(given, uninterrupted
         end(process)
     before = finished(store)
     assert 3 <= len(before) < total
-    done, evaluate = [], workers.evaluate
-    monkeypatch.setattr(workers, "evaluate", lambda *args: done.extend(args[2]) or evaluate(*args))
+    done, evaluate = [], runner.evaluate
+    monkeypatch.setattr(runner, "evaluate", lambda *args: done.extend(args[2]) or evaluate(*args))
     table = search(given, store=store)
     assert len(done) == total - len(before)  # nothing that was finished is repeated
     assert set(before) <= set(finished(store))
@@ -146,7 +147,7 @@ def unpacked(n_jobs=None):
         return os.getpid(), id(shared.get()), type(shared._packed).__name__
 
     shared = Shared(np.zeros(200_000))
-    with workers.Workers(n_jobs) as pool:
+    with Workers(n_jobs) as pool:
         return list(pool.run(iter([joblib.delayed(where)(shared)] * 10)))
 
 

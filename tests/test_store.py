@@ -16,8 +16,9 @@ from sklearn.linear_model import Ridge
 from sklearn.metrics import make_scorer, mean_squared_error
 
 from skhybrid import DisturbanceForecaster
-from skhybrid.model_selection.search.fingerprint import as_plain, candidate_id, settings_of
+from skhybrid.model_selection.search.fingerprint import candidate_id, settings_of
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
+from skhybrid.parallel.stored_settings import as_plain
 
 GOOD = Result({"score": -0.1 - 0.2}, 0.1 + 0.2, 1.0, 0.5, 7, None)
 BAD = Result({}, float("nan"), 1.0, 0.0, None, "ValueError: no")

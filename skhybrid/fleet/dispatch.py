@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from joblib import delayed
 
 from .._threads import one_blas_thread
-from ..model_selection.search.workers import Workers
+from ..parallel.workers import Workers
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # what every further zone would meet too
 #: classes of the errors by which engines tell that a worker died: those of joblib, Dask and Ray

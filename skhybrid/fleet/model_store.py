@@ -13,7 +13,7 @@ from urllib.parse import quote, unquote
 
 from .._files import atomic_path
 from .._sqlite import open_database
-from ..model_selection.search.store import check_settings
+from ..parallel.stored_settings import check_settings
 from ..persistence import load_model, save_model
 from .journal import Journal
 

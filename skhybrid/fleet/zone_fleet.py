@@ -18,8 +18,7 @@ from sklearn.exceptions import NotFittedError
 from .. import __version__
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
-from ..model_selection.search.fingerprint import as_plain
-from ..model_selection.search.store import VERSION
+from ..parallel.stored_settings import VERSION, as_plain
 from .dispatch import Outcome, run
 from .fleet_page import write_page
 from .fleet_status import status_table, zone_status

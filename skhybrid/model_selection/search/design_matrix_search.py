@@ -20,14 +20,15 @@ from ..._transaction import unchanged_on_failure
 from ..._warnings import first_sentence
 from ...forecasting.extras import require_networks
 from ...forecasting.named_models import is_network
+from ...parallel.workers import Workers
 from ..splitters import default_split
 from .candidates import BASELINE, forecaster_prefix, model_of
 from .design_matrix import IDENTITY, DesignMatrix
 from .fingerprint import settings_of
 from .halving import Outcome, check_halving, run_all, run_halving
+from .runner import Runner
 from .store import ResultStore
 from .tasks import MeasuredRmse, Problem
-from .workers import Runner, Workers
 
 
 class DesignMatrixSearchCV(BaseSearchCV):

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
 
 from ... import __version__
 from ...forecasting.extras import networks_available
-from .store import VERSION
-
-_WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")  # parameters that change no result, at any depth
+from ...parallel.stored_settings import VERSION, WITHOUT_EFFECT, as_plain, is_estimator, name_of
 
 
 def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]], scoring: Any) -> dict[str, str]:
@@ -24,10 +20,10 @@ def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]
     found = {**_data("X", X), **_data("y", y)}
     found["cv"] = f"{len(splits)} splits ({_digest(*(np.asarray(rows) for split in splits for rows in split))})"
     found["scoring"] = as_plain(scoring)
-    found["estimator"] = _name(type(estimator))
+    found["estimator"] = name_of(type(estimator))
     for name, value in sorted(estimator.get_params(deep=True).items()):
-        if name.split("__")[-1] not in _WITHOUT_EFFECT:
-            found[f"parameter {name}"] = _name(type(value)) if _is_estimator(value) else as_plain(value)
+        if name.split("__")[-1] not in WITHOUT_EFFECT:
+            found[f"parameter {name}"] = name_of(type(value)) if is_estimator(value) else as_plain(value)
     versions = {"skhybrid": __version__} | {name: version(name) for name in ("numpy", "scikit-learn")}
     if networks_available():
         versions["torch"] = version("torch")
@@ -37,34 +33,6 @@ def settings_of(estimator: Any, X: Any, y: Any, splits: Sequence[tuple[Any, Any]
 def candidate_id(params: Mapping[str, Any]) -> str:
     """A short id of a candidate's parameters, the same in every process."""
     return hashlib.sha256(as_plain(dict(sorted(params.items()))).encode()).hexdigest()[:32]
-
-
-def as_plain(value: Any) -> str:
-    """The value of a parameter as text, the same for equal values in every process; a strange one must pickle."""
-    if _is_estimator(value):
-        params = sorted(value.get_params(deep=False).items())
-        inside = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in _WITHOUT_EFFECT)
-        return f"{_name(type(value))}({inside})"
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
-        return "[" + ", ".join(map(as_plain, value)) + "]"
-    if isinstance(value, np.generic):
-        return repr(value.item())
-    if inspect.isroutine(value) or inspect.isclass(value):
-        return _name(value)
-    text = repr(value)
-    if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in text:
-        return f"{_name(type(value))} {joblib.hash(value)}"  # its text is cut short, or differs between processes
-    return text
-
-
-def _is_estimator(value: Any) -> bool:
-    return hasattr(value, "get_params") and not inspect.isclass(value)
-
-
-def _name(thing: Any) -> str:
-    return f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', thing)}"
 
 
 def _data(name: str, data: Any) -> dict[str, str]:

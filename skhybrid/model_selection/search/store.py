@@ -9,13 +9,13 @@ import sqlite3
 import threading
 import time
 import uuid
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import NamedTuple, Self
 
+from ...parallel.stored_settings import check_settings
+
 _FORMAT = "1"  # format of the file; another one is refused
-VERSION = "version of "  # settings whose names begin with this may differ, with a warning
 _TABLES = """
 CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS owner (id TEXT PRIMARY KEY, host TEXT NOT NULL, pid INTEGER NOT NULL, seen REAL NOT NULL);
@@ -239,23 +239,6 @@ def _refuse_other_kinds(path: str) -> None:
         raise StoreError(f"store {path} cannot be created ({error.strerror}); {_OTHER_FILE}") from error
     if os.path.exists(path) and not os.path.isfile(path):
         raise StoreError(f"store {path} is not a file; {_OTHER_FILE}")
-
-
-def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]) -> None:
-    """Refuse a store that was made with other data or settings, and name them; warn of one made by other versions."""
-    names = [name for name in {**known, **given} if known.get(name) != given.get(name)] if known else []
-    shown = {n: f"{n} is {known.get(n, 'absent')} there and {given.get(n, 'absent')} here" for n in names}
-    versions = [shown.pop(name) for name in names if name.startswith(VERSION)]
-    if shown:
-        more = f" and {len(shown) - 5} more" if len(shown) > 5 else ""
-        raise ValueError(
-            f"store {path} was made with other data or settings: {'; '.join(list(shown.values())[:5])}{more}; give "
-            "another store, or the same data and settings."
-        )
-    if versions:
-        warnings.warn(
-            f"part of the results in store {path} comes from other versions: {'; '.join(versions)}.", stacklevel=2
-        )
 
 
 def _runs(pid: int) -> bool:

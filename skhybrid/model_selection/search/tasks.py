@@ -20,9 +20,9 @@ from sklearn.utils import _safe_indexing
 from ..._table import ZoneTable, as_numbers, refuse_huge
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.joint_fit import fit_each
+from ...parallel.shared import Shared
 from ..single_reading import read_alike, read_once, reading_of, takes_tables
 from .candidates import BASELINE, forecaster_prefix, last_step
-from .shared import Shared
 from .store import Result, Task
 
 

@@ -1,23 +1,23 @@
-"""Parallel runs of tasks through joblib, with all results in one store."""
+"""Parallel runs of the tasks of a search, with all results in one store."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby, islice
-from typing import Any, NamedTuple, Self
+from itertools import groupby
+from typing import Any, NamedTuple
 
-from joblib import Parallel, delayed, effective_n_jobs
-from joblib.parallel import get_active_backend
+from joblib import delayed
 from tqdm.auto import tqdm
 
+from ...parallel.shared import Shared
+from ...parallel.stored_settings import as_plain
+from ...parallel.workers import Workers
 from .candidates import BASELINE, effort_of, identification_params, shares_network, stack_key
-from .fingerprint import as_plain, candidate_id
-from .shared import Shared
+from .fingerprint import candidate_id
 from .store import Result, ResultStore, Task
 from .tasks import Problem, evaluate, identify
 
-_MAX_SENT = 10_000  # joblib's own workers map larger arrays from disk instead of getting them with every task [bytes]
 _POLL_INTERVAL = 0.5  # how long to wait before asking again whether another process has finished its part [s]
 
 
@@ -26,44 +26,6 @@ class Chunk(NamedTuple):
 
     network: str | None  # key of the thermal network that they share; None where each is fitted as a whole
     params: dict[str, dict[str, Any]]  # candidate id -> parameters
-
-
-class Workers:
-    """One pool of joblib workers, here or on a cluster, kept from the beginning of a search to its end."""
-
-    def __init__(self, n_jobs: int | None) -> None:
-        settings = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAX_SENT} | _of_dask()
-        self._batch_size = None
-        try:
-            self._parallel = Parallel(**settings, return_as="generator_unordered")
-        except ValueError:  # this backend returns nothing before all is done, so it gets a few tasks at a time
-            self._parallel = Parallel(**settings)
-            self._batch_size = 2 * effective_n_jobs(n_jobs)
-
-    def __enter__(self) -> Self:
-        self._parallel.__enter__()
-        return self
-
-    def __exit__(self, *raised: Any) -> None:
-        self._parallel.__exit__(*raised)
-
-    def run(self, calls: Iterator[Any]) -> Iterator[Any]:
-        """Results in the order in which they are finished; the next call is taken when a worker is free."""
-        if self._batch_size is None:
-            yield from self._parallel(calls)
-            return
-        while batch := list(islice(calls, self._batch_size)):
-            yield from self._parallel(batch)
-
-
-def _of_dask() -> dict[str, Any]:
-    """The backend to use in place of joblib's for Dask, where that is the active one."""
-    active, _ = get_active_backend()
-    if type(active).__name__ != "DaskDistributedBackend":
-        return {}
-    from .dask_backend import ErrorReportingDaskBackend  # imports Dask
-
-    return {"backend": ErrorReportingDaskBackend(active)}
 
 
 class Runner:

@@ -1,0 +1,60 @@
+"""Settings as text that is the same in every process, and their comparison with those that a store was made with."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import joblib
+import numpy as np
+import pandas as pd
+
+VERSION = "version of "  # settings whose names begin with this may differ, with a warning
+WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")  # parameters that change no result, at any depth
+
+
+def as_plain(value: Any) -> str:
+    """The value of a parameter as text, the same for equal values in every process; a strange one must pickle."""
+    if is_estimator(value):
+        params = sorted(value.get_params(deep=False).items())
+        inside = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in WITHOUT_EFFECT)
+        return f"{name_of(type(value))}({inside})"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
+        return "[" + ", ".join(map(as_plain, value)) + "]"
+    if isinstance(value, np.generic):
+        return repr(value.item())
+    if inspect.isroutine(value) or inspect.isclass(value):
+        return name_of(value)
+    text = repr(value)
+    if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in text:
+        return f"{name_of(type(value))} {joblib.hash(value)}"  # its text is cut short, or differs between processes
+    return text
+
+
+def is_estimator(value: Any) -> bool:
+    return hasattr(value, "get_params") and not inspect.isclass(value)
+
+
+def name_of(thing: Any) -> str:
+    return f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', thing)}"
+
+
+def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]) -> None:
+    """Refuse a store that was made with other data or settings, and name them; warn of one made by other versions."""
+    names = [name for name in {**known, **given} if known.get(name) != given.get(name)] if known else []
+    shown = {n: f"{n} is {known.get(n, 'absent')} there and {given.get(n, 'absent')} here" for n in names}
+    versions = [shown.pop(name) for name in names if name.startswith(VERSION)]
+    if shown:
+        more = f" and {len(shown) - 5} more" if len(shown) > 5 else ""
+        raise ValueError(
+            f"store {path} was made with other data or settings: {'; '.join(list(shown.values())[:5])}{more}; give "
+            "another store, or the same data and settings."
+        )
+    if versions:
+        warnings.warn(
+            f"part of the results in store {path} comes from other versions: {'; '.join(versions)}.", stacklevel=2
+        )
