@@ -127,7 +127,7 @@ def plan(ahead, weather):
         room - warm <= 23.0,
         q <= CAPACITY,
     ]
-    cp.Problem(cp.Minimize(cost), constraints).solve(solver=cp.HIGHS)
+    cp.Problem(cp.Minimize(cost), constraints).solve(solver=cp.SCIPY)
     return q.value
 
 

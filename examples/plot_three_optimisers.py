@@ -59,7 +59,7 @@ def plan_by_cvxpy(ahead):
     q, room, cold = cp.Variable(n, nonneg=True), cp.Variable(n), cp.Variable(n, nonneg=True)
     cost = hours * (price @ q + discomfort * cp.sum(cold))
     constraints = [room == ahead.free + ahead.gain[:, :, 0] @ q, room + cold >= lowest, q <= most]
-    cp.Problem(cp.Minimize(cost), constraints).solve(solver=cp.HIGHS)
+    cp.Problem(cp.Minimize(cost), constraints).solve(solver=cp.SCIPY)
     return q.value
 
 

@@ -198,7 +198,7 @@ def test_a_verdict_follows_the_numbers():
 def test_the_page_quotes_the_table():
     root = Path(__file__).resolve().parents[1]
     table = pd.read_csv(root / "benchmarks" / "results" / "selection_study.csv")
-    errors = table.set_index(["framework", "climate"])["rmse"]
+    errors = dict(zip(zip(table["framework"], table["climate"], strict=True), table["rmse"], strict=True))
     text = " ".join((root / "docs" / "results" / "study.rst").read_text(encoding="utf-8").split())
     without = [f"{errors['OD, no disturbance', climate]:.2f} K" for climate in ("oakland", "chicago")]
     alone = {f"{errors['OD alone', climate]:.2f} K" for climate in ("oakland", "chicago")}

@@ -259,11 +259,11 @@ def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, ei
 
 PLACES = {
     "schedule": (
-        ("members.ARXMember.fit", "fit"),
+        ("blending.members.ARXMember.fit", "fit"),
         ("schedule_scheme.BlendRecord", "fit"),
         ("known_rows.KnownRows.appended", "update"),
         ("schedule_scheme.KnownRows.of", "partial_fit"),
-        ("members.ARXMember.fit", "partial_fit"),
+        ("blending.members.ARXMember.fit", "partial_fit"),
         ("known_rows.KnownRows.retrained", "partial_fit"),
     ),
     "two-stage": (
