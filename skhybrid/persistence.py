@@ -302,7 +302,9 @@ def _own_class(name: str) -> type:
         found: Any = importlib.import_module(module)
         for part in qualified.split("."):
             found = vars(found)[part]
-    except (ModuleNotFoundError, KeyError):
+    except (ModuleNotFoundError, KeyError) as error:
+        if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith(_OWN):
+            raise  # what is missing is a library, such as torch
         raise ValueError(f"it names {name!r}, which this version does not have; fit and save it again") from None
     named = isinstance(found, type) and (found.__module__, found.__qualname__) == (module, qualified)
     if not named or {base.__module__.partition(".")[0] for base in found.__mro__} - _BASES:

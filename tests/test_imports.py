@@ -221,8 +221,8 @@ def test_a_module_imports_only_the_layers_below_it(path):
 
 #: folders of hybrid that are below its predictors -> the modules of hybrid that they may import, besides their own.
 BELOW_PREDICTORS = {
-    "blending": {"plausible_range", "scheme", "tables"},
-    "thermostat_law": {"blending", "known_rows", "scheme", "setpoint_columns", "tables"},
+    "blending": {"plausible_range", "scheme"},
+    "thermostat_law": {"blending", "known_rows", "scheme", "setpoint_columns"},
 }
 
 

@@ -341,3 +341,16 @@ def test_large_arrays_and_even_stamps_come_back_bit_for_bit(tmp_path):
         assert back.flags.writeable
     for back, given in zip(found["index"], [index, index[::-1], index[[0, 1, 3]]], strict=True):
         pd.testing.assert_index_equal(back, given, exact=True)
+
+
+def test_a_class_that_this_version_lacks_is_told_from_a_library_that_is_missing(monkeypatch):
+    for name in ("skhybrid.hybrid.blend:Blend", "skhybrid.hybrid.tables:Absent"):
+        with pytest.raises(ValueError, match=f"it names '{name}', which this version does not have; fit and save it"):
+            persistence._own_class(name)
+
+    def without_torch(module):
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+    monkeypatch.setattr(persistence.importlib, "import_module", without_torch)
+    with pytest.raises(ModuleNotFoundError, match="torch"):
+        persistence._own_class("skhybrid.forecasting.networks.fitted:FittedNetwork")

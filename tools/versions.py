@@ -29,6 +29,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "versions.md"
 OLDEST_PYTHON = "python3.11"
+EXTRAS = ("networks", "bayes", "distributed", "holidays", "files", "sql", "serve", "control", "test")
 #: newest first
 PYTHONS = ("python3.15", "python3.14", "python3.13", "python3.12", OLDEST_PYTHON)
 SHOWN = (
@@ -61,13 +62,10 @@ sys.exit(f"{found} are installed" if found else 0)
 """
 
 
-GROUPS = ("networks", "bayes", "distributed", "holidays", "files", "sql", "serve", "control", "test")
-
-
-def requirements(groups: tuple[str, ...] = GROUPS) -> list[str]:
-    """The direct requirements of the package and of some of its extras."""
+def requirements() -> list[str]:
+    """The direct requirements of the package and of its extras that tests use."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = [line for group in groups for line in project["optional-dependencies"][group]]
+    extras = [line for group in EXTRAS for line in project["optional-dependencies"][group]]
     return [line for line in project["dependencies"] + extras if not line.startswith("skhybrid")]
 
 

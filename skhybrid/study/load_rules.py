@@ -32,9 +32,10 @@ def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: 
     if len(known) < day:
         return {YESTERDAY: yesterday}
     # a temperature that is always held says nothing, and RidgeCV of scikit-learn 1.6 halves the rest
-    X = X.loc[:, (X.loc[known] != X.loc[known[0]]).any() | (X.columns == roles[0])]
-    ridge = make_pipeline(StandardScaler(), RidgeCV(_ALPHAS)).fit(X.loc[known], heat[known])
-    ahead = X.loc[later.index]
+    learned = X.loc[known]
+    moving = (learned != learned.iloc[0]).any() | (X.columns == roles[0])
+    ridge = make_pipeline(StandardScaler(), RidgeCV(_ALPHAS)).fit(learned.loc[:, moving], heat[known])
+    ahead = X.loc[later.index, moving]
     whole = ahead.notna().all(axis=1)
     found = pd.Series(np.nan, index=later.index)
     found[whole] = ridge.predict(ahead[whole])
