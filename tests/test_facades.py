@@ -1,6 +1,7 @@
 """``FacadeIrradiance``: against pvlib by hand, symmetry of the sun's day, energy, night, time zones, pipelines."""
 
 import doctest
+import re
 
 import numpy as np
 import pandas as pd
@@ -193,6 +194,10 @@ def test_stamps_in_any_zone_and_naive_ones_with_a_zone_agree(sky):
         ({"latitude": 141.98}, lambda X: X, "latitude=141.98"),
         ({"longitude": None}, lambda X: X, "longitude=None"),
         ({"albedo": 20}, lambda X: X, "albedo=20"),
+        ({"albedo": None}, lambda X: X, "albedo=None must be a number"),
+        ({"facades": {"a": np.nan}}, lambda X: X, "gives 'a' the azimuth nan"),
+        ({"facades": {"a": "south"}}, lambda X: X, "gives 'a' the azimuth 'south'"),
+        ({"facades": ["south"]}, lambda X: X, "must be a mapping"),
         ({"columns": {"T_oa": "T"}}, lambda X: X, "T_oa"),
         ({"facades": {"south west": 225}}, lambda X: X, "south west"),
         ({}, lambda X: X.assign(q_sol_west=0.0), "q_sol_west"),
@@ -249,5 +254,6 @@ def test_irradiance_that_cannot_be_is_refused(column, sky):
     """Such as a fill value, which would count as zero."""
     sky = sky.assign(beam=0.1, sky=0.1)
     sky.iloc[[5, 7], sky.columns.get_loc(column)] = -999.0
-    with pytest.raises(ValueError, match=f"column '{column}' holds -999 kW/m2 in 2 rows .first at .*fill value"):
+    first = re.escape(f"(first at {sky.index[5]})")
+    with pytest.raises(ValueError, match=f"column '{column}' holds -999 kW/m2 in 2 rows {first}.*fill value"):
         FacadeIrradiance(**CHICAGO, dni="beam", dhi="sky").fit_transform(sky)

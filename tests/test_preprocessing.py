@@ -144,6 +144,22 @@ def test_absent_rows_make_a_gap_long(log):
     assert GapFiller(max_gap="1h").fit_transform(thinned)["T_oa"].isna().sum() == 1
 
 
+def test_stamps_out_of_order_are_refused(log):
+    """Interpolation between them would give wrong values without a word."""
+    log.iloc[4, 0] = np.nan
+    for rows in (slice(None, None, -1), [0, 1, 2, 4, 3, *range(5, 12)]):
+        with pytest.raises(ValueError, match=r"time stamps are not in order: row .* has 2024-03-3"):
+            GapFiller().fit_transform(log.iloc[rows])
+    log.index = log.index.where(np.arange(12) != 3, pd.NaT)
+    with pytest.raises(ValueError, match="row 3 has NaT"):
+        GapFiller().fit_transform(log)
+
+
+def test_a_column_with_two_units_is_refused(log):
+    with pytest.raises(ValueError, match="names the column 'T_oa' twice"):
+        UnitConverter({"T_oa": "degF", 0: "K"}).fit(log)
+
+
 def test_gaps_of_an_array_go_by_sampling_time():
     X = np.array([[0.0], [np.nan], [np.nan], [3.0]])
     assert np.isnan(GapFiller(max_gap="1h", sampling_time="1h").fit_transform(X)).sum() == 2

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES
+from .._table import HISTORY_ROLES, numeric
 from .._time import duration_from_zero, positive_duration, spell
-from ..preprocessing._frames import numeric
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.

@@ -11,9 +11,9 @@ import pandas as pd
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from .._ranges import check_range
-from .._table import role_of
+from .._table import numeric, role_of
 from .._time import read_index
-from ._frames import TableTransformer, numeric, position_of, roles_by_position
+from ._frames import TableTransformer, position_of, roles_by_position
 from ._sun import Place, on_planes
 
 #: azimuths of the default facades, degrees clockwise from north.
@@ -115,7 +115,7 @@ class FacadeIrradiance(TableTransformer):
         stamped = isinstance(table, pd.DataFrame) and isinstance(table.index, pd.DatetimeIndex)
         for kind, j in self.positions_.items():
             name = table.columns[j] if isinstance(table, pd.DataFrame) else j
-            check_range(light[kind], "q_sol", f"column {name!r}", utc, named=stamped)
+            check_range(light[kind], "q_sol", f"column {name!r}", table.index if stamped else utc, named=stamped)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
         kept = self._kept_columns()
@@ -141,18 +141,21 @@ class FacadeIrradiance(TableTransformer):
         return np.asarray([*(names[j] for j in self._kept_columns()), *added], dtype=object)
 
     def _checked_facades(self) -> dict[str, float]:
-        facades = {str(name): float(azimuth) for name, azimuth in (self.facades or COMPASS).items()}
-        for name in facades:
+        if not isinstance(self.facades, Mapping | None):
+            raise ValueError(f"facades={self.facades!r} must be a mapping of names to azimuths, such as {COMPASS}.")
+        for name, azimuth in (facades := self.facades or COMPASS).items():
             if role_of(f"q_sol_{name}") is None:
                 raise ValueError(f"facades= has {name!r}, which makes no column name 'q_sol_<name>'; use a plain word.")
-        return facades
+            if not isinstance(azimuth, Real) or not np.isfinite(float(azimuth)):
+                raise ValueError(f"facades= gives {name!r} the azimuth {azimuth!r}; give degrees clockwise from north.")
+        return {str(name): float(azimuth) for name, azimuth in facades.items()}
 
     def _check_place(self) -> None:
         for name, value, bound in (("latitude", self.latitude, 90.0), ("longitude", self.longitude, 180.0)):
             if not isinstance(value, Real) or not -bound <= float(value) <= bound:
                 raise ValueError(f"{name}={value!r} must be a number of degrees from {-bound:g} to {bound:g}.")
-        if not 0.0 <= self.albedo <= 1.0:
-            raise ValueError(f"albedo={self.albedo!r} must lie between 0 and 1.")
+        if not isinstance(self.albedo, Real) or not 0.0 <= float(self.albedo) <= 1.0:
+            raise ValueError(f"albedo={self.albedo!r} must be a number from 0 to 1.")
 
     def _find_columns(self, names: list[Any]) -> dict[str, int]:
         """Find the positions of the irradiance columns."""

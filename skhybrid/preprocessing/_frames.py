@@ -11,7 +11,6 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._table import HISTORY_ROLES, read_array, refuse_infinite_columns, refuse_shape, role_of
-from .._table import numeric as numeric
 from .._transaction import unchanged_on_failure
 
 

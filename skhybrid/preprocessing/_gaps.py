@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 
-from .._table import HISTORY_ROLES
+from .._table import HISTORY_ROLES, numeric
 from .._time import duration_from_zero, read_index
-from ._frames import TableTransformer, numeric
+from ._frames import TableTransformer
 
 
 class GapFiller(OneToOneFeatureMixin, TableTransformer):
@@ -70,7 +70,13 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
 
 
 def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:
-    """Hours since the first stamp, shape (n,)."""
+    """Hours since the first stamp, shape (n,); stamps that are out of order are refused."""
+    if not index.is_monotonic_increasing:
+        wrong = index.isna() | np.append(False, index[1:] < index[:-1])
+        raise ValueError(
+            f"the time stamps are not in order: row {int(np.argmax(wrong))} has {index[wrong][0]}; sort the rows by "
+            "time and drop NaT, or localize the index if this is daylight saving."
+        )
     ticks = index.as_unit("ns").asi8
     return (ticks - ticks[0]) / 3.6e12 if len(ticks) else np.zeros(0)
 

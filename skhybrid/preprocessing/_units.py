@@ -11,7 +11,8 @@ import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 from sklearn.utils.validation import check_is_fitted
 
-from ._frames import TableTransformer, numeric, position_of, read_input, roles_by_position
+from .._table import numeric
+from ._frames import TableTransformer, position_of, read_input, roles_by_position
 
 #: unit of each kind of quantity in the data contract.
 CONTRACT_UNIT = {"temperature": "degC", "irradiance": "kW/m2", "fraction": "-", "power": "kW"}
@@ -112,6 +113,8 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
             if position is None:
                 shown = ", ".join(repr(str(name)) for name in names)
                 raise ValueError(f"units= names the column {column!r}, but X has {shown}.")
+            if position in self.conversions_:
+                raise ValueError(f"units= names the column {names[position]!r} twice, by name and by position.")
             self.conversions_[position] = conversion_of(unit, column)
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
