@@ -108,6 +108,8 @@ def test_a_boiler_for_all_and_one_sun():
         ((AB, [("a", "a")]), "adjacency couples 'a' with itself"),
         ((AB, [("a", "b"), ("b", "a")]), "adjacency has the pair 'b', 'a' twice"),
         ((AB, ["ab"]), "adjacency has 'ab'; give pairs of zones"),
+        ((["a", "b_c", "a_b", "c"], [("a", "b_c"), ("a_b", "c")]), "'a_b' and 'c' would be a second 'R_a_b_c'"),
+        ((["zo", "a"], [("zo", "a")]), "'zo' and 'a' would be a second 'R_zo_a'; rename"),
         ((AB, [("a", "b", "a")]), r"adjacency has \('a', 'b', 'a'\); give pairs"),
         (({"a": "2R2C", "b": "1R1C"}, [("a", "b")], {"couple": "w"}), "couple names the node 'w', which zone 'b' has"),
         ((AB, None, {"heated": {"c": ()}}), "heated names 'c', which is none of the zones"),
@@ -160,6 +162,21 @@ def test_a_room_alone_has_its_neighbours_as_boundaries():
         np.testing.assert_allclose(columns[role], column[own], rtol=1e-14)
     with pytest.raises(ValueError, match="has no zone 'd': a, b, c"):
         room_network(three, "d")
+
+
+def test_a_room_alone_keeps_the_bounds_of_its_sources():
+    room = RCNetwork("lone", {"za": "C_za"}, {"R_zo": ("za", "T_oa")}, {"za": None}, bounds={"A_win": (1.0, 2.0)})
+    both = building_network({"a": room, "b": room})
+    for network in (both, room_network(both, "a")):
+        assert network.parameter_table(["q_sol_a"]).loc["A_win_a", ["lower", "upper"]].tolist() == [1.0, 2.0]
+
+
+def test_rooms_whose_sun_is_not_declared_by_role_are_not_taken_apart():
+    nodes, resistors = {"a": "C_a", "b": "C_b"}, {"R_a": ("a", "T_oa"), "R_b": ("b", "T_oa")}
+    zones = {"A": ("a",), "B": ("b",)}
+    flat = RCNetwork("flat", nodes, resistors, ("a", "b"), ("a", "b"), ("a", "b"), ("a", "b"), zones=zones)
+    with pytest.raises(ValueError, match=r"flat has solar=.*which does not say what each room has"):
+        room_network(flat, "A")
 
 
 # ----------------------------------------------------------------------------------------------------------- the house

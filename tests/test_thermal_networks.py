@@ -175,6 +175,40 @@ def test_names_tell_the_zone():
         network.inputs(["u_heat"])
 
 
+def test_a_node_whose_name_contains_another():
+    """Neither the window nor the heater of the longer name is lost, or given to the shorter one."""
+    rooms = ("hall", "hall_2", "sol")
+    network = RCNetwork(
+        "nested",
+        {room: f"C_{room}" for room in rooms},
+        {f"R_{room}": (room, "T_oa") for room in rooms},
+        solar=rooms,
+        measured=rooms,
+        disturbed=rooms,
+        heated=rooms,
+    )
+    for kind in ("q_sol", "u_heat", "Q"):
+        roles = [f"{kind}_{room}" for room in rooms]
+        assert {s.role: s.shares for s in network.sources(roles)} == {
+            role: ((room, None),) for role, room in zip(roles, rooms, strict=True)
+        }
+
+
+def test_a_network_keeps_what_was_declared():
+    capacitances, solar, bounds = {"za": "C_za"}, {"q_sol": {"za": None}}, {"C_za": (1.0, 2.0)}
+    network = RCNetwork("kept", capacitances, {"R_zo": ("za", "T_oa")}, solar, bounds=bounds)
+    before = network.equations(), network.parameters()
+    capacitances["w"] = "C_w"
+    solar["q_sol"]["w"] = "f"
+    bounds["C_za"] = (-1.0, 2.0)
+    assert (network.equations(), network.parameters()) == before
+
+
+def test_a_missing_value_is_named():
+    with pytest.raises(ValueError, match="theta has no value for R_zo"):
+        RCNetwork("lone", *LONE).matrices({"C_za": 1.0}, ["T_oa"])
+
+
 def test_one_node_is_named_by_a_name_or_a_tuple():
     one = RCNetwork("one", *LONE, measured=("za",), disturbed=["za"], heated=("za",), solar=("za",))
     assert (one.measured, one.disturbed, one.heated, one.solar) == ("za", "za", "za", "za")
@@ -276,6 +310,11 @@ def test_two_stages_are_told_apart():
         (({"za": "Q_h"}, {"R_zo": ("za", "T_oa")}), "'Q_h' cannot name this parameter"),
         (({"za": ("C_za",)}, {"R_zo": ("za", "T_oa")}), "is not a name of a parameter"),
         (({"za": "C_za"}, {"R_zo": ("za", "T_oa", "T_ground")}), "R_zo needs two ends"),
+        (({"za": "C_za"}, {"R_zo": ("za", 5)}), "R_zo needs two ends"),
+        (({"za": "C_za"}, {"R_zo": 5}), "R_zo needs two ends"),
+        (({"za": "C_za", 1: "C_1"}, {"R_zo": ("za", "T_oa")}), "1 cannot name a node"),
+        ((*LONE, {}, "za", "za", "za", {"C_za": 5.0}), "bounds of C_za are 5.0; give two numbers"),
+        ((*LONE, {}, "za", "za", "za", {"C_za": (1.0, 2.0, 3.0)}), r"bounds of C_za are .*; give two numbers"),
         (
             ({"za": "C_za", "w": "C_w"}, {"R_zw": ("za", "T_w"), "R_wo": ("w", "T_oa")}),
             "R_zw ends at 'T_w', the temperature",

@@ -96,10 +96,15 @@ def get_network(network: str | RCNetwork) -> RCNetwork:
     Parameters
     ----------
     network : str or RCNetwork
+
+    Raises
+    ------
+    ValueError
+        If the catalogue has no such name.
     """
     if isinstance(network, RCNetwork):
         return network
-    if network not in CATALOGUE:
+    if not isinstance(network, str) or network not in CATALOGUE:
         raise ValueError(f"network={network!r} is not in the catalogue: {', '.join(CATALOGUE)}; or pass an RCNetwork.")
     return CATALOGUE[network]
 

@@ -46,7 +46,7 @@ def _name_problems(network: Declaration) -> Iterator[str]:
     if not network.capacitances:
         yield "it has no node; give capacitances, such as {'za': 'C_za'}."
     for node in network.capacitances:
-        if not _NODE.match(node) or node.startswith(("T_", "q_sol", "u_", "Q_")):
+        if not isinstance(node, str) or not _NODE.match(node) or node.startswith(("T_", "q_sol", "u_", "Q_")):
             yield (
                 f"{node!r} cannot name a node; use letters, digits and _, and no prefix of a role (T_, q_sol, u_, Q_)."
             )
@@ -85,7 +85,7 @@ def _node_problems(network: Declaration, role: str, nodes: tuple[str, ...]) -> I
 
 def _resistor_problems(network: Declaration) -> Iterator[str]:
     for name, ends in network.resistors.items():
-        if isinstance(ends, str) or len(ends) != 2:
+        if not isinstance(ends, tuple | list) or len(ends) != 2 or not all(isinstance(end, str) for end in ends):
             yield f"{name} needs two ends, such as ('za', 'T_oa'); it has {ends!r}."
         for end in ends:
             yield from _end_problems(network, name, end)
@@ -177,7 +177,10 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
     for name, bounds in network.bounds.items():
         if name not in own and not name.startswith(SOURCE_PARAMETERS):
             yield f"bounds names {name!r}, which is not one of its parameters."
-        lower, upper = sorted(float(b) for b in bounds)
+        try:
+            lower, upper = sorted(float(b) for b in bounds)
+        except (TypeError, ValueError):
+            yield f"bounds of {name} are {bounds!r}; give two numbers (lower, upper)."
         if not np.isfinite([lower, upper]).all() or lower == upper:
             yield f"bounds of {name} are ({lower:g}, {upper:g}); give two different finite numbers."
         if not name.startswith("Q_") and lower <= 0.0:

@@ -237,7 +237,8 @@ def _draw_node(canvas: Canvas, network: Declaration, column: _Column) -> None:
     canvas.text(x + 20.0, 49.0, network.capacitances[column.node], "start")
     canvas.text(x + 12.0, 19.0, f"T_{column.node}", "start")
     if column.sources:
+        unmeasured = len(column.sources) - 1 if column.node in network.disturbed_nodes else None  # it is the last
         canvas.arrow([(x - 30.0, 82.0), (x - 30.0, 30.0), (x - 6.5, 6.5)])
         for k, source in enumerate(column.sources):
-            canvas.text(x, 98.0 + 18.0 * k, source, "middle", HEAT if "Q_g" not in source else QUIET)
+            canvas.text(x, 98.0 + 18.0 * k, source, "middle", QUIET if k == unmeasured else HEAT)
     canvas.node(x, 0.0, column.node in network.measured_nodes)

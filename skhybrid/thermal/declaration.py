@@ -49,6 +49,8 @@ class Declaration:
     zones: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name in ("capacitances", "resistors", "solar", "heated", "bounds", "zones"):
+            object.__setattr__(self, name, _copied(getattr(self, name)))
         for name in ("measured", "disturbed", "solar", "heated"):
             given = getattr(self, name)
             if not isinstance(given, str | Mapping):
@@ -211,6 +213,11 @@ class Declaration:
         return tuple(make_parameter(name, kind, text).bounded(self.bounds.get(name)) for name, kind, text in named)
 
 
+def _copied(declared: Any) -> Any:
+    """A mapping, and those in it, apart from the caller's own; anything else as it is."""
+    return {k: _copied(v) for k, v in declared.items()} if isinstance(declared, Mapping) else declared
+
+
 def as_names(value: str | Iterable[str]) -> tuple[str, ...]:
     """One name or several, as a tuple."""
     return (value,) if isinstance(value, str) else tuple(value)
@@ -228,8 +235,11 @@ def parts_of_role(declared: object, kind: str, role: str) -> tuple[Part, ...]:
         return () if found is None else _parts(found)
     if isinstance(declared, str | Mapping):
         return _parts(declared) if declared else ()
-    named = [node for node in as_names(declared) if f"_{node}_" in f"{role}_"]  # type: ignore[arg-type]
-    return ((None, ((named[0], None),)),) if len(named) == 1 else ()
+    suffix = f"{role.removeprefix('q_sol') if kind == 'solar' else role[1:]}_"
+    named = [node for node in as_names(declared) if f"_{node}_" in suffix]  # type: ignore[arg-type]
+    longest = max(named, key=len, default="")  # q_sol_hall_2 names hall_2 where there is a node hall too
+    clear = bool(named) and all(f"_{node}_" in f"_{longest}_" for node in named)
+    return ((None, ((longest, None),)),) if clear else ()
 
 
 def all_shares(declared: object, kind: str) -> list[Shares]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from .canvas import ZIGZAG, Canvas, width
 from .circuit import Rail, assign_levels
-from .joined_rooms import seen_from
+from .joined_rooms import resistors_of
 from .network import RCNetwork, diagram
 
 _NARROWEST = 330.0  # width of the legend [px]
@@ -132,11 +132,7 @@ def _place_rooms(
     rooms: list[_Room] = []
     for k, zone in enumerate(_room_order(tuple(network.zones), list(partitions.values()))):
         side, nodes = 1 if k % 2 == 0 else -1, network.zones[zone]
-        resistors = {
-            name: (seen_from(nodes, network, ends[0]), seen_from(nodes, network, ends[1]))
-            for name, ends in network.resistors.items()
-            if set(ends) & set(nodes) and name not in partitions
-        }
+        resistors = {name: ends for name, ends in resistors_of(nodes, network).items() if name not in partitions}
         rail = Rail(network, roles, nodes, resistors, (ports[zone], side))
         y = rooms[-1].y + _BAND if rooms else 0.0
         if k > 1:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 from .catalogue import get_network
-from .declaration import Target, as_names, capacity_name, is_by_role, own_parameters
+from .declaration import SOURCE_PARAMETERS, Target, as_names, capacity_name, is_by_role, own_parameters
 from .network import RCNetwork
 
 #: bounds of a partition [K/kW]: from an open door to nearly nothing
@@ -58,7 +59,7 @@ def building_network(
     ------
     ValueError
         If there are less than two zones, a name is unusual or given twice, a pair is unknown, given twice or a zone
-        with itself, or a room network measures, heats or disturbs several nodes.
+        with itself, two resistors would have one name, or a room network measures, heats or disturbs several nodes.
 
     Examples
     --------
@@ -80,13 +81,14 @@ def building_network(
     """
     rooms = {zone: _checked_room(zone, network) for zone, network in _rooms(zones, room).items()}
     pairs = _checked_pairs(adjacency, rooms)
-    joined = {label: ends for kind in as_names(couple) for label, ends in _partitions(rooms, pairs, kind)}
     renamed = {zone: {node: f"{node}_{zone}" for node in network.nodes} for zone, network in rooms.items()}
+    own = {f"{r}_{z}": _ends(ends, renamed[z]) for z, network in rooms.items() for r, ends in network.resistors.items()}
+    joined = _partitions(rooms, pairs, couple, own)
     bounds = {f"{p}_{zone}": given for zone, network in rooms.items() for p, given in network.bounds.items()}
     return RCNetwork(
         name,
         {f"{node}_{z}": f"{c}_{z}" for z, network in rooms.items() for node, c in network.capacitances.items()},
-        {f"{r}_{z}": _ends(ends, renamed[z]) for z, n in rooms.items() for r, ends in n.resistors.items()} | joined,
+        own | joined,
         _solar(rooms, solar),
         measured=tuple(f"{network.measured}_{zone}" for zone, network in rooms.items()),
         disturbed=tuple(f"{network.disturbed}_{zone}" for zone, network in rooms.items()),
@@ -140,16 +142,21 @@ def _checked_pairs(adjacency: Any, zones: Mapping[str, RCNetwork]) -> list[tuple
 
 
 def _partitions(
-    rooms: Mapping[str, RCNetwork], pairs: Iterable[tuple[str, str]], kind: str
-) -> Iterable[tuple[str, tuple[str, str]]]:
-    """Resistors between nodes of one kind, with their ends."""
-    for a, b in pairs:
+    rooms: Mapping[str, RCNetwork], pairs: Iterable[tuple[str, str]], couple: Sequence[str], taken: Collection[str]
+) -> dict[str, tuple[str, str]]:
+    """Resistors between the rooms of each pair, with their ends; ``taken`` are the names of other resistors."""
+    out: dict[str, tuple[str, str]] = {}
+    for kind, (a, b) in product(dict.fromkeys(as_names(couple)), pairs):
         for zone in (a, b):
             if kind not in rooms[zone].nodes:
                 raise ValueError(
                     f"couple names the node {kind!r}, which zone {zone!r} has not: {', '.join(rooms[zone].nodes)}."
                 )
-        yield f"R_{a}_{b}" if kind == "za" else f"R_{kind}_{a}_{b}", (f"{kind}_{a}", f"{kind}_{b}")
+        name = f"R_{a}_{b}" if kind == "za" else f"R_{kind}_{a}_{b}"
+        if name in taken or name in out:
+            raise ValueError(f"the partition of {a!r} and {b!r} would be a second {name!r}; rename one of the zones.")
+        out[name] = f"{kind}_{a}", f"{kind}_{b}"
+    return out
 
 
 def _ends(ends: tuple[str, str], renamed: Mapping[str, str]) -> tuple[str, str]:
@@ -226,18 +233,20 @@ def room_network(network: RCNetwork, zone: str) -> RCNetwork:
     Raises
     ------
     ValueError
-        If the network has no such zone.
+        If the network has no such zone, or its sun or plant is not declared by role.
     """
     if zone not in network.zones:
         raise ValueError(
             f"the network {network.name} has no zone {zone!r}: {', '.join(network.zones) or 'it has none'}."
         )
+    for kind in ("solar", "heated"):
+        if (declared := getattr(network, kind)) and not is_by_role(declared, kind):
+            raise ValueError(
+                f"the network {network.name} has {kind}={declared!r}, which does not say what each room has; give a "
+                "mapping of role to node, as building_network does."
+            )
     nodes = network.zones[zone]
-    resistors = {
-        name: (seen_from(nodes, network, ends[0]), seen_from(nodes, network, ends[1]))
-        for name, ends in network.resistors.items()
-        if set(ends) & set(nodes)
-    }
+    resistors = resistors_of(nodes, network)
     return RCNetwork(
         zone,
         {node: network.capacitances[node] for node in nodes},
@@ -246,13 +255,18 @@ def room_network(network: RCNetwork, zone: str) -> RCNetwork:
         measured=tuple(set(network.measured_nodes) & set(nodes)),
         disturbed=tuple(set(network.disturbed_nodes) & set(nodes)),
         heated=_of_room(network.heated, nodes) or nodes[-1],
-        bounds={name: given for name, given in network.bounds.items() if name in {*resistors, *_own(network, nodes)}},
+        bounds={
+            name: given
+            for name, given in network.bounds.items()
+            if name in {*resistors, *_own(network, nodes)} or name.startswith(SOURCE_PARAMETERS)
+        },
     )
 
 
-def seen_from(nodes: tuple[str, ...], network: RCNetwork, end: str) -> str:
-    """An end of a resistor, as the boundary ``T_<node>`` where it is a node of another room."""
-    return f"T_{end}" if end in network.nodes and end not in nodes else end
+def resistors_of(nodes: tuple[str, ...], network: RCNetwork) -> dict[str, tuple[str, str]]:
+    """Resistors at the nodes of one room; a node of another room is the boundary ``T_<node>``."""
+    seen = {node: f"T_{node}" for node in network.nodes if node not in nodes}
+    return {name: _ends(ends, seen) for name, ends in network.resistors.items() if set(ends) & set(nodes)}
 
 
 def _own(network: RCNetwork, nodes: tuple[str, ...]) -> list[str]:

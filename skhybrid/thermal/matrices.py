@@ -103,7 +103,15 @@ class MatrixBuilder:
         Parameters
         ----------
         theta : mapping of parameter to value
+
+        Raises
+        ------
+        ValueError
+            If a parameter has no value.
         """
+        missing = [name for name in self.parameters if name not in theta]
+        if missing:
+            raise ValueError(f"theta has no value for {', '.join(missing)}; give one for each parameter.")
         return np.array([theta[name] for name in self.parameters], dtype=np.float64)
 
     def matrices(self, theta: np.ndarray) -> Continuous:

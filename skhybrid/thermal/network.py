@@ -101,6 +101,11 @@ class RCNetwork(Declaration):
         roles : iterable of str
             The inputs; columns of B are in the order of :meth:`inputs`, then 1 kW of each of :attr:`gain_names`.
             Derivatives are in the order of :meth:`parameters`.
+
+        Raises
+        ------
+        ValueError
+            If a parameter has no value.
         """
         builder = self.matrix_builder(roles)
         return Continuous(*(batch[0] for batch in builder.matrices(builder.vector(theta)[None])))
