@@ -21,7 +21,7 @@ from skhybrid.schedule.constrained_ridge import gram, solve_coefficients
 from skhybrid.schedule.filter_model import NOISE, FilterModel
 from skhybrid.schedule.lead_problem import LeadProblem, ScoredForecasts, Shrinkage, penalty_of
 from skhybrid.schedule.responses import emitter_series, error_columns, simulate_responses
-from skhybrid.thermal import get_network
+from skhybrid.thermal import RCNetwork, get_network
 
 DAY = 48  # rows, at 30 min
 N_TRAIN = 8 * DAY
@@ -123,7 +123,40 @@ def test_a_steady_kilowatt_warms_every_node_by_its_resistance():
     np.testing.assert_allclose(np.linalg.solve(np.eye(1) - M.A, M.B), [[1.0, 5.0]], rtol=1e-10)
 
 
+WALLED = {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")}, {"za": "f", "w": None}
+
+
+@pytest.mark.parametrize("own", [{"bounds": {"f": (0.1, 0.9)}}, {"zones": {"room": ("w", "za")}}], ids=str)
+def test_bounds_of_a_share_and_a_named_zone_do_no_harm(own):
+    """The model's own network has no sources, and every node of it is disturbed."""
+    psi = np.linspace(0.1, 0.8, 8)
+    plain, found = (FilterModel.of(RCNetwork("own", *WALLED, **with_own), 0.5, 1.0) for with_own in ({}, own))
+    np.testing.assert_array_equal(found.matrices(psi).F, plain.matrices(psi).F)
+
+
 # ---------------------------------------------------------------------------------------------------------- channels
+@pytest.mark.parametrize(
+    ("field", "nodes"),
+    [
+        ("heated", {"u_heat": "w", "u_cool": "za"}),
+        ("heated", {"w": "f_h", "za": None}),
+        ("disturbed", ("w", "za")),
+    ],
+    ids=str,
+)
+def test_several_heated_or_disturbed_nodes_are_refused(table, field, nodes):
+    """All known heat is one series, and all unmeasured heat another."""
+    network = RCNetwork("odd", *WALLED, **{field: nodes})
+    with pytest.raises(ValueError, match=f"network odd has the {field} nodes 'w', 'za', but .* takes one"):
+        make_plan(network, table, {"Q_h": 6.0}, calendar=True)
+
+
+@pytest.mark.parametrize("heated", ["w", {"u_heat": "w", "u_cool": "w"}, ("w",)], ids=str)
+def test_the_heated_node_in_each_form(table, heated):
+    plan = make_plan(RCNetwork("own", *WALLED, heated=heated), table, {"Q_h": 6.0}, calendar=True)
+    assert (plan.heated, plan.zone) == (0, 1)
+
+
 def test_lag_of_an_emitter():
     rng = np.random.default_rng(0)
     heat, step, tau = rng.uniform(0, 3, 50), 0.5, 2.0

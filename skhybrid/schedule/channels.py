@@ -8,14 +8,14 @@ differ from Sundays, wholly where the weekend has moved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from .._calendar import clock_hour, one_hot
-from .._table import ZoneTable
+from .._table import ZoneTable, is_plant, listed
 from .._time import hour_of_day, wall_clock
 from ..thermal import RCNetwork
 from ..thermal.parameters import check_known
@@ -59,8 +59,10 @@ class ChannelPlan(NamedTuple):
     @property
     def heated(self) -> int:
         """Index of the node into which equipment gives its heat."""
-        heated = self.network.heated
-        return self.network.nodes.index(heated) if isinstance(heated, str) else self.zone
+        if isinstance(self.network.heated, str):
+            return self.network.nodes.index(self.network.heated)
+        nodes = _heated_nodes(self.network, (role for role, _ in (*self.known, *self.stages)))
+        return self.network.nodes.index(nodes[0]) if nodes else self.zone
 
 
 class Block(NamedTuple):
@@ -114,6 +116,7 @@ class Channels(NamedTuple):
 
 def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], calendar: bool) -> ChannelPlan:
     """Choose the channels that a table can feed; ``known`` are given capacities by parameter name [kW]."""
+    _refuse_several_nodes(network, table)
     _refuse_capacities(network, table, known)
     measured = tuple((role, 1.0) for role in table.inputs if role.startswith("Q_"))
     stages = [role for role in table.inputs if role.startswith("u_")]
@@ -140,8 +143,26 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
     )
 
 
+def _heated_nodes(network: RCNetwork, plants: Iterable[str]) -> tuple[str, ...]:
+    """Nodes that plants heat, each once."""
+    return tuple(dict.fromkeys(node for source in network.sources(plants) for node, _ in source.shares))
+
+
+def _refuse_several_nodes(network: RCNetwork, table: ZoneTable) -> None:
+    """Refuse a network whose plants heat several nodes, or that has several disturbed ones."""
+    for field, nodes in (
+        ("heated", _heated_nodes(network, filter(is_plant, table.inputs))),
+        ("disturbed", network.disturbed_nodes),
+    ):
+        if len(nodes) > 1:
+            raise ValueError(
+                f"network {network.name} has the {field} nodes {listed(nodes)}, but the schedule model takes one; "
+                f"name one in {field}=, or give a gray_box."
+            )
+
+
 def _refuse_capacities(network: RCNetwork, table: ZoneTable, known: Mapping[str, float]) -> None:
-    """Refuse known capacities that the table has no plant for, or that have another sign."""
+    """Refuse known values that are no capacity of the network under its usual roles or the table's, or impossible."""
     parameters = {p.name: p for p in (*network.parameters(table.inputs), *network.parameters()) if p.unit == "kW"}
     for name in known:
         if name not in parameters:

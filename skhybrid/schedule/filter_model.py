@@ -43,7 +43,7 @@ class FilterModel:
     @classmethod
     def of(cls, network: RCNetwork, step: float, heat_scale: float) -> FilterModel:
         """Model of a network's walls and air; its sources become heat by node."""
-        bare = replace(network, solar={}, disturbed=network.nodes, heated=network.nodes[0])
+        bare = replace(network, solar={}, disturbed=network.nodes, heated=network.nodes[0], bounds={}, zones={})
         return cls(network, bare.matrix_builder(network.boundaries), step, heat_scale)
 
     @property

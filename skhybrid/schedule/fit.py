@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 
 from .._table import ZoneTable
 from .._time import rows_per_day, spell
@@ -131,7 +130,7 @@ def fit_leads(
     and the response to a kW is pulled toward what jumps of the heat say of it.  A ``prior`` takes the place of the
     grid, of the shrinkage and of the usual size.
     """
-    step = table.step / pd.Timedelta("1h")
+    step = table.step_hours
     sample = hourly_sample(table.n_rows, n_leads, step, rows_per_day(step))
     if not len(sample.leads):
         raise ValueError(
@@ -199,7 +198,7 @@ def _fit_at_scale(
     pull: GainPull | None,
 ) -> tuple[LeadFit, float]:
     """Fit from the best of some sizes of the network, relative to the usual one for a spread of heat [kW]; its loss."""
-    step = table.step / pd.Timedelta("1h")
+    step = table.step_hours
     problem = _initial_problem(FilterModel.of(plan.network, step, heat_scale), scored, scales, pull)
     best = minimise(problem, problem.centre, max_steps=10)
     blocks = _blocks_of_days(scored.sample, step)

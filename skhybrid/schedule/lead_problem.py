@@ -22,6 +22,7 @@ from .step_gain import GainPull
 _OVERLAP = 8.0  # hours within which forecasts overlap so much that they count as one
 _LEAST_PENALTY = 1e-3  # penalty of coefficients that are not shrunk, which keeps the equations regular
 _WINDOW = 10.0  # unit of a window [m2] under that penalty
+_LEAST_GAIN = 1e-3  # relative decrease of the objective below which a search stops
 _SWAP_PENALTY = 150.0  # penalty of swapping the type of a day of the week: a few days of evidence overcome it
 
 
@@ -119,8 +120,8 @@ class LeadProblem:
         rows, inside = scored.sample.targets(scored.segment.n_rows)
         origins = scored.sample.origins
         # a single origin is the first of hourly ones, and counts as it will among them
-        several = len(origins) > 1
-        spacing = (origins[-1] - origins[0]) / (len(origins) - 1) if several else max(1.0 / self.model.step, 1.0)
+        hourly = max(1.0 / self.model.step, 1.0)
+        spacing = (origins[-1] - origins[0]) / (len(origins) - 1) if len(origins) > 1 else hourly
         weight = np.broadcast_to(scored.weight, len(origins)) * self.overlap_weight(spacing)
         return self.root_weights_of(inside & scored.segment.seen[rows], weight)
 
@@ -192,10 +193,8 @@ class LeadProblem:
             cross += (E.T @ J)[free]
         if self.pull is not None:
             segment, coef = self.forecasts[0].segment, at.solution.coef
-            E, J = (
-                self.pull.design(self.model, at.psi, segment),
-                self.pull.sensitivities(self.model, at.psi, coef, segment),
-            )
+            E = self.pull.design(self.model, at.psi, segment)
+            J = self.pull.sensitivities(self.model, at.psi, coef, segment)
             H, g = H + gram(J), g + J.T @ (E @ np.append(-coef, 1.0))
             cross += (E.T @ J)[free]
         return g, H - cross.T @ cho_solve(cho_factor(inner), cross)
@@ -213,7 +212,7 @@ def penalty_of(segment: Segment, shrinkage: Shrinkage, heat_scale: float) -> np.
     return strength / unit**2
 
 
-def minimise(problem: LeadProblem, psi: np.ndarray, max_steps: int = 12, tolerance: float = 1e-3) -> Evaluation:
+def minimise(problem: LeadProblem, psi: np.ndarray, max_steps: int) -> Evaluation:
     """Levenberg-Marquardt from ``psi``, at most ``max_steps`` steps."""
     best, damping = problem.evaluate(psi), 1e-2
     for _ in range(max_steps):
@@ -230,6 +229,6 @@ def minimise(problem: LeadProblem, psi: np.ndarray, max_steps: int = 12, toleran
         if better is None:
             break
         gained, best = best.loss - better.loss, better
-        if gained < tolerance * max(1.0, best.loss):
+        if gained < _LEAST_GAIN * max(1.0, best.loss):
             break
     return best

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..control import LinearNetwork, gain_of, impulse_response
 from .channels import deviation, knot_name
+from .filter_model import Matrices
 from .fit import LeadFit
 from .online_network import OriginState
 from .segment import Segment
@@ -38,6 +39,13 @@ def into_heated(fit: LeadFit, state: OriginState) -> np.ndarray:
     M = state.matrices
     n = len(M.A)
     return np.append(M.B[:, M.B.shape[1] - n + fit.plan.heated], 0.0)
+
+
+def forcing_by(matrices: Matrices, segment: Segment, heat: np.ndarray) -> np.ndarray:
+    """(N, n + 1) effect of boundary temperatures and of heat (N, n) [kW] into the nodes; the emitter gets none."""
+    nb = segment.boundary.shape[1]
+    forcing = segment.boundary @ matrices.B[:, :nb].T + heat @ matrices.B[:, nb:].T
+    return np.column_stack([forcing, np.zeros(len(forcing))])
 
 
 def plant_inputs(fit: LeadFit, state: OriginState, roles: Sequence[str]) -> np.ndarray:
@@ -86,20 +94,18 @@ def linear_network(
     """
     A, _ = emitting(fit, state)
     M, channels = state.matrices, segment.channels
-    n, nb = len(M.A), segment.boundary.shape[1]
+    n = len(M.A)
     unmeasured = channels.solar | channels.scheduled
     heat = channels.heat(np.where(unmeasured, state.coef[: len(unmeasured)], 0.0), n)
     heat[:, fit.plan.zone] += state.gain * M.F[-1, -1] ** np.arange(segment.n_rows)
     heat[:, fit.plan.heated] += bends_at(fit, state, roles, plan).heat.sum(axis=1)
-    forcing = np.zeros((segment.n_rows, n + 1))
-    forcing[:, :n] = segment.boundary @ M.B[:, :nb].T + heat @ M.B[:, nb:].T
     reference = np.append(np.full(n, fit.reference), 0.0)
     return LinearNetwork(
         A,
         plant_inputs(fit, state, roles),
         _output(fit, state),
         np.append(state.nodes, state.emitter) + reference,
-        forcing + reference - A @ reference,
+        forcing_by(M, segment, heat) + reference - A @ reference,
         (*(f"T_{node}" for node in fit.plan.network.nodes), "Q_emitter"),
     )
 

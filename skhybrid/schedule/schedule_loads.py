@@ -16,7 +16,7 @@ from .channels import ChannelPlan, deviation, equipment, knot_name, known_heat
 from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
-from .plant_model import emitting
+from .plant_model import emitting, forcing_by
 from .segment import Segment
 
 _GRID = 101  # stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
@@ -70,11 +70,10 @@ def load_paths(
         rows = slice(int(origin), min(int(origin) + n_leads, segment.n_rows))
         ahead, n = segment.between(rows.start, rows.stop), rows.stop - rows.start
         zeta = _zeta(ahead, state)
-        A, forcing, effect = _with_emitter(fit, state, ahead, zeta)
-        c, begin = np.eye(len(A))[fit.model.zone], np.append(state.nodes, state.emitter)
+        system, begin = _system(fit, state, ahead, zeta), np.append(state.nodes, state.emitter)
         band = [side[rows] - fit.reference for side in setpoint]
         within = [np.full(n, limit) for limit in limits]
-        load, path = simulate_inverse(A, forcing, effect, c, *band, *within, begin, steps_ahead(A, effect, c))
+        load, path = simulate_inverse(*system, *band, *within, begin, steps_ahead(system.A, system.effect, system.c))
         for part, values in zip(out, (load, path + fit.reference, zeta), strict=True):
             part[i, :n], part[i, n:] = values, values[-1]
     return out
@@ -132,14 +131,12 @@ def _load_from(
     variation: _Variation | None,
 ) -> pd.DataFrame:
     """Load of the rows from an origin on."""
-    coef, n = state.coef, segment.n_rows
-    plant = _plant(segment.plan, coef, fit.channel_names)
+    plant = _plant(segment.plan, state.coef, fit.channel_names)
     zeta = _zeta(segment, state)
-    A, forcing, effect = _with_emitter(fit, state, segment, zeta)
-    c, begin = np.eye(len(A))[fit.model.zone], np.append(state.nodes, state.emitter)
+    system, begin = _system(fit, state, segment, zeta), np.append(state.nodes, state.emitter)
     band = [side - fit.reference for side in setpoint]
-    system, free = (A, forcing, effect, c), np.full(n, np.inf)
-    ahead = steps_ahead(A, effect, c) if variation is None else MOST_AHEAD
+    free = np.full(segment.n_rows, np.inf)
+    ahead = steps_ahead(system.A, system.effect, system.c) if variation is None else MOST_AHEAD
 
     def heat_within(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if variation is None:
@@ -150,7 +147,7 @@ def _load_from(
     unclipped, _ = heat_within(-free, free)
     at_origin = segment.y[0] if segment.seen[0] else begin[fit.model.zone]
     temperature = np.append(at_origin, path[:-1]) + fit.reference
-    return _at_part_load(load_frame(plant, index, clipped, unclipped, temperature, zeta), fit, plant, coef)
+    return _at_part_load(load_frame(plant, index, clipped, unclipped, temperature, zeta), fit, plant, state.coef)
 
 
 def _zeta(segment: Segment, state: OriginState) -> np.ndarray:
@@ -193,15 +190,18 @@ def _plant(plan: ChannelPlan, coef: np.ndarray, names: tuple[str, ...]) -> Plant
     return make_plant(capacity, seen | measured)
 
 
-def _with_emitter(
-    fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Network with the emitter's heat as one more state: transition, forcing without the plant, effect of 1 kW."""
+class _System(NamedTuple):
+    """Network with the emitter's heat as one more state, over some rows."""
+
+    A: np.ndarray  # (n + 1, n + 1)
+    forcing: np.ndarray  # (N, n + 1) by all but the plant
+    effect: np.ndarray  # (n + 1,) of 1 kW of the plant
+    c: np.ndarray  # (n + 1,) row of the measured node
+
+
+def _system(fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray) -> _System:
     A, effect = emitting(fit, state)
-    M, coef, plan, channels = state.matrices, state.coef, segment.plan, segment.channels
-    n, nb = len(M.A), segment.boundary.shape[1]
-    heat = channels.heat(np.where(channels.solar, coef[: len(channels.names)], 0.0), n)
-    heat[:, plan.zone] += zeta
-    forcing = np.zeros((segment.n_rows, n + 1))
-    forcing[:, :n] = segment.boundary @ M.B[:, :nb].T + heat @ M.B[:, nb:].T
-    return A, forcing, effect
+    M, channels = state.matrices, segment.channels
+    heat = channels.heat(np.where(channels.solar, state.coef[: len(channels.names)], 0.0), len(M.A))
+    heat[:, segment.plan.zone] += zeta
+    return _System(A, forcing_by(M, segment, heat), effect, np.eye(len(A))[fit.model.zone])
