@@ -18,7 +18,7 @@ from skhybrid import (
     SchedulePredictor,
     TwoStagePredictor,
 )
-from skhybrid.control import LinearNetwork
+from skhybrid.control import LinearNetwork, heat_plan
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
 from skhybrid.hybrid import ControlModel
@@ -31,6 +31,14 @@ DAY = 48  # rows, at 30 min
 N_TRAIN, NOW = 10 * DAY, 11 * DAY + 5
 QUICK = {"n_starts": 1, "random_state": 0}
 KNOWN = {"Q_h": 6.0}
+
+
+def test_a_plan_of_a_table_whose_columns_have_numbers_for_names():
+    future = pd.DataFrame({0: [1.0, 2.0]})
+    filled, given = heat_plan.planned(future, ("u_heat", "u_cool"), {"u_heat": 0, "u_cool": 1}.__getitem__)
+    assert filled.to_dict("list") == {0: [1.0, 2.0], 1: [0.0, 0.0]}
+    assert given == ["u_heat"]
+    assert list(future) == [0]
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ class AffineForecast:
     inputs : tuple of str
         Roles of the inputs, in the order of the gain's last axis.
     offsets : ndarray of shape (H, n_quantiles), optional
-        What quantiles of the temperature have beyond it [K].
+        Quantiles of the temperature less the forecast itself [K].
     """
 
     free: np.ndarray
@@ -55,6 +55,11 @@ class AffineForecast:
         -------
         ndarray of shape (H,)
             At each stamp [degC]; with a last axis where several nodes are measured.
+
+        Raises
+        ------
+        ValueError
+            If the plan has another shape.
         """
         plan = as_plan(q, self.gain.shape[1:3], self.index)
         return self.free + np.tensordot(self.gain, plan, axes=((1, 2), (0, 1)))
@@ -109,6 +114,11 @@ class ControlModel:
         -------
         ndarray of shape (H + 1, o)
             At the stamp of each row and at the end of the last one [degC].
+
+        Raises
+        ------
+        ValueError
+            If the inputs have another shape.
         """
         plan = as_plan(u, (len(self.forcing), self.B.shape[1]), self.index)
         return simulate_path(self.A, self.forcing + plan @ self.B.T, self.x0) @ self.C.T

@@ -68,7 +68,7 @@ def refuse_boundary(boundary: Mapping[str, Any], allowed: Sequence[str], shape: 
 
 
 def read_member(member: Any) -> str:
-    """The model whose forecast is wanted."""
+    """The model whose forecast is wanted: "blend" or "network"; any other is refused."""
     if not isinstance(member, str) or member not in _MEMBERS:
         raise ValueError(f"member={member!r} is neither 'blend' nor 'network'.")
     return member
@@ -80,8 +80,11 @@ def planned(future: Any, inputs: Sequence[str], column_of: Callable[[str], Any])
         given = [role for role in inputs if role in future.inputs]
         off = {role: np.zeros(future.n_rows) for role in inputs if role not in given}
         return (future.replace(inputs={**future.inputs, **off}) if off else future), given
-    given = [role for role in inputs if column_of(role) in future]
-    return future.assign(**{column_of(role): 0.0 for role in inputs if role not in given}), given
+    given, filled = [role for role in inputs if column_of(role) in future], future.copy()
+    for role in inputs:
+        if role not in given:
+            filled[column_of(role)] = 0.0
+    return filled, given
 
 
 def covered_by(training: Mapping[str, np.ndarray], inputs: Sequence[str]) -> np.ndarray:
@@ -103,7 +106,7 @@ def warn_uncovered(plan: Plan, given: Sequence[str], covered: np.ndarray) -> Non
 
 
 def warn_bent(plan: Plan, bent: np.ndarray) -> None:
-    """Warn of inputs (m,) of which the forecast is not affine."""
+    """Warn of the inputs, ``bent`` (m,) bool, in which the forecast is not affine."""
     for role in np.array(plan.inputs, dtype=object)[bent]:
         warn_user(
             f"the heat of {role} bends with its stage at part load, so that the forecast is not affine in it: the gain "
@@ -119,7 +122,7 @@ def limits_of(stages: Mapping[str, float], covered: np.ndarray, inputs: Sequence
 
 
 def as_plan(q: Any, shape: tuple[int, int], index: pd.Index) -> np.ndarray:
-    """A plan (H, m) of the rows of a forecast."""
+    """A plan as an array (H, m) for the rows of a forecast; another shape is refused."""
     values = np.asarray(q, dtype=np.float64)
     if values.shape != shape and (values.ndim != 1 or shape[1] != 1 or len(values) != shape[0]):
         raise ValueError(

@@ -91,8 +91,8 @@ class Plant(NamedTuple):
     heating: tuple[tuple[str, float], ...]  # (role, capacity [kW]) of the stages that heat
     cooling: tuple[tuple[str, float], ...]  # the same of those that cool, capacity < 0
     most: Mapping[str, float]  # highest stage of each role
-    lower: float  # [kW], 0 or less; -inf where only the heat was measured
-    upper: float  # [kW], 0 or more; inf where only the heat was measured
+    lower: float  # [kW], 0 or less; -inf where heat was measured
+    upper: float  # [kW], 0 or more; inf where heat was measured
 
     def within(self, limits: Limits) -> Limits:
         """The narrower of given limits and the capacity of the stages."""
@@ -100,7 +100,7 @@ class Plant(NamedTuple):
 
 
 def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) -> Plant:
-    """The plant of a training table, from the heat [kW] of each stage at 1; measured heat sets no limit."""
+    """Plant of a training table, from the capacity [kW] of each stage; measured heat sets no limit."""
     roles = sorted(capacity, key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
     most = {role: max(1.0, float(inputs[role].max())) for role in roles}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)

@@ -31,7 +31,7 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
 
     One value or column is the temperature [degC] wanted at the stamp, which the row before must reach.  Two are a
     thermostat's heating and cooling set-point, which the row itself must reach by its end; columns of a DataFrame go by
-    name where one holds "heat" and the other "cool", and None leaves a side free.
+    name where one contains "heat" and the other "cool"; a side that is None is not held.
     """
     if isinstance(setpoint, Band):
         return setpoint
@@ -62,7 +62,7 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
 
 
 def read_limits(limits: Any, table: ZoneTable) -> Limits:
-    """The least and the most heat of a plant [kW], by row; None, or a pair of numbers, values by row or None."""
+    """Least and most heat of a plant [kW] by row, from a pair of numbers or series; None is no limit."""
     given = (None, None) if limits is None else limits
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise ValueError("limits is a pair (lowest, highest) [kW], each a number or one value per row.")
@@ -76,7 +76,7 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
 
 
 def read_plant_limits(limits: Any) -> tuple[float, float] | None:
-    """Limits [kW] that hold in all rows: a pair of numbers, or None as one of them; None where there are none."""
+    """Least and most heat of a plant [kW] in all rows, from a pair of numbers or None; None without limits."""
     if limits is None:
         return None
     if not isinstance(limits, tuple | list) or len(limits) != 2 or any(np.ndim(side) for side in limits):
