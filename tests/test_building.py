@@ -164,11 +164,22 @@ def test_a_room_alone_has_its_neighbours_as_boundaries():
         room_network(three, "d")
 
 
-def test_a_room_alone_keeps_the_bounds_of_its_sources():
-    room = RCNetwork("lone", {"za": "C_za"}, {"R_zo": ("za", "T_oa")}, {"za": None}, bounds={"A_win": (1.0, 2.0)})
-    both = building_network({"a": room, "b": room})
+@pytest.mark.parametrize(
+    ("solar", "role", "area"),
+    [
+        (None, "q_sol_a", "A_win_a"),
+        ("q_sol", "q_sol", "A_win_to_a"),
+        ({"a": "q_sol_south"}, "q_sol_south", "A_win_south"),
+    ],
+)
+def test_bounds_of_a_source_hold_in_the_building_and_in_its_room(solar, role, area):
+    bounds = {"A_win": (1.0, 2.0), "Q_h": (3.0, 4.0)}
+    room = RCNetwork("lone", {"za": "C_za"}, {"R_zo": ("za", "T_oa")}, {"za": None}, bounds=bounds)
+    both = building_network({"a": room, "b": room}, solar=solar)
     for network in (both, room_network(both, "a")):
-        assert network.parameter_table(["q_sol_a"]).loc["A_win_a", ["lower", "upper"]].tolist() == [1.0, 2.0]
+        table = network.parameter_table([role, "u_heat", "u_heat_a"])[["lower", "upper"]]
+        assert table.loc[area].tolist() == [1.0, 2.0]
+        assert table.loc[["Q_h_to_a", "Q_h_a"]].to_numpy().tolist() == [[3.0, 4.0]] * 2
 
 
 def test_rooms_whose_sun_is_not_declared_by_role_are_not_taken_apart():

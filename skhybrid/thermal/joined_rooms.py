@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -84,8 +85,7 @@ def building_network(
     renamed = {zone: {node: f"{node}_{zone}" for node in network.nodes} for zone, network in rooms.items()}
     own = {f"{r}_{z}": _ends(ends, renamed[z]) for z, network in rooms.items() for r, ends in network.resistors.items()}
     joined = _partitions(rooms, pairs, couple, own)
-    bounds = {f"{p}_{zone}": given for zone, network in rooms.items() for p, given in network.bounds.items()}
-    return RCNetwork(
+    building = RCNetwork(
         name,
         {f"{node}_{z}": f"{c}_{z}" for z, network in rooms.items() for node, c in network.capacitances.items()},
         own | joined,
@@ -93,9 +93,9 @@ def building_network(
         measured=tuple(f"{network.measured}_{zone}" for zone, network in rooms.items()),
         disturbed=tuple(f"{network.disturbed}_{zone}" for zone, network in rooms.items()),
         heated=_heated(rooms, heated),
-        bounds=bounds | dict.fromkeys(joined, _PARTITION),
         zones={zone: tuple(nodes.values()) for zone, nodes in renamed.items()},
     )
+    return replace(building, bounds=_bounds(rooms, building) | dict.fromkeys(joined, _PARTITION))
 
 
 def _rooms(zones: Any, room: str | RCNetwork) -> dict[str, RCNetwork]:
@@ -161,6 +161,17 @@ def _partitions(
 
 def _ends(ends: tuple[str, str], renamed: Mapping[str, str]) -> tuple[str, str]:
     return renamed.get(ends[0], ends[0]), renamed.get(ends[1], ends[1])
+
+
+def _bounds(rooms: Mapping[str, RCNetwork], building: RCNetwork) -> dict[str, tuple[float, float]]:
+    """Bounds of the rooms by the building's names; those of a source hold for each of its roles, shared or not."""
+    out = {f"{p}_{zone}": given for zone, network in rooms.items() for p, given in network.bounds.items()}
+    zone_of = {node: zone for zone, inside in building.zones.items() for node in inside}
+    for source in building.sources({*building.solar, *building.heated}):
+        for p, given in rooms[zone_of[source.shares[0][0]]].bounds.items():
+            if p.startswith(SOURCE_PARAMETERS) and f"{source.parameter}_".startswith(f"{p}_"):
+                out[str(source.parameter)] = given
+    return out
 
 
 def _solar(rooms: Mapping[str, RCNetwork], given: Any) -> dict[str, Any]:
