@@ -1,8 +1,8 @@
 """Heat that could be expected at the origins of forecasts, by two-stage least squares.
 
-A thermostat answers every disturbance with heat, so that the delivered heat tells of the disturbances to come, and a
-network that is fitted to forecasts with it learns too small a gain.  Expected heat tells nothing of them: it comes from
-what is known ahead (weather, calendar) and at the origin.
+A thermostat answers every disturbance with heat.  Delivered heat therefore tells of disturbances after the origin, and
+a network that is fitted on forecasts with it learns too small a gain.  Expected heat tells nothing of them: it comes
+from what is known ahead (weather, calendar) and at the origin.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> li
 def heat_surprise(segment: Segment, sample: ForecastSample, blocks: np.ndarray, step: float) -> np.ndarray | None:
     """(O, n_leads) delivered less expected heat [kW] of the rows from each origin on; None where little is expected.
 
-    Each block of days is expected by the other ones; ``step`` in hours.
+    The heat of each block of days is expected by a regression on the other blocks; ``step`` in hours.
     """
     rows = sample.origins[:, None] + np.arange(sample.leads[-1])
     inside, last = rows < segment.n_rows, segment.n_rows - 1
@@ -110,7 +110,7 @@ class SurpriseEffect:
         """(O, L) per unit of the emitter's coefficient."""
         return self._of(self._at.lagging)
 
-    def slopes(self, lag: float = 0.0) -> np.ndarray:
+    def slopes(self, lag: float) -> np.ndarray:
         """(O, L, p) derivatives of :meth:`errors` by psi."""
         return self._of(self._at.slope + lag * self._at.dlagging)
 

@@ -33,7 +33,7 @@ class Matrices(NamedTuple):
 
 @dataclass(frozen=True)
 class FilterModel:
-    """A network that can be heated at each node, and the unmeasured gain that its filter estimates."""
+    """A network that can be heated at each node, with a filter that estimates the unmeasured gain."""
 
     network: RCNetwork
     builder: MatrixBuilder  # of the network without sources
@@ -42,7 +42,7 @@ class FilterModel:
 
     @classmethod
     def of(cls, network: RCNetwork, step: float, heat_scale: float) -> FilterModel:
-        """Model of a network's walls and air; its sources become heat by node."""
+        """Model of a network's capacitances and resistors; its sources are replaced by heat into each node."""
         bare = replace(network, solar={}, disturbed=network.nodes, heated=network.nodes[0], bounds={}, zones={})
         return cls(network, bare.matrix_builder(network.boundaries), step, heat_scale)
 

@@ -44,7 +44,7 @@ class LeadFit:
     problem: LeadProblem  # of the training rows
     psi: np.ndarray  # (p,) logarithms of the nonlinear parameters
     solution: Solution  # coefficients of the channels, the emitter's last
-    gram: np.ndarray  # (J + 1, J + 1) of the weighted training forecasts
+    gram: np.ndarray  # (J + 1, J + 1) of the weighted training forecasts and of the pull
     blocks: np.ndarray  # (O,) int, block of days of each origin
     left_out: np.ndarray  # (O, L) errors [K] of training forecasts, their block left out; NaN where not measured
     reference: float  # temperature from which deviations count [degC]
@@ -126,9 +126,15 @@ def fit_leads(
 
     ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
     the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.  With the
-    purpose "plan" forecasts are fitted with the heat that could be expected at their origins, where enough of it could,
-    and the response to a kW is pulled toward what jumps of the heat say of it.  A ``prior`` takes the place of the
+    purpose "plan" the response to a kW is pulled toward what jumps of the heat say of it, and forecasts are fitted with
+    the heat that could be expected at their origins, unless too little of it could.  A ``prior`` takes the place of the
     grid, of the shrinkage and of the usual size.
+
+    Raises
+    ------
+    ValueError
+        If there are too few rows, the network heats or disturbs several nodes, a known value is no capacity or has the
+        wrong sign, or the prior was learned with another network or step.
     """
     step = table.step_hours
     sample = hourly_sample(table.n_rows, n_leads, step, rows_per_day(step))
@@ -197,7 +203,7 @@ def _fit_at_scale(
     scales: Sequence[float],
     pull: GainPull | None,
 ) -> tuple[LeadFit, float]:
-    """Fit from the best of some sizes of the network, relative to the usual one for a spread of heat [kW]; its loss."""
+    """Fit from the best of ``scales``, sizes relative to the usual one for a spread of heat [kW]; and its loss."""
     step = table.step_hours
     problem = _initial_problem(FilterModel.of(plan.network, step, heat_scale), scored, scales, pull)
     best = minimise(problem, problem.centre, max_steps=10)
@@ -217,9 +223,9 @@ def _with_contrasts(
     best: Evaluation,
     blocks: np.ndarray,
 ) -> tuple[LeadFit, float]:
-    """The fit with days that may be of the other type, by delivered heat; its loss."""
+    """Fit with the channels of swapped days, on delivered heat, and its loss."""
     plan = with_contrast(plan, scored.segment.channels.names, best.solution.coef)
-    # schedules and blend learn from delivered heat, which tells more
+    # schedules and blend learn from delivered heat, which tells more than expected heat
     known = scored._replace(segment=make_segment(plan, table, T, reference), surprise=None)
     problem = replace(problem, forecasts=(known,))
     best = problem.evaluate(best.psi)
@@ -236,7 +242,7 @@ def _fit_under(
     reference: float,
     heat_scale: float,
 ) -> LeadFit:
-    """Fit from the best of five sizes under a prior, which is that of the size found so far."""
+    """Fit under a prior, from the best of five sizes; the prior follows the size found so far."""
     model = FilterModel.of(plan.network, table.step_hours, heat_scale)
     prior.refuse_other(model)
     few, n = _few_of(scored), len(model.names)
@@ -284,7 +290,10 @@ def _squares_by_lead(problem: LeadProblem, at: Evaluation) -> tuple[np.ndarray, 
 
 
 def _weighted_as_usual(problem: LeadProblem, at: Evaluation, usual: np.ndarray, hours: float) -> LeadProblem:
-    """A problem weighted by its errors at a point and, as far as these are few, by those ``usual`` (L,) [K2]."""
+    """A problem weighted by its errors at a point and by the ``usual`` variance (L,) [K2], as some hours of errors.
+
+    ``hours`` lie between origins.
+    """
     squares, known = _squares_by_lead(problem, at)
     rows = _USUAL_HOURS / hours
     return replace(problem, precision=1.0 / np.maximum((squares + rows * usual) / (known + rows), _LEAST_ERROR**2))
@@ -374,4 +383,5 @@ def _forecast_errors(problem: LeadProblem, scored: ScoredForecasts, design: np.n
 
 
 def _several(blocks: np.ndarray) -> bool:
+    """Whether there is more than one block of days, so that one can be left out."""
     return bool(len(blocks) and blocks.max())

@@ -56,7 +56,7 @@ class ProblemPrior(NamedTuple):
 
 @dataclass(frozen=True)
 class NetworkPrior:
-    """Normal distributions of the logarithms of the parameters, and of the coefficients per size."""
+    """Normal distributions of the logarithms of the parameters, and of the coefficients divided by the size."""
 
     network: RCNetwork
     step: float  # [h]
@@ -67,7 +67,7 @@ class NetworkPrior:
     mean: np.ndarray  # (K,)
     precision: np.ndarray  # (K, K)
     leads: np.ndarray  # (L,) [h]
-    variance: np.ndarray  # (L,) usual one of forecasts at each lead [K2]
+    variance: np.ndarray  # (L,) usual variance of the errors of forecasts at each lead [K2]
 
     @classmethod
     def learn(cls, zones: Sequence[NetworkSums], log_nameplates: np.ndarray, pseudo_zones: float) -> Self:
@@ -91,7 +91,7 @@ class NetworkPrior:
         )
 
     def scaled(self, log_nameplate: float, spread: float) -> Self:
-        """The same for a zone with a nameplate, whose logarithm is known up to a spread."""
+        """The prior of a zone, from the logarithm of its nameplate and the standard deviation of that."""
         along = _scaling(self.network, self.names)
         return replace(
             self,
@@ -106,7 +106,7 @@ class NetworkPrior:
         return [self.centre + k * along / np.sqrt(size @ along) for k in _STARTS]
 
     def at(self, psi: np.ndarray, mean_outdoor: float) -> ProblemPrior:
-        """For a zone of the size that ``psi`` (p,) has."""
+        """The prior of a problem, for a zone of the size that ``psi`` (p,) has."""
         size = float(np.exp(size_direction(self.network, self.names) @ psi))
         B = np.linalg.inv(_to_zone(self.channels, size, mean_outdoor))
         P, b = B.T @ self.precision @ B, B.T @ (self.precision @ self.mean)
@@ -138,7 +138,7 @@ def _sign(network: RCNetwork, name: str) -> float:
 
 
 def _scaling(network: RCNetwork, names: Sequence[str]) -> np.ndarray:
-    """(p,) changes of the logarithms with that of the size: as it, against it, or none."""
+    """(p,) changes of the logarithms per change of that of the size: 1, -1 or 0."""
     return np.array([1.0 if name == "sigma_g" else _sign(network, name) for name in names])
 
 

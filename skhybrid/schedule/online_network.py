@@ -170,8 +170,10 @@ class OnlineNetwork:
         return 0.0 if self._filter.emitter is None else self._filter.emitter.output
 
     def forecast(self, ahead: Segment, n_known: int, coefs: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
-        """(K, n_leads) deviations [K] and unmeasured heat [kW] after the last row, under coefficients (K, J)."""
-        # ``ahead`` are the ``n_known`` rows that follow, or the last row where that is 0; after them it is held
+        """(K, n_leads) deviations [K] and unmeasured heat [kW] after the last row, under coefficients (K, J).
+
+        ``ahead`` are the ``n_known`` rows that follow, or the last row where there are none; the last of them is held.
+        """
         M, leads = self._filter.matrices, np.arange(1, n_leads + 1)
         P, _ = lead_rows(M.F, M.dF[..., :0], self._fit.model.zone, leads)
         rows = np.minimum(leads - 1, n_known - 1)

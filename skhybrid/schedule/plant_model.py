@@ -16,7 +16,7 @@ from .segment import Segment
 
 
 class Bends(NamedTuple):
-    """Part-load curves of stages: what a plan gives beyond heat in proportion to the stage."""
+    """Part-load curves of stages: the heat of a plan beyond what is proportional to the stage."""
 
     heat: np.ndarray  # (N, m) [kW]
     slope: np.ndarray  # (N, m) [kW per unit of the stage]
@@ -88,9 +88,9 @@ def plant_gain(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.
 def linear_network(
     fit: LeadFit, state: OriginState, segment: Segment, roles: Sequence[str], plan: np.ndarray
 ) -> LinearNetwork:
-    """The network from an origin on, whose row is the segment's first one, in degC.
+    """The network in degC from an origin on, whose row is the first of the segment.
 
-    The segment's own plant is left out but for the bends of the ``plan`` (N, m), which stand in the forcing.
+    The plant is not in the forcing, except for the bends of the ``plan`` (N, m).
     """
     A, _ = emitting(fit, state)
     M, channels = state.matrices, segment.channels

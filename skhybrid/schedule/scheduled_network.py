@@ -32,8 +32,8 @@ class ScheduledNetwork:
     coef_ : Series
         Each linear coefficient, by channel.
     schedule_ : DataFrame
-        Unmeasured heat ``gain`` [kW] and conductance to the outside beside the network's ``ua`` [kW/K] by day type and
-        hour, the mean of the five or two days; both may be negative, as they are deviations from the network's own.
+        Unmeasured heat ``gain`` [kW], and conductance to the outside beyond the network's own, ``ua`` [kW/K], by day
+        type and hour: the mean of the five weekdays or of the two days of the weekend.  Both may be negative.
     plan_ : ChannelPlan
         Channels of the model.
     """

@@ -1,4 +1,4 @@
-"""Step gains: a network's response to a kW, what jumps of the heat say of it, and the pull that joins the two.
+"""Step gains: a network's response to a kW, the gains that jumps of the heat show, and the pull toward these.
 
 A thermostat answers every disturbance with heat, so that a fit on forecast errors is rewarded for too small a gain.
 Jumps of the heat come from changes of the set-points and tell the gain of the first rows almost without feedback.
@@ -71,7 +71,7 @@ def _observed(
     lead: int,
     shares: np.ndarray | None,
 ) -> ObservedGain | None:
-    """Least squares of the bend of the temperature by the jump at the same row; ``sooner`` are gains at less leads."""
+    """Least squares of the temperature's bend by the jump at the same row; ``sooner`` are gains at shorter leads."""
     k, y, seen, heat = np.arange(1, segment.n_rows - lead), segment.y, segment.seen, sources[source]
     jump, use = _jumps(source, sources, k, lead)
     use &= seen[k - 1] & seen[k] & seen[k + lead]
@@ -146,7 +146,7 @@ def is_delayed(gains: tuple[ObservedGain, ...]) -> bool:
 
 
 class StepResponse(NamedTuple):
-    """Temperature of the zone after a step of 1 kW into the heated node, rows 1 to L after its begin."""
+    """Temperature of the zone 1 to L rows after the start of a step of 1 kW into the heated node."""
 
     gain: np.ndarray  # (L,) [K/kW]
     slope: np.ndarray  # (L, p) by psi
@@ -172,7 +172,7 @@ def step_response(model: FilterModel, M: Matrices, psi: np.ndarray, heated: int,
 
 
 class GainPull(NamedTuple):
-    """Rows of a least-squares problem that pull the gains of a network toward observed ones."""
+    """Additional rows of the least-squares problem, which pull the gains of the network toward observed ones."""
 
     observed: tuple[ObservedGain, ...]
     usual: bool  # whether the response is also pulled toward the usual shape

@@ -28,7 +28,7 @@ def check(network: Declaration) -> None:
 
 
 def _problems(network: Declaration) -> Iterator[str]:
-    """The unclear points, in the order of the checks; each relies on those before it, so only the first is raised."""
+    """The unclear points; a check relies on those before it, so the first point is raised before the next is sought."""
     for kind in ("solar", "heated"):
         yield from _key_problems(network, kind)
     yield from _name_problems(network)

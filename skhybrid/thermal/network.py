@@ -19,7 +19,7 @@ from .matrices import Continuous, MatrixBuilder
 
 @singledispatch
 def diagram(network: Declaration) -> str:
-    """SVG that a notebook shows; ``drawing``, which imports this module, registers :func:`~skhybrid.thermal.draw`."""
+    """SVG that a notebook shows; ``drawing`` registers :func:`~skhybrid.thermal.draw` here, as it imports networks."""
     raise NotImplementedError(f"no diagram is registered for {type(network).__name__}.")
 
 
