@@ -112,10 +112,11 @@ class FacadeIrradiance(TableTransformer):
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         utc, step = self._stamps(table, self.sampling_time_)
         light = {kind: _column(table, j) for kind, j in self.positions_.items()}
-        stamped = isinstance(table, pd.DataFrame) and isinstance(table.index, pd.DatetimeIndex)
+        own = table.index if isinstance(table, pd.DataFrame) else None
+        stamped = isinstance(own, pd.DatetimeIndex)
         for kind, j in self.positions_.items():
             name = table.columns[j] if isinstance(table, pd.DataFrame) else j
-            check_range(light[kind], "q_sol", f"column {name!r}", table.index if stamped else utc, named=stamped)
+            check_range(light[kind], "q_sol", f"column {name!r}", own if stamped else utc, named=stamped)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
         kept = self._kept_columns()

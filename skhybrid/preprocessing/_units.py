@@ -107,7 +107,7 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         names = list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
-        self.conversions_ = {}
+        self.conversions_: dict[int, Conversion] = {}
         for column, unit in (self.units or {}).items():
             position = position_of(column, names)
             if position is None:

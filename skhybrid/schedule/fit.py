@@ -11,7 +11,7 @@ from .._table import ZoneTable
 from .._time import rows_per_day, spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
-from .channels import ChannelPlan, make_plan, with_contrast
+from .channels import ChannelPlan, make_channels, make_plan, with_contrast
 from .constrained_ridge import Solution, solve_coefficients
 from .expected_heat import block_grams, heat_surprise
 from .filter_model import FILTER_PARAMETERS, FilterModel
@@ -156,13 +156,13 @@ def fit_leads(
     scale = max(float(heat.std()), _LEAST_SPREAD * float(np.abs(heat).max()))
     scale = scale if scale > 1e-6 else 1.0
     if prior is not None:
-        return _fit_under(prior, plan, table, T, scored, reference, scale)
-    fit, loss = _fit_at_scale(plan, table, T, scored, reference, scale, _SCALES, pull)
+        return _fit_under(prior, table, scored, reference, scale)
+    fit, loss = _fit_at_scale(table, scored, reference, scale, _SCALES, pull)
     undetermined = _undetermined(fit, loss, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
         plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
         usual = _GUESS_HEAT * plant / _GUESS_PLANT
-        fit, _ = _fit_at_scale(plan, table, T, scored, reference, usual, (1.0,), pull)
+        fit, _ = _fit_at_scale(table, scored, reference, usual, (1.0,), pull)
     return replace(fit, undetermined=undetermined)
 
 
@@ -194,9 +194,7 @@ def _undetermined(fit: LeadFit, loss: float, table: ZoneTable, T: np.ndarray) ->
 
 
 def _fit_at_scale(
-    plan: ChannelPlan,
     table: ZoneTable,
-    T: np.ndarray,
     scored: ScoredForecasts,
     reference: float,
     heat_scale: float,
@@ -205,44 +203,34 @@ def _fit_at_scale(
 ) -> tuple[LeadFit, float]:
     """Fit from the best of ``scales``, sizes relative to the usual one for a spread of heat [kW]; and its loss."""
     step = table.step_hours
-    problem = _initial_problem(FilterModel.of(plan.network, step, heat_scale), scored, scales, pull)
+    model = FilterModel.of(scored.segment.plan.network, step, heat_scale)
+    problem = _initial_problem(model, scored, scales, pull)
     best = minimise(problem, problem.centre, max_steps=10)
     blocks = _blocks_of_days(scored.sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
     best = minimise(problem, best.psi, max_steps=4)
-    return _with_contrasts(plan, table, T, scored, reference, problem, best, blocks)
+    return _with_contrasts(problem, best, blocks, table, reference)
 
 
 def _with_contrasts(
-    plan: ChannelPlan,
-    table: ZoneTable,
-    T: np.ndarray,
-    scored: ScoredForecasts,
-    reference: float,
-    problem: LeadProblem,
-    best: Evaluation,
-    blocks: np.ndarray,
+    problem: LeadProblem, best: Evaluation, blocks: np.ndarray, table: ZoneTable, reference: float
 ) -> tuple[LeadFit, float]:
     """Fit with the channels of swapped days, on delivered heat, and its loss."""
-    plan = with_contrast(plan, scored.segment.channels.names, best.solution.coef)
+    scored, segment = problem.forecasts[0], problem.forecasts[0].segment
+    plan = with_contrast(segment.plan, segment.channels.names, best.solution.coef)
+    segment = segment._replace(plan=plan, channels=make_channels(plan, table))
     # schedules and blend learn from delivered heat, which tells more than expected heat
-    known = scored._replace(segment=make_segment(plan, table, T, reference), surprise=None)
-    problem = replace(problem, forecasts=(known,))
+    problem = replace(problem, forecasts=(scored._replace(segment=segment, surprise=None),))
     best = problem.evaluate(best.psi)
     left_out = _left_out_errors(problem, best, blocks)
     return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference), best.loss
 
 
 def _fit_under(
-    prior: NetworkPrior,
-    plan: ChannelPlan,
-    table: ZoneTable,
-    T: np.ndarray,
-    scored: ScoredForecasts,
-    reference: float,
-    heat_scale: float,
+    prior: NetworkPrior, table: ZoneTable, scored: ScoredForecasts, reference: float, heat_scale: float
 ) -> LeadFit:
     """Fit under a prior, from the best of five sizes; the prior follows the size found so far."""
+    plan = scored.segment.plan
     model = FilterModel.of(plan.network, table.step_hours, heat_scale)
     prior.refuse_other(model)
     few, n = _few_of(scored), len(model.names)
@@ -264,7 +252,7 @@ def _fit_under(
         problem = _weighted_as_usual(problem, problem.evaluate(best.psi), usual, hours)
         best = minimise(problem, best.psi, max_steps=4)
     blocks = _blocks_of_days(scored.sample, table.step_hours)
-    return _with_contrasts(plan, table, T, scored, reference, problem, best, blocks)[0]
+    return _with_contrasts(problem, best, blocks, table, reference)[0]
 
 
 def _initial_problem(
