@@ -113,10 +113,10 @@ class FacadeIrradiance(TableTransformer):
         utc, step = self._stamps(table, self.sampling_time_)
         light = {kind: _column(table, j) for kind, j in self.positions_.items()}
         own = table.index if isinstance(table, pd.DataFrame) else None
-        stamped = isinstance(own, pd.DatetimeIndex)
+        shown = own if isinstance(own, pd.DatetimeIndex) else utc
         for kind, j in self.positions_.items():
             name = table.columns[j] if isinstance(table, pd.DataFrame) else j
-            check_range(light[kind], "q_sol", f"column {name!r}", own if stamped else utc, named=stamped)
+            check_range(light[kind], "q_sol", f"column {name!r}", shown, named=shown is own)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
         kept = self._kept_columns()
