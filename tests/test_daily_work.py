@@ -326,11 +326,23 @@ def test_rows_ahead_by_a_plan_or_by_the_clock():
     assert (planned.frame["Q_hvac"] == 3.0).all()
 
 
+def test_kilowatts_of_a_building_are_scaled_where_those_of_each_heated_zone_are():
+    inputs = {"hall": ["T_oa"], "office": ["T_oa", "Q_hvac"], "kitchen": ["T_oa", "u_heat"]}
+    trained = {zone: SimpleNamespace(ranges=dict.fromkeys(roles)) for zone, roles in inputs.items()}
+    own = {zone: SimpleNamespace(training_=record) for zone, record in trained.items()}
+    columns = ["T_oa", *(f"T_za_{zone}" for zone in inputs), "Q_hvac_office", "u_heat_kitchen"]
+    given = {"columns": {name: name for name in columns}}
+    known = {"estimator": {"known": {"Q_h": 6.0}}}
+    assert not ZoneModel(SimpleNamespace(own_=own), settings_from(given)).scaled
+    assert ZoneModel(SimpleNamespace(own_=own), settings_from(given | known)).scaled
+
+
 def test_what_a_user_is_told_of_weather_that_training_did_not_have():
     zone = SimpleNamespace(
-        settings=settings_from({"columns": COLUMNS, "estimator": {"known": {"Q_h": 6.0}}}),
+        settings=settings_from({"columns": COLUMNS}),
         thermostat_learned=True,
         covered=lambda: {"T_oa": (0.0, 10.0), "u_heat": (0.0, 1.0)},
+        scaled=True,
         learned_until=pd.Timestamp("2024-01-01"),
     )
     history = pd.DataFrame({"T_za": 20.0}, [pd.Timestamp("2024-01-02")])

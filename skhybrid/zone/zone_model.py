@@ -19,7 +19,7 @@ from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
 from ..study.data import NO_ROWS, SETPOINT, TRAINING_DAYS, with_facades
 from ..study.scores import INTERVAL
-from ..study.settings import Settings, settings_from
+from ..study.settings import Settings, is_scaled, settings_from
 from ..study.zone_part import settings_of
 from .outages import bridged, like_index, stretches
 
@@ -113,6 +113,13 @@ class ZoneModel:
                 own = f"{role}_{zone}"
                 found[own if own in self.settings.columns else role] = span
         return found
+
+    @property
+    def scaled(self) -> bool:
+        """Whether measured heat or known capacities fix what a kW is, in every zone with a plant."""
+        inputs = [part.covered() for part in self.parts().values()]
+        capacities = self.settings.capacities
+        return all(is_scaled(roles, capacities) for roles in inputs if any(map(is_plant, roles)))
 
     def facts(self) -> dict[str, Any]:
         """Name, training span and inputs, as plain values."""
