@@ -27,7 +27,7 @@ NO_ROWS = "no row of the log has all inputs and a temperature; skhybrid check sh
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
-_WARMEST_SETPOINT, _COLDEST_KELVIN = 45.0, 200.0  # medians of set-points above which they are in degF [degC], in K [K]
+_FAHRENHEIT, _KELVIN = 45.0, 200.0  # set-points without a unit are in degF, or in K, if their median is above
 _SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
 
 
@@ -146,7 +146,7 @@ def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
     for channel in channels:
         if channel.unit is None and channel.role.startswith((*SETPOINT_ROLES, SETPOINT)):
             median = raw.frame[channel.name].median()
-            unit = "K" if median > _COLDEST_KELVIN else "degF" if median > _WARMEST_SETPOINT else None
+            unit = "K" if median > _KELVIN else "degF" if median > _FAHRENHEIT else None
             channel = channel._replace(unit=unit)
         found.append(channel)
     return found
