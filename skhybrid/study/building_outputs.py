@@ -114,5 +114,6 @@ def identified_content(identified: Any) -> dict[str, Any]:
     """An identified building of several zones as plain values."""
     rooms, partitions = identified_only(identified.rooms), identified_only(identified.partitions)
     zones = rooms.index.get_level_values("zone").unique()
-    between = [{"zones": list(pair), **row} for pair, row in partitions.to_dict(orient="index").items()]
+    exchanged = zip(partitions.index, partitions.to_dict(orient="records"), strict=True)
+    between = [{"zones": list(pair), **row} for pair, row in exchanged]
     return {"zones": {str(zone): rooms.loc[zone].to_dict(orient="index") for zone in zones}, "exchange": between}

@@ -47,7 +47,8 @@ class Schedule(NamedTuple):
             raise ValueError(
                 f"[thermostat] weekend = {weekend!r} must be a table of {' and '.join(own)}, as on weekdays."
             )
-        found = cls(*sides, cls.of_tables(own | dict(weekend), "[thermostat] weekend") if weekend else None)
+        at_weekend = cls.of_tables(own | dict(weekend), "[thermostat] weekend") if weekend else None
+        found = cls(sides[0], sides[1], at_weekend)
         heat, cool = (at_minute(side, np.arange(1440)) for side in sides)
         if (heat > cool).any():
             at = int(np.argmax(heat > cool))
