@@ -99,7 +99,12 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
         StudyModel("building model alone", make_gray_box(settings, "output"), "its last disturbance fades"),
         StudyModel(
             "building model, no disturbance",
-            _conventional(settings, "output", memory),
+            TwoStagePredictor.conventional(
+                make_gray_box(settings, "output"),
+                memory=memory,
+                horizon=settings.horizon,
+                random_state=settings.random_state,
+            ),
             "expects no unmeasured heat, as the paper's conventional approach",
         ),
         StudyModel(
@@ -153,14 +158,6 @@ def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: An
     own = settings.estimator.get("name", "periodic")
     made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
     return made, f"{own} identification, {forecaster.model} disturbance forecast"
-
-
-def _conventional(settings: Settings, name: str, memory: Any) -> TwoStagePredictor:
-    """A gray box under no disturbance after each origin."""
-    gray_box = make_gray_box(settings, name)
-    return TwoStagePredictor.conventional(
-        gray_box, memory=memory, horizon=settings.horizon, random_state=settings.random_state
-    )
 
 
 def make_gray_box(settings: Settings, name: str | None = None) -> Any:

@@ -141,10 +141,7 @@ def _weather(inputs: list[str]) -> list[str]:
 def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, Any]:
     """Sums and ranges of the day, those of heat where its kW are ``scaled``."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
-    found: dict[str, Any] = {
-        "from": str(out.index[0]),
-        "to": str(out.index[-1]),
-    }
+    found: dict[str, Any] = {"from": str(out.index[0]), "to": str(out.index[-1])}
     for zone, role in zip(settings.zones or [""], settings.roles_of("T_za"), strict=True):
         of = f" of {zone}" if zone else ""
         found[f"lowest temperature{of} [degC]"] = round(float(out[role].min()), 2)

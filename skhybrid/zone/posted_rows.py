@@ -39,15 +39,7 @@ def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = 
         If the rows cannot be read by the settings, or a value is beyond physics.
     """
     if plain:
-        given: dict[str, Any] = {
-            "time_column": "time",
-            "sep": ",",
-            "decimal": ".",
-            "dayfirst": None,
-            "format": "CSV",
-            "log": {},
-        }
-        settings = replace(settings, **given)
+        settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
     frame, channels, changed = read_by_role(path, settings)
     for channel in channels:
         _refuse_sums(channel)
