@@ -25,6 +25,8 @@ import pytest
 import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
 from skhybrid.cli import _group, _output, main
+from skhybrid.logs import LogReport
+from skhybrid.logs import read_log as read_any_log
 from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model
 from skhybrid.preprocessing import FacadeIrradiance
@@ -41,9 +43,11 @@ from skhybrid.study import (
     write_outputs,
 )
 from skhybrid.study.data import TRAINING_DAYS
-from skhybrid.study.outputs import format_table
+from skhybrid.study.outputs import format_table, metrics_text
 from skhybrid.study.scores import INTERVAL
-from skhybrid.study.settings import settings_from
+from skhybrid.study.settings import as_toml, settings_from
+from skhybrid.zone.building import describe_rooms, identify_building
+from skhybrid.zone.building_backtest import backtest_building
 
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
@@ -409,6 +413,15 @@ def old(files, result, monkeypatch):
     return folder
 
 
+def test_metrics_hold_no_number_that_json_lacks(result):
+    building = result.building.assign(value=np.inf, std=np.nan, remark="")
+    odd = replace(result, building=building, settings=replace(result.settings, log={"table": float("nan")}))
+    found = json.loads(metrics_text(odd), parse_constant=pytest.fail)
+    assert found["settings"]["log"] == {"table": None}
+    assert {one["value"] for one in found["building"].values()} == {None}
+    assert found["models"] == json.loads(metrics_text(result))["models"]
+
+
 def test_a_report_is_one_file(files, result, monkeypatch, capsys):
     monkeypatch.setattr("skhybrid.study.run_study", lambda *_: result)
     given = ["report", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out"]
@@ -770,6 +783,43 @@ def test_a_study_fits_and_back_tests_every_model_once_on_shared_tables(profile_s
     assert sum(kind is pd.DataFrame for _, kind, _ in tested) == 1  # yesterday, which is not an estimator of tables
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [({"test": {"start": "2024-02-31"}}, r"\[test\] start = '2024-02-31'"),
+     ({"train": {"start": "2024-01-01"}, "test": {"start": "soon"}}, r"\[test\] start = 'soon'"),
+     ({"load": {"setpoint": "wanted"}}, "column 'wanted', has no value from")],
+)  # fmt: skip
+def test_spans_and_set_points_that_are_not_there_are_named(given, message):
+    frame = _log(12).rename(columns={"room_temp": "T_za", "outdoor_temp": "T_oa"})[["T_za", "T_oa"]]
+    settings = settings_from({"columns": {"T_za": "T_za", "T_oa": "T_oa"}, "step": "1h", **given})
+    for rows in (frame, frame.assign(setpoint=np.nan)):
+        with pytest.raises(ValueError, match=message):
+            split_log(rows, settings)
+
+
+@pytest.mark.parametrize("of", [identify_building, describe_rooms, backtest_building])
+def test_a_log_without_a_complete_row_is_refused(of):
+    columns = {name: name for name in (("T_za",) if of is identify_building else ("T_za_a", "T_za_b"))}
+    frame = pd.DataFrame(20.0, pd.date_range("2024-01-01", periods=48, freq="1h"), [*columns]).assign(T_oa=np.nan)
+    with pytest.raises(ValueError, match="no row of the log has all inputs"):
+        of(settings_from({"columns": columns | {"T_oa": "T_oa"}, "step": "1h"}), frame)
+
+
+def test_a_proposal_counts_days_by_the_calendar(tmp_path):
+    index = pd.date_range("2021-03-01", "2021-04-10 12:00", freq="1h", tz="Europe/Amsterdam")  # an hour is skipped
+    log = _log(60)[: len(index)].set_axis(index.map(pd.Timestamp.isoformat)).rename_axis("timestamp")
+    log.to_csv(tmp_path / "log.csv")
+    report = LogReport(read_any_log(tmp_path / "log.csv", timezone="Europe/Amsterdam"))
+    spans = tomllib.loads(propose_settings(tmp_path / "log.csv", report))
+    assert [str(day) for day in spans["train"].values()] == ["2021-03-01", "2021-03-27"]
+    assert [str(day) for day in spans["test"].values()] == ["2021-03-28", "2021-04-09"]
+
+
+@pytest.mark.parametrize("text", ['a "b" \\ c\td', "Temp\n(°C)", "\x07"])
+def test_texts_survive_toml(text):
+    assert tomllib.loads(f"a = {as_toml(text)}")["a"] == text
+
+
 def test_spans_that_are_not_given_are_two_thirds_and_one():
     frame = _log(n_days=12).rename(columns={"room_temp": "T_za", "outdoor_temp": "T_oa", "hvac_kW": "Q_hvac"})
     data = split_log(frame[["T_oa", "Q_hvac", "T_za"]], Settings(step="1h"))
@@ -788,6 +838,10 @@ def test_yesterday_is_what_was_measured_a_day_before_and_knows_nothing_later():
     changed.iloc[61:, 0] = -99.0
     np.testing.assert_array_equal(model.predict_from(changed, [47, 60], "1D"), paths)
     np.testing.assert_array_equal(model.predict_from(frame, [47], "2D")[0, 24:], paths[0])
+    follows = Yesterday().fit(frame[:48]).predict_from(frame[48:], [0, 5])  # the last day of the training comes before
+    np.testing.assert_array_equal(follows, model.predict_from(frame, [48, 53]))
+    apart = Yesterday().fit(frame[:48]).predict_from(frame[60:], [0])
+    assert (apart == frame["T_za"].iloc[60]).all()
 
 
 def test_the_table_marks_the_best_and_names_another_model_that_wins():

@@ -34,7 +34,7 @@ def test_a_schedule_by_the_clock():
     assert band["T_heat_set"].iloc[[0, 5, 6, 21, 22, 23]].tolist() == [17, 17, 21, 21, 17, 17]
     assert (band["T_heat_set"].iloc[24:] == 16).all()
     assert (band["T_cool_set"].iloc[:24] == 26).all()
-    assert band["T_cool_set"].iloc[24:].isna().all()
+    assert (band["T_cool_set"].iloc[24:] == 26).all()  # as on weekdays
     assert Schedule.of_text("6:00=21,22:00=17;26").heat == {360: 21.0, 1320: 17.0}
     assert Schedule.of_text("21").cool == {}
     assert list(Schedule.of_text("21").band(index, free)) == ["T_heat_set"]
@@ -48,6 +48,17 @@ def test_a_schedule_by_the_clock():
 def test_set_points_that_cannot_be(text, message):
     with pytest.raises(ValueError, match=message):
         Schedule.of_text(text)
+
+
+@pytest.mark.parametrize(
+    ("thermostat", "message"),
+    [({"heat": 21, "weekend": 17}, "must be a table of heat"), ({"cool": 25, "weekend": {"heat": 16}}, "on weekdays"),
+     ({"heat": 21, "weekend": {"weekend": {"heat": 16}}}, "as on weekdays"),
+     ({"heat": 21, "weekend": {"heat": 99}}, "weekend heat at 0:00"), ({"heat": {"6:00": 21, "06:00": 17}}, "twice")],
+)  # fmt: skip
+def test_thermostats_that_cannot_be(thermostat, message):
+    with pytest.raises(ValueError, match=message):
+        settings_from({"columns": COLUMNS, "thermostat": thermostat})
 
 
 def test_heat_of_electricity_by_the_outdoor_temperature():
@@ -71,7 +82,8 @@ def test_meters_of_electricity_become_heat_one_by_one():
 @pytest.mark.parametrize(
     ("plant", "message"),
     [({"electricity": True}, "needs a coefficient"), ({"cop": 0}, "between 0 and 20"), ({"cop": "3"}, "a number"),
-     ({"cop": [[10, 3], [0, 2]]}, "rising"), ({"most_heat": -1}, "at least 0"), ({"cap": 1}, "unknown key")],
+     ({"cop": [[10, 3], [0, 2]]}, "rising"), ({"most_heat": -1}, "at least 0"), ({"cap": 1}, "unknown key"),
+     ({"cop": np.nan}, "finite")],
 )  # fmt: skip
 def test_plants_that_cannot_be(plant, message):
     with pytest.raises(ValueError, match=message):
@@ -205,6 +217,16 @@ def test_set_points_in_the_unit_of_the_room(folder, tmp_path):
     assert frame["T_heat_set"].min() > 10.0
 
 
+@pytest.mark.parametrize("units", [{}, {"T_za": "degC"}])
+def test_set_points_without_a_unit_are_read_by_their_values(tmp_path, units):
+    index = pd.date_range("2024-01-01", periods=48, freq="1h", name="time")
+    log = pd.DataFrame({"room": 20.0, "out": 5.0, "low": 68.0, "high": 295.15, "middle": 21.0}, index)
+    log.to_csv(tmp_path / "log.csv")
+    columns = {"T_za": "room", "T_oa": "out", "T_heat_set": "low", "T_cool_set": "high", "T_cool_set_hall": "middle"}
+    frame, _ = read_log(tmp_path / "log.csv", settings_from({"columns": columns, "units": units, "step": "1h"}))
+    np.testing.assert_allclose(frame[["T_heat_set", "T_cool_set", "T_cool_set_hall"]].iloc[0], [20.0, 22.0, 21.0])
+
+
 def test_strict_counts_warnings(folder, capsys):
     arguments = ["check", str(folder / "log.csv")]
     assert main(arguments) == 0
@@ -293,17 +315,34 @@ def test_rows_ahead_by_a_plan_or_by_the_clock():
     assert set(found.frame) == {"T_oa", "q_sol", "T_heat_set"}
     assert found.frame.index.equals(pd.date_range("2024-01-05 12:15", periods=8, freq="15min"))
     np.testing.assert_allclose(found.frame["T_oa"], 2.0 + np.arange(1, 9) / 4)
+    ground = weather.assign(T_ground=np.arange(6.0))
+    held = rows_ahead(settings, origin, [*inputs, "T_ground"], weather=ground, schedule=Schedule.of_text("21"))
+    np.testing.assert_allclose(held.frame["T_ground"], found.frame["T_oa"])
+    with pytest.raises(ValueError, match="the weather reaches from"):  # a boundary is not held beyond what is known
+        rows_ahead(settings, origin, ["T_oa", "T_ground"], weather=ground.assign(T_ground=ground["T_ground"].iloc[:3]))
     plan = pd.DataFrame({"Q_hvac": 3.0}, found.frame.index)
     planned = rows_ahead(settings, origin, inputs, weather=weather, plan=plan)
     assert planned.planned
     assert (planned.frame["Q_hvac"] == 3.0).all()
 
 
+def test_kilowatts_of_a_building_are_scaled_where_those_of_each_heated_zone_are():
+    inputs = {"hall": ["T_oa"], "office": ["T_oa", "Q_hvac"], "kitchen": ["T_oa", "u_heat"]}
+    trained = {zone: SimpleNamespace(ranges=dict.fromkeys(roles)) for zone, roles in inputs.items()}
+    own = {zone: SimpleNamespace(training_=record) for zone, record in trained.items()}
+    columns = ["T_oa", *(f"T_za_{zone}" for zone in inputs), "Q_hvac_office", "u_heat_kitchen"]
+    given = {"columns": {name: name for name in columns}}
+    known = {"estimator": {"known": {"Q_h": 6.0}}}
+    assert not ZoneModel(SimpleNamespace(own_=own), settings_from(given)).scaled
+    assert ZoneModel(SimpleNamespace(own_=own), settings_from(given | known)).scaled
+
+
 def test_what_a_user_is_told_of_weather_that_training_did_not_have():
     zone = SimpleNamespace(
-        settings=settings_from({"columns": COLUMNS, "estimator": {"known": {"Q_h": 6.0}}}),
+        settings=settings_from({"columns": COLUMNS}),
         thermostat_learned=True,
         covered=lambda: {"T_oa": (0.0, 10.0), "u_heat": (0.0, 1.0)},
+        scaled=True,
         learned_until=pd.Timestamp("2024-01-01"),
     )
     history = pd.DataFrame({"T_za": 20.0}, [pd.Timestamp("2024-01-02")])

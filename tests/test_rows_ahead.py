@@ -130,6 +130,9 @@ def test_an_update_goes_on_after_a_short_outage(frame, earlier):
     late = ZoneModel.fit(settings_from(SETTINGS), frame[: N - 60])
     with pytest.raises(ValueError, match=r"rows are missing after .*fit the model again with skhybrid fit"):
         late.update(frame[:N].drop(frame.index[N - 55 : N - 30]))
+    with pytest.raises(ValueError, match=f"rows are missing after {late.known_until}"):  # no row to bridge from
+        late.update(frame[N - 55 : N])
+    assert late.update(frame[N - 60 : N]) == 60
 
 
 def test_irradiance_of_a_zone_s_own_is_read_from_the_weather(frame, tmp_path):
@@ -145,8 +148,20 @@ def test_irradiance_of_a_zone_s_own_is_read_from_the_weather(frame, tmp_path):
         day_ahead(zone, rows[:N], path, SCHEDULE)
 
 
-def test_a_log_too_short_for_its_thermostat_is_not_said_to_have_no_set_points(frame, tmp_path):
-    zone = ZoneModel.fit(settings_from(SETTINGS), frame[N - 4 * DAY : N])
-    assert "too short" in zone.facts()["thermostat"]
-    remarks = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "w.csv"), SCHEDULE).remarks
+@pytest.fixture(scope="module")
+def short(frame):
+    return ZoneModel.fit(settings_from(SETTINGS), frame[N - 4 * DAY : N])
+
+
+def test_meters_of_heat_and_cold_are_forecast_as_one(frame, short, tmp_path):
+    """The model reads Q_hvac, which is not among the columns of the log."""
+    columns = {"Q_heat" if role == "Q_hvac" else role: name for role, name in SETTINGS["columns"].items()}
+    metered = ZoneModel(short.predictor, settings_from({**SETTINGS, "columns": columns}))
+    path = tomorrow(frame, tmp_path / "w.csv")
+    assert_same(*(day_ahead(zone, frame[:N], path, SCHEDULE) for zone in (metered, short)))
+
+
+def test_a_log_too_short_for_its_thermostat_is_not_said_to_have_no_set_points(frame, short, tmp_path):
+    assert "too short" in short.facts()["thermostat"]
+    remarks = day_ahead(short, frame[:N], tomorrow(frame, tmp_path / "w.csv"), SCHEDULE).remarks
     assert any("an ideal one" in text and "too short" in text for text in remarks)

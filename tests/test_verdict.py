@@ -79,6 +79,11 @@ def test_rules_for_the_load():
     rules = rule_loads(frame[:360], frame[360:], heat, held)
     pd.testing.assert_series_equal(rules[YESTERDAY], heat.shift(24)[360:], check_names=False, check_freq=False)
     np.testing.assert_allclose(rules[RIDGE], heat[360:], atol=0.01)
+    apart = rule_loads(frame[:336], frame[350:], heat.drop(index[336:350]), held)[YESTERDAY]  # rows lack in between
+    pd.testing.assert_series_equal(
+        apart.dropna(), heat.shift(24)[apart.dropna().index], check_names=False, check_freq=False
+    )
+    assert apart.isna().sum() == 14  # whose day before lacks
     heat[360:] = 99.0  # what was delivered after training is not learned from
     np.testing.assert_allclose(rule_loads(frame[:360], frame[360:], heat, held)[RIDGE], rules[RIDGE])
 

@@ -48,6 +48,7 @@ def test_a_building_of_one_resistance_by_hand():
         (5001.0, 0.0, "implausible"),
         (100.0, 31.0, "uncertain"),
         (100.0, 101.0, "not identified"),
+        (100.0, np.inf, "not identified"),
     ],
 )
 def test_remarks_on_a_heat_loss(value, std, words):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
@@ -17,7 +16,7 @@ from ..persistence import save_model
 from .building_study import BuildingResult
 from .compared_models import HYBRID
 from .identified_building import identified_only
-from .outputs import NAMES, plain, staged_files, write_csv
+from .outputs import NAMES, json_text, staged_files, write_csv
 from .report import verdict
 from .report.building_page import write_building_report, zones_in_words
 from .scores import coverage_of, side_by_side
@@ -63,9 +62,9 @@ def building_metrics(result: BuildingResult) -> str:
         "best": result.best,
         "verdict": f"{zones_in_words(result.verdicts)} {verdict(result.table, HYBRID)}",
         "verdicts": [one._asdict() for one in verdicts_by_zone(result)],
-        "zones": plain(result.zones),
+        "zones": result.zones.to_dict(orient="index"),
         "building": _nested(result),
-        "models": plain(result.table.drop(columns="note")),
+        "models": result.table.drop(columns="note").to_dict(orient="index"),
         "interval_80_coverage": coverage_of(result.frames[HYBRID]),
         **result.data.spans(result.frames[HYBRID]),
         "next_day": str(result.forecast.index[0].date()),
@@ -74,7 +73,7 @@ def building_metrics(result: BuildingResult) -> str:
         "warnings": result.warnings,
         "settings": result.settings.as_dict(),
     }
-    return json.dumps(content, indent=2, allow_nan=False, default=str)
+    return json_text(content)
 
 
 def verdicts_by_zone(result: BuildingResult) -> list[Verdict]:
@@ -115,5 +114,6 @@ def identified_content(identified: Any) -> dict[str, Any]:
     """An identified building of several zones as plain values."""
     rooms, partitions = identified_only(identified.rooms), identified_only(identified.partitions)
     zones = rooms.index.get_level_values("zone").unique()
-    between = [{"zones": list(pair), **row} for pair, row in plain(partitions).items()]
-    return {"zones": {str(zone): plain(rooms.loc[zone]) for zone in zones}, "exchange": between}
+    exchanged = zip(partitions.index, partitions.to_dict(orient="records"), strict=True)
+    between = [{"zones": list(pair), **row} for pair, row in exchanged]
+    return {"zones": {str(zone): rooms.loc[zone].to_dict(orient="index") for zone in zones}, "exchange": between}

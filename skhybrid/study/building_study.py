@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant
-from .._warnings import without_class
 from ..exceptions import TooFewDaysError
 from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
@@ -20,7 +19,8 @@ from .compared_models import HYBRID, YESTERDAY, make_models
 from .data import StudyData
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
-from .run import Progress, counted
+from .load_rules import YESTERDAY as YESTERDAYS_LOAD
+from .run import Progress, counted, each_once
 from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
 from .verdict import CARE, NOT, USABLE, Verdict
@@ -140,7 +140,6 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
         loads = _loads(model, settings, data)
         forecast = _next_day(model, settings, data, has_intervals(frames[HYBRID]))
         verdicts = {zone: _judged(model, settings, data, frames, zone, loads.get(zone)) for zone in settings.zones}
-    said = (without_class(w.message) for w in caught if issubclass(w.category, UserWarning))
     zones = zone_table(frames, verdicts).join(_load_table(loads, data, settings))
     return BuildingResult(
         settings,
@@ -152,7 +151,7 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
         forecast,
         {str(zone): verdicts[str(zone)] for zone in zones.index},
         identified,
-        list(dict.fromkeys([*remarks, *said])),
+        each_once(remarks, caught),
         time.perf_counter() - begun,
     )
 
@@ -284,7 +283,11 @@ def _load_table(loads: Mapping[str, ZoneLoads], data: StudyData, settings: Setti
         if zone in loads:
             errors = loads[zone].errors(data.test_start)
             rmse = np.sqrt((errors**2).mean())
-            rows[zone] = {"load_rmse": rmse[HYBRID], "load_yesterday": rmse.iloc[1], "unit": loads[zone].delivered.unit}
+            rows[zone] = {
+                "load_rmse": rmse[HYBRID],
+                "load_yesterday": rmse[YESTERDAYS_LOAD],
+                "unit": loads[zone].delivered.unit,
+            }
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
@@ -309,11 +312,11 @@ def _of_all(
     return table.rename_axis("model")
 
 
-def _next_day(model: BuildingPredictor, settings: Settings, data: StudyData, has_intervals: bool) -> pd.DataFrame:
+def _next_day(model: BuildingPredictor, settings: Settings, data: StudyData, with_intervals: bool) -> pd.DataFrame:
     """Temperatures under the known control, with intervals, and the loads that hold the set-points."""
     temperatures = settings.roles_of("T_za")
     ahead = data.future.drop(columns=temperatures)
-    out = model.forecast(data.history, ahead, quantiles=INTERVAL if has_intervals else None)
+    out = model.forecast(data.history, ahead, quantiles=INTERVAL if with_intervals else None)
     heated = [zone for zone in settings.zones if plant_roles(rows_of(ahead, settings, zone))]
     whole = pd.concat([data.history, data.future.assign(**dict.fromkeys(temperatures, np.nan))])
     if heated:

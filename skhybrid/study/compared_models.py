@@ -51,7 +51,7 @@ class Yesterday(RegressorMixin, BaseEstimator):
     """Forecast the temperature of 24 hours before; the last known day is repeated as far as the horizon reaches."""
 
     def fit(self, X: pd.DataFrame, y: Any = None) -> Yesterday:
-        """Keep the mean temperature, the forecast where there is no day before.
+        """Keep the temperatures, of which the last day is the first forecast of rows that follow.
 
         Parameters
         ----------
@@ -59,11 +59,13 @@ class Yesterday(RegressorMixin, BaseEstimator):
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; by default ``T_za`` of X.
         """
-        self.mean_ = float(np.nanmean(np.asarray(X["T_za"] if y is None else y, dtype=np.float64)))
+        self.past_ = pd.Series(np.asarray(X["T_za"] if y is None else y, dtype=np.float64), X.index).ffill().bfill()
         return self
 
     def predict_from(self, X: pd.DataFrame, origins: Any, horizon: Any = "1D") -> np.ndarray:
         """Forecasts [degC] (n_origins, n_leads) of the rows after each of the given origins.
+
+        Where there is no day before, the first temperature takes its place.
 
         Parameters
         ----------
@@ -75,9 +77,10 @@ class Yesterday(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         step = X.index[1] - X.index[0]
         day, n_leads = rows_of("1D", step), rows_of(horizon, step)
-        known = X["T_za"].ffill().fillna(self.mean_).to_numpy(dtype=np.float64)
+        past = self.past_.iloc[-day:] if self.past_.index[-1] + step == X.index[0] else self.past_.iloc[:0]
+        known = pd.concat([past, X["T_za"]]).ffill().fillna(self.past_.iloc[-1]).to_numpy(dtype=np.float64)
         back = (np.arange(n_leads) % day) + 1 - day  # 0 is the origin itself
-        return known[np.maximum(np.asarray(origins)[:, None] + back, 0)]
+        return known[np.maximum(np.asarray(origins)[:, None] + len(past) + back, 0)]
 
 
 def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
@@ -96,7 +99,12 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
         StudyModel("building model alone", make_gray_box(settings, "output"), "its last disturbance fades"),
         StudyModel(
             "building model, no disturbance",
-            _conventional(settings, "output", memory),
+            TwoStagePredictor.conventional(
+                make_gray_box(settings, "output"),
+                memory=memory,
+                horizon=settings.horizon,
+                random_state=settings.random_state,
+            ),
             "expects no unmeasured heat, as the paper's conventional approach",
         ),
         StudyModel(
@@ -150,14 +158,6 @@ def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: An
     own = settings.estimator.get("name", "periodic")
     made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
     return made, f"{own} identification, {forecaster.model} disturbance forecast"
-
-
-def _conventional(settings: Settings, name: str, memory: Any) -> TwoStagePredictor:
-    """A gray box under no disturbance after each origin."""
-    gray_box = make_gray_box(settings, name)
-    return TwoStagePredictor.conventional(
-        gray_box, memory=memory, horizon=settings.horizon, random_state=settings.random_state
-    )
 
 
 def make_gray_box(settings: Settings, name: str | None = None) -> Any:

@@ -22,11 +22,12 @@ from .plant import Performance
 from .settings import Settings
 
 SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
+NO_ROWS = "no row of the log has all inputs and a temperature; skhybrid check shows which are missing."
 #: azimuth of the facades of a site [deg clockwise from north]
 FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
 TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
-_WARMEST_SETPOINT = 45.0  # of a room [degC]
+_FAHRENHEIT, _KELVIN = 45.0, 200.0  # set-points without a unit are in degF, or in K, if their median is above
 _SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
 
 
@@ -140,11 +141,15 @@ def on_even_steps(
 
 
 def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
-    """Set-points without a unit of their own are logged as the room's temperature is, where their values allow it."""
-    of_room = next((c.unit for c in channels if c.role == "T_za"), None)
-    plain = [c for c in channels if c.unit is None and c.role in (*SETPOINT_ROLES, SETPOINT)]
-    warm = {c.role for c in plain if raw.frame[c.name].median() > _WARMEST_SETPOINT}
-    return [c._replace(unit=(of_room or "degF") if c.role in warm else c.unit) for c in channels]
+    """The channels with the unit of set-points that have none of their own, by their values."""
+    found = []
+    for channel in channels:
+        if channel.unit is None and channel.role.startswith((*SETPOINT_ROLES, SETPOINT)):
+            median = raw.frame[channel.name].median()
+            unit = "K" if median > _KELVIN else "degF" if median > _FAHRENHEIT else None
+            channel = channel._replace(unit=unit)
+        found.append(channel)
+    return found
 
 
 def plant_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
@@ -178,7 +183,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     Raises
     ------
     ValueError
-        If a span has no rows, or the test begins before the training ends.
+        If a span has no rows, the test begins before the training ends, or there is no set-point where one is named.
     """
     temperatures = settings.roles_of("T_za")
     frame = _checked(frame, temperatures)
@@ -201,9 +206,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     future = roles.loc[begin:end]
     return StudyData(
         roles.loc[train.index[0] : train.index[-1]],
-        later.iloc[
-            len(before) - len(_unbroken(before, temperatures)) :
-        ],  # a missing input in the test itself is refused later
+        later.iloc[len(before) - len(_unbroken(before, temperatures)) :],  # back-tests refuse one missing in the test
         test.index[0],
         history,
         future,
@@ -245,7 +248,7 @@ def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
 
 
 def standstill(temperature: pd.Series) -> str | None:
-    """A remark on the longest time without any change in a temperature, at even stamps, if no room could do that."""
+    """A remark on the longest standstill of a temperature at even stamps, None where there is none."""
     found = standstills(str(temperature.name), temperature)
     if found.empty:
         return None
@@ -275,7 +278,7 @@ def inputs_of(frame: pd.DataFrame, temperatures: Sequence[str] = ()) -> pd.DataF
 
 
 def _refuse_empty_ahead(measured: pd.DataFrame, inputs: pd.DataFrame) -> None:
-    """Refuse rows ahead with weather but without heat: else they would go, and a past day would be forecast."""
+    """Refuse rows ahead with weather but no heat: they would be dropped, and a past day would be forecast instead."""
     known = np.flatnonzero(measured.notna().any(axis=1).to_numpy())
     ahead = inputs.iloc[known[-1] + 1 :] if len(known) else inputs.iloc[:0]
     for role in ahead:
@@ -300,15 +303,15 @@ def train_and_test(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFram
     ValueError
         If a span has no rows, or the test begins before the training ends.
     """
+    if frame.empty:
+        raise ValueError(NO_ROWS)
     train, test = dict(settings.train), dict(settings.test)
     if "end" not in train and "start" not in test:
         days = pd.DatetimeIndex(frame.index).normalize().unique()
-        cut = days[max(1, round(len(days) * 2 / 3)) - 1] if len(days) > 1 else days[0]
-        train["end"] = cut.date()
-    first = _rows(frame, train, "train")
+        train["end"] = days[max(1, round(len(days) * 2 / 3)) - 1].date()
+    first, second = _rows(frame, train, "train"), _rows(frame, test, "test")
     if "end" not in train:
-        first = first.loc[first.index < _stamp(test["start"], frame.index)]
-    second = _rows(frame, test, "test")
+        first = first.loc[first.index < second.index[0]]
     if "start" not in test:
         second = second.loc[second.index > first.index[-1]]
     for name, rows in (("train", first), ("test", second)):
@@ -331,12 +334,6 @@ def _rows(frame: pd.DataFrame, span: Mapping[str, Any], name: str) -> pd.DataFra
             f"{frame.index[0]} to {frame.index[-1]}."
         )
     return rows
-
-
-def _stamp(given: Any, index: pd.Index) -> pd.Timestamp:
-    stamp = pd.Timestamp(str(given))
-    zone = pd.DatetimeIndex(index).tz
-    return stamp.tz_localize(zone) if zone is not None and stamp.tzinfo is None else stamp
 
 
 def _next_day(
@@ -378,6 +375,11 @@ def _setpoint(
     if not isinstance(wanted, str):
         return pd.Series(float(wanted), index=index, name=SETPOINT)
     if wanted != "measured":
+        if SETPOINT not in frame or frame[SETPOINT].reindex(index).isna().all():
+            raise ValueError(
+                f"the set-point, column {wanted!r}, has no value from {index[0]} to {index[-1]}; give another [load] "
+                "setpoint."
+            )
         return frame[SETPOINT].reindex(index).ffill().bfill().rename(SETPOINT)
     measured = frame[role].reindex(index).interpolate(limit_area="inside")
     day = rows_per_day(index[1] - index[0])

@@ -11,10 +11,10 @@ import pandas as pd
 from .doubts import ends_of, in_words
 from .settings import is_scaled
 
-_NOT = "not identified"  # how the remarks on values begin that the log does not determine
+_NOT = "not identified"  # beginning of the remarks on values that the log does not determine
 NOT_IDENTIFIED = f"{_NOT}: the log does not determine it"
 UNSCALED = f"{_NOT}: no capacity of the plant is known"
-NEIGHBOUR = "T_za_"  # how temperatures begin that a room of a building measures, its own and its neighbours'
+NEIGHBOUR = "T_za_"  # beginning of the roles of room temperatures in a building, a room's own and its neighbours'
 _UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified
 #: what a room's values usually are; a value outside is worth a look
 _USUAL = {"heat loss": (5.0, 5000.0), "solar aperture": (0.0, 100.0), "time constant": (0.1, 500.0)}
@@ -102,13 +102,14 @@ def has_scale(gray_box: Any) -> bool:
 
 def remark_on(name: str, value: float, std: float) -> str:
     """A remark on an uncertain or implausible value; "" on others."""
-    relative = std / abs(value) if value else np.inf
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.float64(std) / abs(value)
     usual = next((span for begin, span in _USUAL.items() if name.startswith(begin)), (-np.inf, np.inf))
-    if np.isfinite(relative) and relative > _UNKNOWN:
+    if relative > _UNKNOWN:
         return NOT_IDENTIFIED
     if not usual[0] <= value <= usual[1]:
         return f"implausible: a room or a building has {usual[0]:g} to {usual[1]:g}"
-    return "uncertain" if np.isfinite(relative) and relative > _UNSURE else ""
+    return "uncertain" if relative > _UNSURE else ""
 
 
 def parameter_table(gray_box: Any) -> pd.DataFrame:

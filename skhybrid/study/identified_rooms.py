@@ -37,7 +37,7 @@ def identify_zones(settings: Settings, rows: pd.DataFrame) -> IdentifiedRooms:
     Raises
     ------
     ValueError
-        If no neighbours are given and there are less than ten days to find them in, or a room cannot be identified.
+        If no neighbours are given and there are fewer than ten days to find them in, or a room cannot be identified.
     """
     temperatures = settings.roles_of("T_za")
     inputs, measured = rows.drop(columns=temperatures), rows[temperatures]

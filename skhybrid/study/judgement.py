@@ -34,7 +34,15 @@ class Doubts(NamedTuple):
 
     @classmethod
     def of(cls, model: Any, later: Any, data: StudyData, identification: Any = None) -> Doubts:
-        """Of a fitted predictor, the rows after its training, the day to come, and what gives the capacities if any."""
+        """Reasons to doubt a fitted predictor over the rows after its training and the day to come.
+
+        Parameters
+        ----------
+        model : fitted HybridPredictor
+        later : DataFrame or ZoneTable, the rows after its training, as the model reads them
+        data : StudyData
+        identification : fitted estimator, optional, that gives the capacities of stages
+        """
         days = drift_days(model, later)
         ends = at_ends(model.gray_box_)
         of_capacities = [] if identification is None or identification is model.gray_box_ else at_ends(identification)

@@ -157,7 +157,20 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
 
 def metrics_text(result: StudyResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
-    return json.dumps(_metrics(result), indent=2, allow_nan=False, default=str)
+    return json_text(_metrics(result))
+
+
+def json_text(content: dict[str, Any]) -> str:
+    """Plain values as strict JSON, in which a number that is not finite is null."""
+    return json.dumps(_finite(content), indent=2, allow_nan=False, default=str)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _cost(result: StudyResult) -> Cost | None:
@@ -187,12 +200,6 @@ def write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
 
-def plain(table: pd.DataFrame) -> dict[Any, Any]:
-    """The rows of a table by name, None for what is not known."""
-    values = table.astype(object)
-    return values.where(values.notna(), None).to_dict(orient="index")
-
-
 def _metrics(result: StudyResult) -> dict[str, Any]:
     return {
         "skhybrid": __version__,
@@ -200,8 +207,8 @@ def _metrics(result: StudyResult) -> dict[str, Any]:
         "best": result.best,
         "verdict": verdict(result.table, HYBRID),
         "verdicts": [one._asdict() for one in result.verdicts],
-        "building": plain(identified_only(result.building)),
-        "models": plain(result.table.drop(columns="note")),
+        "building": identified_only(result.building).to_dict(orient="index"),
+        "models": result.table.drop(columns="note").to_dict(orient="index"),
         "interval_80_coverage": result.coverage,
         **result.data.spans(result.frames[HYBRID]),
         "next_day": str(result.forecast.index[0].date()),

@@ -57,7 +57,7 @@ def _curve(name: str, given: Any) -> np.ndarray:
     if curve.ndim != 2 or curve.shape[1] != 2 or isinstance(given, bool):
         raise ValueError(f"[plant] {name} = {given!r} must be a number, or pairs [T_oa, {name}].")
     if not np.isfinite(curve).all() or (np.diff(curve[:, 0]) <= 0).any():
-        raise ValueError(f"[plant] {name} = {given!r} must have rising outdoor temperatures.")
+        raise ValueError(f"[plant] {name} = {given!r} must be finite, with rising outdoor temperatures.")
     if not ((curve[:, 1] > 0) & (curve[:, 1] < 20)).all():
         worst = curve[np.argmax(np.abs(np.log(np.maximum(curve[:, 1], math.ulp(1.0))))), 1]
         raise ValueError(f"[plant] {name} holds {worst:g}; a coefficient of performance lies between 0 and 20.")

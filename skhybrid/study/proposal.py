@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
-from .._time import SHORTEST_GAP
+from .._time import SHORTEST_GAP, wall_clock
 from ..logs import LogReport, read_log, to_left_label
 from .settings import SCHEDULE, as_toml
 
@@ -103,8 +103,9 @@ def _column_lines(report: LogReport) -> list[str]:
             near = _candidates(report, free, role)
             lines.append(f'# {role} = "..."  # {what}: not found' + (f"; perhaps {near}" if near else ""))
     if not report.zones and not any(role in _PLANTS for role in roles):
-        text = '# u_heat = "..."  # no column looks like heating or cooling: add a stage (u_heat) or heat [kW] (Q_hvac)'
-        lines.append(text)
+        lines.append(
+            '# u_heat = "..."  # no column looks like heating or cooling: add a stage (u_heat) or heat [kW] (Q_hvac)'
+        )
     return lines
 
 
@@ -171,9 +172,9 @@ def _plant_lines(report: LogReport) -> list[list[str]]:
 
 def _span_lines(report: LogReport) -> list[list[str]]:
     """Training and test spans of whole days, before the last day of the log; comments where there are too few."""
-    index = _segment(report)
+    index = wall_clock(_segment(report))  # days between its midnights have 24 h
     day = pd.Timedelta("1D")
-    days = (index[-1].normalize() - _next_midnight(index[0])).days if len(index) else 0
+    days = (index[-1].normalize() - index[0].ceil("D")).days if len(index) else 0
     if days < _SHORTEST_LOG:
         first = f"from {index[0]} to {index[-1]}" if len(index) else "no row"
         text = (
@@ -188,12 +189,6 @@ def _span_lines(report: LogReport) -> list[list[str]]:
         ["[train]", f"start = {train:%Y-%m-%d}", f"end = {test - day:%Y-%m-%d}"],
         ["[test]", f"start = {test:%Y-%m-%d}", f"end = {last - day:%Y-%m-%d}"],
     ]
-
-
-def _next_midnight(stamp: pd.Timestamp) -> pd.Timestamp:
-    """The stamp itself if a day begins with it, or the start of the next day."""
-    midnight = stamp.normalize()
-    return midnight if midnight == stamp else midnight + pd.DateOffset(days=1)
 
 
 def _segment(report: LogReport) -> pd.DatetimeIndex:

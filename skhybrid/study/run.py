@@ -145,16 +145,12 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         model,
         identification,
         {label: one.frame for label, one in tested.items()},
-        _compared(models, tested, identification, data, rules),
+        _compared(models, tested, identification, data, delivered, rules),
         forecast,
         zeta,
         parameter_table(identification),
         [],
-        list(
-            dict.fromkeys(
-                [*remarks, *(without_class(w.message) for w in caught if issubclass(w.category, UserWarning))]
-            )
-        ),
+        each_once(remarks, caught),
         time.perf_counter() - begun,
         describe(identification),
     )
@@ -182,6 +178,12 @@ def counted(progress: Progress | None, total: int) -> Callable[[str], None]:
     """A function that passes a text on to ``progress``, with its number and the total."""
     numbers = iter(range(1, total + 1))
     return lambda text: None if progress is None else progress(next(numbers), total, text)
+
+
+def each_once(remarks: Sequence[str], caught: Sequence[warnings.WarningMessage]) -> list[str]:
+    """Remarks and the warnings for a user, each once."""
+    said = (without_class(w.message) for w in caught if issubclass(w.category, UserWarning))
+    return list(dict.fromkeys([*remarks, *said]))
 
 
 def _test_all(
@@ -247,32 +249,31 @@ def _compared(
     tested: dict[str, _Tested],
     identification: Any,
     data: StudyData,
+    delivered: pd.Series | None,
     rules: dict[str, pd.Series],
 ) -> pd.DataFrame:
     """The table of results, over the forecasts that every model made, the best first."""
     table = error_table(errors_by_model({name: one.frame for name, one in tested.items()}))
+    loads = {
+        name: _in_kilowatts(one.load, identification, data.later)["Q_hvac"]
+        for name, one in tested.items()
+        if one.load is not None and delivered is not None
+    }
     table = table.assign(
-        load_rmse=pd.Series({name: _load_error(one.load, identification, data) for name, one in tested.items()}),
+        load_rmse=pd.Series({name: _load_error(load, delivered, data) for name, load in loads.items()}, dtype=float),
         seconds=pd.Series({name: one.seconds for name, one in tested.items()}),
         note=pd.Series({one.label: one.note for one in models if one.label in tested}),
     ).sort_values("rmse")
     for name, load in rules.items():
-        table.loc[name, ["load_rmse", "note"]] = _rmse_of_load(load, identification, data), "a rule for the load alone"
+        table.loc[name, ["load_rmse", "note"]] = _load_error(load, delivered, data), "a rule for the load alone"
     return table.rename_axis("model")
 
 
-def _load_error(load: pd.DataFrame | None, identification: Any, data: StudyData) -> float:
-    """RMSE [kW] between the load that would have held the measured temperature and the heat that was delivered."""
-    if load is None or delivered_heat(identification, data.later) is None:
-        return np.nan
-    return _rmse_of_load(_in_kilowatts(load, identification, data.later)["Q_hvac"], identification, data)
-
-
-def _rmse_of_load(load: pd.Series, identification: Any, data: StudyData) -> float:
-    """RMSE [kW] of a load on the rows of the test whose temperature is known before and after."""
+def _load_error(load: pd.Series, delivered: pd.Series | None, data: StudyData) -> float:
+    """RMSE [kW] between a load and the delivered heat in the test, where the temperature is known before and after."""
     rows = data.later
     known = rows["T_za"].notna() & rows["T_za"].shift(-1).notna() & (rows.index >= data.test_start)
-    return float(np.sqrt(((load - delivered_heat(identification, rows))[known] ** 2).mean()))
+    return float(np.sqrt(((load - delivered)[known[known].index] ** 2).mean()))
 
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
@@ -295,14 +296,14 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
     return sum(parts[1:], parts[0]) if parts else None
 
 
-def _next_day(model: Any, identification: Any, data: StudyData, has_intervals: bool) -> pd.DataFrame:
+def _next_day(model: Any, identification: Any, data: StudyData, with_intervals: bool) -> pd.DataFrame:
     """Temperature under the known control, with its interval, and the load that holds the set-point."""
     whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)
     parts: tuple[Any, Any] = (data.history, data.future)
     if isinstance(whole, ZoneTable):
         n_past = len(data.history)
         parts = (whole.rows(slice(n_past)), whole.rows(slice(n_past, None)))
-    out = model.forecast(*parts, quantiles=INTERVAL if has_intervals else None)
+    out = model.forecast(*parts, quantiles=INTERVAL if with_intervals else None)
     heat = delivered_heat(identification, data.future)
     if heat is not None:
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -86,7 +87,8 @@ class Settings:
         ``electricity`` (whether the columns of the plant are electricity, not heat), ``cop`` of heating and ``eer`` of
         cooling (a number, or pairs ``[T_oa, value]``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW].
     thermostat : mapping
-        ``heat`` and ``cool``, the set-points of a day to come [degC]: numbers, or tables of clock time and set-point.
+        ``heat`` and ``cool``, the set-points of a day to come [degC]: numbers, or tables of clock time and set-point;
+        ``weekend``, a table of those that differ on weekends and holidays.
     tariff : mapping
         ``price`` of a kWh of electricity, or of heat where there is no ``cop``: a number, or a table of clock time and
         price; ``weekend``, that of weekends and holidays, where it differs; ``currency``.
@@ -340,6 +342,4 @@ def _check_duration(name: str, value: Any) -> None:
 
 def as_toml(value: Any) -> str:
     """A value as TOML."""
-    if not isinstance(value, str):
-        return str(value)
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"').replace("\t", "\\t") + '"'
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else str(value)

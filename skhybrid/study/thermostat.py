@@ -21,7 +21,7 @@ class Schedule(NamedTuple):
 
     heat: dict[int, float]  # minute of the day -> heating set-point [degC]; empty: not heated
     cool: dict[int, float]
-    weekend: Any = None  # Schedule of weekends and holidays, where they differ
+    weekend: Any = None  # Schedule of weekends and holidays, where they differ; of the same sides
 
     @classmethod
     def of_tables(cls, tables: Mapping[str, Any], where: str = "[thermostat]") -> Self | None:
@@ -30,17 +30,25 @@ class Schedule(NamedTuple):
         Raises
         ------
         ValueError
-            If it names an unknown key, a clock time or temperature cannot be read, or heating is above cooling.
+            If it names an unknown key, a clock time or temperature cannot be read, heating is above cooling, or the
+            weekend has a side that weekdays lack.
         """
         if not tables:
             return None
         for key in tables:
             if key not in _KINDS:
                 raise ValueError(f"unknown key {key!r} in [thermostat]; known are {', '.join(_KINDS)}.")
-        sides = [_side(f"{where} {name}", tables.get(name)) for name in ("heat", "cool")]
+        sides = [by_clock(f"{where} {name}", tables.get(name), "set-point", (0, 45)) for name in ("heat", "cool")]
         if not any(sides):
             raise ValueError("[thermostat] needs heat or cool, such as heat = 21.")
-        found = cls(sides[0], sides[1], cls.of_tables(tables["weekend"]) if tables.get("weekend") else None)
+        own = {name: tables[name] for name in ("heat", "cool") if name in tables}
+        weekend = tables.get("weekend", {})
+        if not isinstance(weekend, Mapping) or not set(weekend) <= set(own):
+            raise ValueError(
+                f"[thermostat] weekend = {weekend!r} must be a table of {' and '.join(own)}, as on weekdays."
+            )
+        at_weekend = cls.of_tables(own | dict(weekend), "[thermostat] weekend") if weekend else None
+        found = cls(sides[0], sides[1], at_weekend)
         heat, cool = (at_minute(side, np.arange(1440)) for side in sides)
         if (heat > cool).any():
             at = int(np.argmax(heat > cool))
@@ -63,20 +71,17 @@ class Schedule(NamedTuple):
         return made
 
     def band(self, index: pd.DatetimeIndex, free: np.ndarray) -> pd.DataFrame:
-        """Set-points [degC] of some rows as ``T_heat_set`` and ``T_cool_set``; without a column where none is held.
+        """Set-points [degC] of some rows as ``T_heat_set`` and ``T_cool_set``, without a column for a side not given.
 
         Parameters
         ----------
         index : DatetimeIndex of n rows, in local time
         free : ndarray (n,) of bool, weekends and holidays
         """
-        minute = minutes(index)
-        of = {True: self.weekend or self, False: self}
-        columns = {}
+        minute, columns = minutes(index), {}
         for role, side in (("T_heat_set", 0), ("T_cool_set", 1)):
-            if of[True][side] or of[False][side]:
-                values = [at_minute(of[kind][side], minute) for kind in (True, False)]
-                columns[role] = np.where(free, *values)
+            if self[side]:
+                columns[role] = np.where(free, *(at_minute(one[side], minute) for one in (self.weekend or self, self)))
         return pd.DataFrame(columns, index=index)
 
 
@@ -90,11 +95,6 @@ def _of_text(side: str) -> Any:
         raise ValueError(f"--setpoint {side!r} is not a set-point such as 21, or 6:00=21,22:00=17.") from None
 
 
-def _side(where: str, given: Any) -> dict[int, float]:
-    """Set-points by minute of one side."""
-    return by_clock(where, given, "set-point", (0, 45))
-
-
 def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None = None) -> dict[int, float]:
     """Values by the minute of the day, of a number or a table of clock times; empty if nothing is given."""
     if given is None:
@@ -104,7 +104,7 @@ def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None
     if not isinstance(given, Mapping) or not given:
         raise ValueError(f"{where} = {given!r} must be a {what}, or a table of clock times.")
     low, high = span or (-np.inf, np.inf)
-    out = {}
+    out: dict[int, float] = {}
     for clock, value in given.items():
         found = _CLOCK.fullmatch(str(clock))
         if found is None:
@@ -114,7 +114,10 @@ def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None
             allowed = f" from {low:g} to {high:g} degC" if span else ""
             allowed += " (degF must be converted)" if span and plain and high < value < 120 else ""
             raise ValueError(f"{where} at {clock} is {value!r}, which is not a {what}{allowed}.")
-        out[60 * int(found[1]) + int(found[2])] = float(value)
+        minute = 60 * int(found[1]) + int(found[2])
+        if minute in out:
+            raise ValueError(f"{where} has {clock} twice; remove one.")
+        out[minute] = float(value)
     return dict(sorted(out.items()))
 
 

@@ -12,9 +12,9 @@ USABLE, CARE, NOT = "usable", "use with care", "not usable"
 _BLOCK = 2  # origins that are drawn together, since neighbours err alike
 _DRAWS = 2000
 _SURE = (0.05, 0.95)  # quantiles of the bootstrapped ratio of errors that bound its interval
-_COVERAGE = (0.70, 0.90)  # of 80 % intervals, that are as they should be
+_COVERAGE = (0.70, 0.90)  # shares of the measurements that sound 80 % intervals contain
 _WORST_COVERAGE = 0.5
-_FEW = 5  # origins, below which nothing is sure
+_FEW = 5  # with fewer origins nothing is sure
 
 
 class Verdict(NamedTuple):

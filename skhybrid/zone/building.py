@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from ..study.compared_models import make_gray_box
-from ..study.data import FACADES, TRAINING_DAYS
+from ..study.data import FACADES, NO_ROWS, TRAINING_DAYS
 from ..study.identified_building import describe
 from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.settings import Settings
@@ -26,6 +26,11 @@ def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         Index: quantity; ``value``, ``std``, ``unit`` and ``remark``.
+
+    Raises
+    ------
+    ValueError
+        If no row has all inputs and a temperature, or the network cannot be fitted.
     """
     return describe(identify_building(settings, frame))
 
@@ -49,4 +54,6 @@ def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:
 
 
 def _last_weeks(rows: pd.DataFrame) -> pd.DataFrame:
+    if rows.empty:
+        raise ValueError(NO_ROWS)
     return rows[rows.index > rows.index[-1] - pd.Timedelta(days=TRAINING_DAYS)]

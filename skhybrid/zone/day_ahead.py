@@ -16,7 +16,7 @@ from ..logs.zone_csv import to_left_label
 from ..study.data import inputs_of, read_log
 from ..study.doubts import day_beyond
 from ..study.plant import Performance
-from ..study.settings import Settings, is_scaled
+from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from .tomorrow import Schedules, rows_ahead
 from .zone_model import ZoneModel
@@ -89,7 +89,7 @@ def day_ahead(
     )
     out = with_electricity(out, settings).rename_axis("time")
     remarks = [*zone.remarks_on_outages(frame, history), *_remarks(zone, history, ahead.frame, ahead.planned)]
-    return DayAhead(out, _summary(out, settings), tuple(remarks))
+    return DayAhead(out, _summary(out, settings, zone.scaled), tuple(remarks))
 
 
 def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
@@ -138,24 +138,21 @@ def _weather(inputs: list[str]) -> list[str]:
     return [role for role in inputs if role.startswith("T_") or role == "q_sol"]
 
 
-def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
-    """Sums and ranges of the day."""
+def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, Any]:
+    """Sums and ranges of the day, those of heat where its kW are ``scaled``."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
-    found: dict[str, Any] = {
-        "from": str(out.index[0]),
-        "to": str(out.index[-1]),
-    }
+    found: dict[str, Any] = {"from": str(out.index[0]), "to": str(out.index[-1])}
     for zone, role in zip(settings.zones or [""], settings.roles_of("T_za"), strict=True):
         of = f" of {zone}" if zone else ""
         found[f"lowest temperature{of} [degC]"] = round(float(out[role].min()), 2)
         found[f"highest temperature{of} [degC]"] = round(float(out[role].max()), 2)
     loads = [role for role in settings.roles_of("Q_hvac") if role in out]
-    if settings.zones and loads and is_scaled(settings.columns, settings.capacities):
+    if settings.zones and loads and scaled:
         of_all = out[loads].sum(axis=1)
         kWh = {role.removeprefix("Q_hvac_"): float(out[role].clip(lower=0).sum() * hours) for role in loads}
         found |= {f"heating of {zone} [kWh]": round(heat, 2) for zone, heat in kWh.items()}
         found["largest load [kW]"] = round(float(of_all.abs().max()), 2)
-    if "Q_hvac" not in out or not is_scaled(settings.columns, settings.capacities):
+    if "Q_hvac" not in out or not scaled:
         return found  # a sum of kW without a scale would mislead
     heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
     found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
@@ -167,7 +164,7 @@ def _summary(out: pd.DataFrame, settings: Settings) -> dict[str, Any]:
 
 
 def _jump(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
-    """Change of the outdoor temperature from the end of a history to the begin of the rows ahead [K]."""
+    """Change of the outdoor temperature from the end of a history to the start of the rows ahead [K]."""
     if "T_oa" not in history or "T_oa" not in ahead:
         return 0.0
     return float(abs(ahead["T_oa"].iloc[:_FIRST].mean() - history["T_oa"].iloc[-_FIRST:].mean()))
@@ -184,7 +181,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
             f"T_oa jumps by {jump:.0f} K from the end of the log to the weather ahead; check the unit and the stamps "
             "of both"
         )
-    if not planned and not is_scaled(zone.covered(), zone.settings.capacities):
+    if not planned and not zone.scaled:
         out.append(
             "no capacity of the plant is known, so its kW have no certain scale; give known = { Q_h = ... } in "
             "[estimator]"

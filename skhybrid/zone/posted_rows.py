@@ -20,7 +20,7 @@ from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
 _TAIL = pd.Timedelta(days=1)  # of posted rows, which are kept as they came: later ones may fall into the same step
 _KEPT = pd.Timedelta(days=63)  # of the log, more than a new fit reads
-_AHEAD_OF_US = pd.Timedelta(days=1)  # that a clock may be, or another time zone
+_CLOCK_AHEAD = pd.Timedelta(days=1)  # by which a sender's clock, or its time zone, may be ahead
 _SEED = 3  # even rows before the first posted one, which tell the step where one row is posted alone
 
 
@@ -39,15 +39,7 @@ def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = 
         If the rows cannot be read by the settings, or a value is beyond physics.
     """
     if plain:
-        given: dict[str, Any] = {
-            "time_column": "time",
-            "sep": ",",
-            "decimal": ".",
-            "dayfirst": None,
-            "format": "CSV",
-            "log": {},
-        }
-        settings = replace(settings, **given)
+        settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
     frame, channels, changed = read_by_role(path, settings)
     for channel in channels:
         _refuse_sums(channel)
@@ -87,13 +79,13 @@ def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings
     Raises
     ------
     ValueError
-        If the rows and the kept log differ in whether their stamps have a time zone, or a measurement is not yet.
+        If the stamps of only one of rows and kept log have a time zone, or a measurement lies in the future.
     """
     measured = [role for role in settings.roles_of("T_za") if role in rows]
     known = np.flatnonzero(rows[measured].notna().any(axis=1).to_numpy())
     n_measured = int(known[-1]) + 1 if len(known) else 0
     tz = pd.DatetimeIndex(rows.index).tz
-    if n_measured and rows.index[n_measured - 1] > pd.Timestamp.now(tz) + _AHEAD_OF_US:
+    if n_measured and rows.index[n_measured - 1] > pd.Timestamp.now(tz) + _CLOCK_AHEAD:
         raise ValueError(
             f"{rows.index[n_measured - 1]} has a temperature and lies in the future; check the sender's clock."
         )
@@ -108,7 +100,7 @@ def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings
     posted = _local(archive.log(POSTED), tz)
     if len(posted):
         found = _on_steps(even, posted, settings)
-        even = found.combine_first(even)  # of rows that came at another distance the values found then
+        even = found.combine_first(even)  # where nothing was found now, the value of an earlier post stays
         archive.keep_log(even[even.index.isin(found.index)], EVEN)
         archive.forget_log(EVEN, posted.index[-1] - _KEPT)
         whole = found.index[found.index <= posted.index[-1] - _TAIL]

@@ -126,7 +126,7 @@ def _setpoints(
 
 
 def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex) -> pd.DataFrame:
-    """Weather at the rows ahead: temperatures between two values, irradiance with the energy of each interval."""
+    """Weather at the rows ahead: temperatures by interpolation, irradiance with the energy of each interval."""
     for role in roles:
         if given is None or role not in given or given[role].notna().sum() < 2:
             raise ValueError(
@@ -136,15 +136,10 @@ def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeInd
     assert given is not None
     out = {}
     for role in roles:
-        if role == "T_oa" or role.startswith("q_sol"):
-            kind = "T_oa" if role == "T_oa" else "q_sol"
-            pair = pd.DataFrame({"T_oa": 0.0, "q_sol": 0.0, kind: given[role]}).dropna()
-            pair.attrs = dict(given.attrs)
-            out[role] = weather_on_steps(pair, index)[kind]
-        else:  # a further boundary temperature
-            values = given[role].dropna()
-            known = pd.DatetimeIndex(values.index).as_unit("ns").asi8
-            out[role] = pd.Series(np.interp(index.as_unit("ns").asi8, known, values), index)
+        kind = "q_sol" if role.startswith("q_sol") else "T_oa"  # further boundary temperatures as that of outdoors
+        pair = pd.DataFrame({"T_oa": 0.0, "q_sol": 0.0, kind: given[role]}).dropna()
+        pair.attrs = dict(given.attrs)
+        out[role] = weather_on_steps(pair, index)[kind]
     return pd.DataFrame(out, index).rename_axis("time")
 
 

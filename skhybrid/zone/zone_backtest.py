@@ -12,15 +12,7 @@ from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
 from ..study.data import StudyData
-from ..study.judgement import (
-    Doubts,
-    Load,
-    judge_load,
-    judge_temperature,
-    load_of,
-    loads_by_rule,
-    plant_roles,
-)  # fmt: skip
+from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from ..study.scores import INTERVAL, coverage_of, error_table, errors_by_model
 from ..study.settings import Settings, is_scaled
 from ..study.verdict import Verdict
@@ -75,11 +67,7 @@ def backtest_zone(
 
 def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) -> pd.DataFrame:
     model = estimator.fit(data.train, data.train["T_za"])
-    given: dict[str, Any] = {
-        "horizon": settings.horizon,
-        "origin_step": settings.origin_step,
-        "start": data.test_start,
-    }
+    given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
     if label == HYBRID:
         try:
             return backtest(model, data.later, data.later["T_za"], quantiles=INTERVAL, **given)

@@ -17,9 +17,9 @@ from ..hybrid import BuildingPredictor
 from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import SETPOINT, TRAINING_DAYS, with_facades
+from ..study.data import NO_ROWS, SETPOINT, TRAINING_DAYS, with_facades
 from ..study.scores import INTERVAL
-from ..study.settings import Settings, settings_from
+from ..study.settings import Settings, is_scaled, settings_from
 from ..study.zone_part import settings_of
 from .outages import bridged, like_index, stretches
 
@@ -114,6 +114,13 @@ class ZoneModel:
                 found[own if own in self.settings.columns else role] = span
         return found
 
+    @property
+    def scaled(self) -> bool:
+        """Whether measured heat or known capacities fix what a kW is, in every zone with a plant."""
+        inputs = [part.covered() for part in self.parts().values()]
+        capacities = self.settings.capacities
+        return all(is_scaled(roles, capacities) for roles in inputs if any(map(is_plant, roles)))
+
     def facts(self) -> dict[str, Any]:
         """Name, training span and inputs, as plain values."""
         record = self.predictor.training_
@@ -145,11 +152,12 @@ class ZoneModel:
         Raises
         ------
         ValueError
-            If they follow the known rows only after an outage of more than twelve hours.
+            If they follow the known rows only after an outage of more than twelve hours, or after any outage where
+            the log does not reach back to the known rows.
         """
         n_new, why = len(self.new_rows(frame)), self.outage(frame)
         if why:
-            raise ValueError(f"{why}, too long to go on from there: fit the model again with skhybrid fit.")
+            raise ValueError(f"{why}, and it cannot go on from there: fit the model again with skhybrid fit.")
         if n_new:
             new = self._following(frame)
             if relearn:
@@ -165,12 +173,12 @@ class ZoneModel:
         ----------
         frame : DataFrame, one column per role
         """
-        rows = pd.DatetimeIndex(self.new_rows(frame).index)
-        if not len(rows):
-            return ""
-        stamps = pd.DatetimeIndex([like_index(self.known_until, rows), *rows])
-        last = stamps[:-1][np.diff(stamps) > _BRIDGED]
-        return f"rows are missing after {last[0]}" if len(last) else ""
+        rows = pd.DatetimeIndex(self.complete(frame).index)
+        until = like_index(self.known_until, rows)
+        stamps = pd.DatetimeIndex([until, *rows[rows > until]])
+        wide = np.diff(stamps) > _BRIDGED
+        wide[:1] |= rows[:1] > until + pd.Timedelta(self.settings.step)  # there is no row to bridge from
+        return f"rows are missing after {stamps[int(np.argmax(wide))]}" if wide.any() else ""
 
     def _following(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The new rows of a log, with those of short outages."""
@@ -198,9 +206,10 @@ class ZoneModel:
         missing = history.index.difference(complete)
         if len(missing):
             return [f"no complete rows from {missing[0]} to {missing[-1]}: their inputs are interpolated"]
-        hours = len(history) * pd.Timedelta(self.settings.step) / pd.Timedelta("1h")
-        if history.index[0] == complete[0] or hours * pd.Timedelta("1h") >= _ENOUGH:
+        span = len(history) * pd.Timedelta(self.settings.step)
+        if history.index[0] == complete[0] or span >= _ENOUGH:
             return []
+        hours = span / pd.Timedelta("1h")
         return [f"the forecast starts from the last {hours:.3g} h, since rows are missing before {history.index[0]}"]
 
     def complete(self, frame: pd.DataFrame) -> pd.DataFrame:
@@ -228,12 +237,15 @@ class ZoneModel:
         Parameters
         ----------
         frame : DataFrame, one column per role
+
+        Raises
+        ------
+        ValueError
+            If no row has all inputs and a temperature.
         """
         rows = self.complete(frame)
         if rows.empty:
-            raise ValueError(
-                "no row of the log has all inputs and a temperature; skhybrid check shows which are missing."
-            )
+            raise ValueError(NO_ROWS)
         parts = stretches(rows, pd.Timedelta(self.settings.step))
         rows = parts.pop()
         while parts and rows.index[-1] - rows.index[0] < _ENOUGH and rows.index[0] - parts[-1].index[-1] <= _BRIDGED:
@@ -319,7 +331,8 @@ class ZoneModel:
         return (None if cold is None else -cold), most
 
     def _plant(self) -> list[str]:
-        return [role for role in self.settings.columns if is_plant(role)]
+        """Roles of the plant as the model reads them: meters of heat and cold are one, ``Q_hvac``."""
+        return [role for role in self.covered() if is_plant(role)]
 
     def _refuse_one_side(self, future: pd.DataFrame) -> None:
         """Refuse one of two set-points under which the thermostat was learned."""

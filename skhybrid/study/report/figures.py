@@ -81,7 +81,7 @@ def in_two_widths(draw: Callable[[float], Any], caption: str, name: str) -> str:
     return f"<figure>{drawn}<figcaption>{text}</figcaption></figure>\n"
 
 
-def day_figure(forecast: pd.DataFrame, width: float = 9.0) -> Any:
+def day_figure(forecast: pd.DataFrame, width: float = WIDE) -> Any:
     """The next day: temperature and, where there is a plant, load."""
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(n_axes, (width, 2.5 * n_axes + 0.7))
@@ -93,7 +93,7 @@ def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
     DayAheadDisplay.from_predictions(forecast, **measured_and_setpoint(forecast), ax=ax)
 
 
-def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN, width: float = 9.0) -> Any:
+def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN, width: float = WIDE) -> Any:
     """Measured and forecast temperature over the last days of back-tests, the most important first."""
     figure, axes = blank_axes(1, (width, 3.6))
     _draw_backtest(axes[0], frames, shown)
@@ -106,7 +106,7 @@ def _draw_backtest(ax: Any, frames: Mapping[str, pd.DataFrame], shown: pd.Timede
     ForecastDisplay.from_predictions(chosen, ax=ax, start=last - shown)
 
 
-def lead_figure(frames: Mapping[str, pd.DataFrame], width: float = 9.0) -> Any:
+def lead_figure(frames: Mapping[str, pd.DataFrame], width: float = WIDE) -> Any:
     """Error by lead of back-tests, the most important first."""
     figure, axes = blank_axes(1, (width, 3.4))
     LeadErrorDisplay.from_predictions(dict(list(frames.items())[:_MOST_LEADS]), ax=axes[0])
@@ -115,14 +115,14 @@ def lead_figure(frames: Mapping[str, pd.DataFrame], width: float = 9.0) -> Any:
 
 def week_figure(zeta: pd.Series, truth: pd.Series | None = None) -> Any:
     """Estimated disturbance and, where it is known, the true heat [kW] by hour of the week."""
-    figure, axes = blank_axes(1, (9.0, 3.2))
+    figure, axes = blank_axes(1, (WIDE, 3.2))
     DisturbanceWeekDisplay.from_predictions(zeta, truth=truth, ax=axes[0])
     return figure
 
 
 def schedule_figure(schedule: pd.DataFrame) -> Any:
     """Learned ``gain`` [kW] and ``ua`` [kW/K] by hour; the index of the schedule is (day, hour)."""
-    figure, axes = blank_axes(2, (9.0, 4.4))
+    figure, axes = blank_axes(2, (WIDE, 4.4))
     ScheduleDisplay.from_predictions(schedule, ax=axes)
     return figure
 
@@ -140,7 +140,7 @@ def study_picture(
     title : str, optional
     """
     n_axes = 2 if "Q_hvac" in forecast else 1
-    figure, axes = blank_axes(1 + n_axes, (9.0, 3.2 + 2.3 * n_axes), share=False)
+    figure, axes = blank_axes(1 + n_axes, (WIDE, 3.2 + 2.3 * n_axes), share=False)
     _draw_backtest(axes[0], frames, _SHOWN)
     for ax, text in ((axes[0], "back-test"), (axes[1], "the next day")):
         ax.set_title(text, loc="right", fontsize="small", color="#555555")

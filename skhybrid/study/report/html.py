@@ -348,6 +348,7 @@ def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
 
 
 def html_list(title: str, items: Iterable[str], kind: str = "prose") -> str:
+    """A section with a list of HTML items; empty without items."""
     items = "".join(f"<li>{item}</li>" for item in items)
     return f'<h2>{title}</h2>\n<ul class="{kind}">{items}</ul>' if items else ""
 
