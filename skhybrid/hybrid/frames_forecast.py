@@ -201,8 +201,7 @@ class FramesForecastMixin(FramesReadingMixin):
 
     def _plant_limits(self, n_rows: int) -> Limits:
         """Limits of a plant whose heat was measured: one that never cooled in training, or never heated, does not."""
-        inputs = self._scheme.rows.training.inputs
-        roles = [role for role in inputs if is_plant(role)]
+        inputs, roles = self._scheme.rows.training.inputs, self._plant
         heat = np.sum([inputs[role] for role in roles], axis=0) if roles else np.zeros(1)
         measured = all(role.startswith("Q_") for role in roles)
         cools, heats = (not measured or (sign * heat).max() > 0.0 for sign in (-1.0, 1.0))
@@ -247,6 +246,7 @@ class FramesForecastMixin(FramesReadingMixin):
         given = [self._column_of(role) for role in setpoints_in(self._scheme.rows.training)]
         return future.assign(**off, **{name: np.nan for name in given if name not in future.columns})
 
+    @one_blas_thread
     def predict_load(
         self, X: Any, setpoint: Any, limits: Any = None, quantiles: Sequence[float] | None = None
     ) -> pd.DataFrame:
@@ -285,8 +285,7 @@ class FramesForecastMixin(FramesReadingMixin):
         """
         check_is_fitted(self)
         levels = None if quantiles is None else read_quantiles(quantiles)
-        plant = filter(is_plant, self._scheme.rows.training.inputs)
-        table, n_tail, origins = self._load_rows(X, plant)
+        table, n_tail, origins = self._load_rows(X, self._plant)
         table, moved = self._with_earlier(table)
         n_tail += moved
         here = table.rows(slice(n_tail, None))

@@ -210,11 +210,6 @@ class Scheme(ABC):
         """Limits of a forecast from each origin: ranges (n_origins, 1), from what is known there."""
         return self.rows.plausible.at(table.measured(), origins)
 
-    @staticmethod
-    def plausible_range(lowest: np.ndarray, highest: np.ndarray, held: Band) -> PlausibleRange:
-        """A range with the set-points that hold in it."""
-        return PlausibleRange(lowest, highest).around(Band(*(side[np.isfinite(side)] for side in held)))
-
     def _clipped_load(self, load: pd.DataFrame, table: ZoneTable, origins: np.ndarray, setpoint: Band) -> pd.DataFrame:
         """A load whose temperature is plausible, or one between the set-points."""
         of_row = np.repeat(origins, np.diff(np.append(origins, table.n_rows)))
