@@ -79,8 +79,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.
         like : estimator, optional
-            A fitted predictor of the same zone with other inputs, whose choices of penalties are taken over, which
-            saves half the time.
+            A fitted predictor of the same zone with other inputs; its choices of penalties are taken over, which
+            halves the time.
 
         Raises
         ------

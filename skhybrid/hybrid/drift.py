@@ -211,9 +211,10 @@ def _errors(measured: pd.DataFrame, forecast: pd.DataFrame) -> tuple[pd.DataFram
     """The measurements as float64, and (n_days, n_steps) measured less forecast."""
     known = float_columns(measured, getattr(measured, "columns", ()), "measured")
     expected = float_columns(forecast, getattr(forecast, "columns", ()), "forecast")
-    if not (isinstance(known.index, pd.DatetimeIndex) and known.index.is_unique and known.index.is_monotonic_increasing and known.shape[1]):
-        raise ValueError("measured has no increasing days as its index, or no columns; give one row per day, stamped by it.")
-    if not (known.index.equals(expected.index) and known.columns.equals(expected.columns)):
+    days = known.index
+    if not (isinstance(days, pd.DatetimeIndex) and days.is_unique and days.is_monotonic_increasing and known.shape[1]):
+        raise ValueError("measured has no increasing days as its index, or no columns; give one row per day.")
+    if not (days.equals(expected.index) and known.columns.equals(expected.columns)):
         raise ValueError("measured and forecast differ in their days or columns; give the same rows of both.")
     return known, (known - expected).to_numpy(dtype=np.float64)
 

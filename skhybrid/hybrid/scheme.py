@@ -66,7 +66,7 @@ class AffinePaths(NamedTuple):
 class Scheme(ABC):
     """A way to forecast a building.
 
-    A fitted scheme never changes, but for what it caches: :meth:`advanced`, :meth:`relearned` and :meth:`adapting` give
+    Apart from caches, a fitted scheme never changes: :meth:`advanced`, :meth:`relearned` and :meth:`adapting` return
     another one.  Measured temperatures come as history ``T_za`` of a table.  A table that follows the known rows begins
     with the end of them: those are its first ``n_history`` rows, and origins count from the first of them.
     """

@@ -249,7 +249,7 @@ class _Affine(NamedTuple):
         return cls(found.temperature(values), gain, found.zeta, found.gain[:, :, len(at) :])
 
     def through(self, own: Mapping[str, _Affine], one: CoupledZone) -> _Affine:
-        """With what the plan does by way of the neighbours."""
+        """With the effect of the plan through the neighbours."""
         by_others = (
             np.einsum("ij,jkm->ikm", self.gain_by_neighbours[:, :, n], own[z].gain)
             for n, z in enumerate(one.neighbours)

@@ -41,7 +41,7 @@ from .zone_columns import (
 
 #: the predictor of a zone, with its neighbours or none, after new rows
 _TakenIn = Callable[[str, BaseHybrid, Sequence[str]], BaseHybrid]
-_SETTLED = 10  # days before the one on which the answer to a neighbour is computed
+_SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
 
 class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -61,8 +61,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         The predictor of a zone; default ``HybridPredictor()``.  Its ``preprocess`` is applied to the whole table, once.
         Zones of the two-stage scheme are forecast by themselves.
     adjacency : sequence of pairs of zones, optional
-        Which zones exchange heat, by the floor plan; ``[]``: none.  Default: the three whose temperatures change most
-        like a zone's own, which a floor plan does better.
+        Which zones exchange heat, by the floor plan; ``[]``: none.  Default: up to three zones whose temperatures
+        change most like a zone's own; a floor plan is better.
     n_jobs : int, optional
         Zones that are fitted at once (joblib).
 
@@ -184,12 +184,12 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         for zone, model in models.items():
             others = neighbours[zone]
             with of_zone(zone):
-                gain = self._answer(X, model, others, own[zone])
+                gain = self._response(X, model, others, own[zone])
             self.coupled_[zone], errors[zone] = couple(model, zone, others, own, gain)
         index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
         self._joint = JointErrors.of(errors, index) if errors else None
 
-    def _answer(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str], own: LeftOut) -> np.ndarray:
+    def _response(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str], own: LeftOut) -> np.ndarray:
         """(n_leads, n_leads, n_neighbours) gain of a zone's forecast by its neighbours, on the last day of training."""
         n_leads = own.errors.shape[1]
         n_known = min(len(X) - n_leads, rows_of(f"{_SETTLED}D", model.sampling_time_))

@@ -90,7 +90,7 @@ class ZoneColumns:
 
 
 def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
-    """A target as a frame (n, n_zones) by zone; columns of an array have the names of those of X in order, or numbers."""
+    """A target as a frame (n, n_zones) by zone; an array's columns are named as those of X in order, or numbered."""
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
     if isinstance(y, pd.DataFrame):

@@ -113,7 +113,7 @@ class PlantCapacity(NamedTuple):
 
 
 class ClosedLoop:
-    """A learned thermostat and plant; it never changes, but for what it caches."""
+    """A learned thermostat and plant; apart from caches it never changes."""
 
     def __init__(
         self, refits: LawRefits, tail: _Tail, n_leads: int, training: ZoneTable, capacity: PlantCapacity
