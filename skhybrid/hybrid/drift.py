@@ -84,7 +84,7 @@ class DriftMonitor:
             If fewer than seven days are known, the two frames do not match or have no increasing days as their index,
             or ``false_alarms_per_year`` is not a positive number.
         """
-        rate = self.false_alarms_per_year
+        rate: Any = self.false_alarms_per_year
         if not isinstance(rate, Real) or not 0.0 < rate < np.inf:
             raise ValueError(f"false_alarms_per_year={rate!r} must be a positive number.")
         measured, error = _errors(measured, forecast)
