@@ -85,7 +85,7 @@ class DriftMonitor:
             or ``false_alarms_per_year`` is not a positive number.
         """
         rate: Any = self.false_alarms_per_year
-        if not isinstance(rate, Real) or not 0.0 < rate < np.inf:
+        if not isinstance(rate, Real) or not 0.0 < float(rate) < np.inf:
             raise ValueError(f"false_alarms_per_year={rate!r} must be a positive number.")
         measured, error = _errors(measured, forecast)
         size = _rms(error)
@@ -105,7 +105,7 @@ class DriftMonitor:
         self.correlation_ = float(np.clip(found, 0.0, _MOST_CORRELATION))
         self.std_ = float(np.sqrt(variance * (1 + self.correlation_) / (1 - self.correlation_))) + 1e-12
         self.allowance_ = _ALLOWANCE + _SURE / np.sqrt(known)
-        self.threshold_ = threshold(2.0 * 365.25 / rate)  # each sum has half of the alarms
+        self.threshold_ = threshold(2.0 * 365.25 / float(rate))  # each sum has half of the alarms
         spread = _range(measured)[~weekend]
         self.range_ = float(np.nanmedian(spread)) if np.isfinite(spread).any() else float("nan")
         self._bias = np.nanmean(np.where(np.isnan(error).all(axis=0), 0.0, error), axis=0)
