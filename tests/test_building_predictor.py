@@ -13,10 +13,11 @@ import pytest
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
-from skhybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
+from skhybrid import BuildingPredictor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, TwoStagePredictor
 from skhybrid.exceptions import MeasurementWarning, UnitWarning
 from skhybrid.hybrid import base
 from skhybrid.hybrid.building import building_forecast, building_predictor
+from skhybrid.hybrid.building.zone_columns import ZoneColumns
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import GapFiller
@@ -48,6 +49,17 @@ def later(rooms) -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def tomorrow(later) -> pd.DataFrame:
     return later[:DAY].drop(columns=T_OF)
+
+
+def by_themselves(**settings) -> BuildingPredictor:
+    """Zones of the two-stage scheme, which are fitted in a second."""
+    gray_box, forecaster = InputDisturbanceID("1R1C", n_starts=1), DisturbanceForecaster("profile")
+    return BuildingPredictor(TwoStagePredictor(gray_box, forecaster, random_state=0, **settings))
+
+
+@pytest.fixture(scope="module")
+def two_stages(rooms) -> BuildingPredictor:
+    return by_themselves().fit(rooms[0][:N_TRAIN], rooms[1][:N_TRAIN])
 
 
 def temperatures(frame: pd.DataFrame) -> np.ndarray:
@@ -411,3 +423,106 @@ def test_summary_and_drift_tell_the_zones(building, later):
     assert "kitchen" in shown.getvalue()
     assert set(building.drift(later).index.get_level_values("zone")) == set(ZONES)
     assert 0.5 < building.score(later, make_rooms()[1][N_TRAIN:]) <= 1.0
+
+
+def test_measured_temperatures_go_by_the_zones_names(two_stages, rooms, later):
+    X, y = later[:48], rooms[1][N_TRAIN:][:48]
+    assert two_stages.score(X, y[["study", "kitchen", "hall"]]) == two_stages.score(X, y)
+    for given, message in (
+        (y.rename(columns={"hall": "attic"}), "y has the columns 'kitchen', 'attic', 'study'"),
+        (y[["hall", "study"]], "y has the columns 'hall', 'study'"),
+    ):
+        for call in (two_stages.partial_fit, two_stages.update, two_stages.score):
+            with pytest.raises(ValueError, match=message):
+                call(X, given)
+    for rows, column in ((X.drop(columns=T_OF), "T_za_kitchen"), (X.drop(columns="T_za_hall"), "T_za_hall")):
+        with pytest.raises(ValueError, match=f"X has no column '{column}'"):
+            two_stages.update(rows)
+
+
+def test_zones_of_an_array(rooms):
+    X, y = rooms[0][["T_oa", "q_sol"]].to_numpy(), rooms[1].to_numpy()
+    model = by_themselves(sampling_time="1h", intervals=False).fit(X[:200], y[:200])
+    with pytest.raises(ValueError, match="X has no column 'T_za_zone_0'"):
+        model.update(X[200:224])
+    assert model.update(X[200:224], y[200:224]).predict(X[224:248]).shape == (24, 3)
+
+
+def test_new_rows_do_not_change_the_shape_of_a_forecast(rooms):
+    X, y = rooms[0][["T_oa", "q_sol"]], rooms[1][["hall"]]
+    model = by_themselves(intervals=False).fit(X[:200], y[:200])
+    assert isinstance(model.update(X[200:224], y["hall"][200:224]).predict(X[224:248]), pd.DataFrame)
+
+
+def test_limits_that_zones_share_hold_a_plant_that_is_off(building, later):
+    rows, wanted = later[:DAY], (20.5, None)
+    for limits in ((0.5, 3.0), (-3.0, -0.5)):
+        with pytest.raises(ValueError, match="limits of all zones together must have 0 kW"):
+            building.predict_load(rows, wanted, limits)
+    with pytest.raises(ValueError, match="the upper limit has shape"):
+        building.predict_load(rows, wanted, (0.0, np.ones(5)))
+    with pytest.raises(ValueError, match="zone 'kitchen': setpoint"):
+        building.predict_load(rows, None)
+
+
+def test_a_zone_without_limits_loads_as_if_none_had_any(two_stages, later):
+    """A plant that never cooled in training does not, whatever the limits of other zones."""
+    rows, wanted = later[:DAY], (10.0, 15.0)
+    free = two_stages.predict_load(rows, wanted)
+    limited = two_stages.predict_load(rows, wanted, {"kitchen": (0.0, 0.1)})
+    np.testing.assert_array_equal(limited["Q_hvac_hall"], free["Q_hvac_hall"])
+
+
+def test_samples_do_not_depend_on_the_time_zone_of_the_rows_ahead(rooms):
+    X, y = (part.tz_localize("America/Chicago") for part in rooms)
+    ahead = X[N_TRAIN : N_TRAIN + DAY].drop(columns=T_OF)
+    model = by_themselves().fit(X[:N_TRAIN], y[:N_TRAIN])
+    drawn = [model.sample(None, rows, 20, random_state=0) for rows in (ahead, ahead.tz_convert("UTC"))]
+    np.testing.assert_array_equal(*drawn)
+
+
+def test_errors_that_are_unknown_order_no_samples(two_stages):
+    assert np.isfinite(two_stages._joint.values).all()
+
+
+def test_the_drift_report_reads_rows_as_a_forecast_does(rooms, later):
+    X = rooms[0].copy()
+    X.iloc[100:103, X.columns.get_loc("T_oa")] = np.nan
+    model = by_themselves(preprocess=GapFiller("6h"), intervals=False).fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    holed = later.copy()
+    holed.iloc[30:32, holed.columns.get_loc("T_oa")] = np.nan
+    assert set(model.drift(holed).index.get_level_values("zone")) == set(ZONES)
+
+
+def test_measured_temperatures_of_other_names_stay_missing_in_a_preprocess(rooms, later):
+    columns = {f"T_za_{zone}": f"{zone} [degC]" for zone in ZONES}
+    X, rows = rooms[0].rename(columns=columns), later.rename(columns=columns)
+    model = by_themselves(preprocess=GapFiller("6h"), columns=columns, intervals=False)
+    model.fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    rows.iloc[2:4, rows.columns.get_loc("hall [degC]")] = np.nan
+    model.update(rows[:DAY])
+    assert np.isnan(model.own_["hall"]._scheme.rows.latest.history["T_za"][2:4]).all()
+    assert np.isfinite(model.forecast(None, rows[DAY : 2 * DAY].drop(columns=columns.values()))).all(axis=None)
+
+
+def test_a_plant_of_its_own_beside_a_shared_one(rooms):
+    X = rooms[0].assign(Q_hvac=0.3 * rooms[0]["Q_hvac_hall"].to_numpy()[::-1])
+    columns = ZoneColumns.of(X, ZONES, None)
+    assert columns.input_of("Q_hvac_hall") == [("hall", "Q_hvac_hall")]
+    assert columns.input_of("Q_hvac") == [(zone, "Q_hvac") for zone in ZONES]
+    model = by_themselves(intervals=False).fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    tomorrow = X[N_TRAIN : N_TRAIN + DAY].drop(columns=T_OF)
+    found = model.affine_forecast(None, tomorrow, ["Q_hvac_hall"])
+    more = tomorrow.assign(Q_hvac_hall=tomorrow["Q_hvac_hall"] + 0.1)
+    T = found.temperature(more[["Q_hvac_hall"]].to_numpy())
+    np.testing.assert_allclose(T, temperatures(model.forecast(None, more)), atol=1e-9)
+
+
+def test_set_points_of_a_zone_hold_in_place_of_shared_ones(rooms):
+    X = rooms[0].assign(T_heat_set=19.0, T_heat_set_hall=21.0)
+    columns = ZoneColumns.of(X, ZONES, None)
+    assert columns.of_zone("hall")["T_heat_set"] == "T_heat_set_hall"
+    assert columns.of_zone("study")["T_heat_set"] == "T_heat_set"
+    model = by_themselves(intervals=False).fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    held = {zone: one._scheme.rows.training.history["T_heat_set"][0] for zone, one in model.own_.items()}
+    assert held == {"kitchen": 19.0, "hall": 21.0, "study": 19.0}

@@ -7,6 +7,7 @@ from copy import deepcopy
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.exceptions import NotFittedError
 
 from skhybrid import DisturbanceForecaster, HybridPredictor, InputDisturbanceID
 from skhybrid.datasets import make_office
@@ -158,3 +159,14 @@ def test_a_shorter_horizon_raises_no_alarms_of_its_own():
     days = model.drift()
     assert len(days) == 12
     assert not days["drifted"].any()
+
+
+def test_what_a_monitor_cannot_read_is_refused():
+    days = _days(30, np.random.default_rng(0))
+    with pytest.raises(NotFittedError, match="call fit first"):
+        DriftMonitor().watch(*days)
+    for rate in (0.0, -1.0, np.nan, np.inf, "one"):
+        with pytest.raises(ValueError, match=r"false_alarms_per_year=.* must be a positive number"):
+            DriftMonitor(rate).fit(*days)
+    with pytest.raises(ValueError, match="no increasing days"):
+        DriftMonitor().fit(*(part[::-1] for part in days))

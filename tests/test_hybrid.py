@@ -462,6 +462,22 @@ def test_bad_settings_are_refused(settings, message, office):
         HybridPredictor(**settings).fit(office.X[:DAY], office.y[:DAY])
 
 
+def test_settings_of_parts_are_not_passed_over():
+    """A seed of 0 is a seed; what a part lacks it takes from the predictor."""
+    parts = InputDisturbanceID(random_state=0), DisturbanceForecaster(random_state=0)
+    for own, wanted in ((0, 0), (None, 7)):
+        model = TwoStagePredictor(*(part.set_params(random_state=own) for part in parts), random_state=7)
+        scheme = model._make_scheme()
+        assert (scheme.gray_box.random_state, scheme.forecaster.random_state) == (wanted, wanted)
+
+
+def test_an_unknown_adapt_is_refused_after_fit_too(hybrid, office):
+    model = deepcopy(hybrid).set_params(adapt="daily")
+    for call in (model.predict, lambda X: model.forecast(None, X), lambda X: model.predict_load(X, 20.0)):
+        with pytest.raises(ValueError, match="adapt='daily'"):
+            call(office.X[28 * DAY : 29 * DAY])
+
+
 def test_set_point_of_another_index_is_refused(hybrid, office):
     with pytest.raises(ValueError, match="setpoint bears other time stamps"):
         hybrid.predict_load(office.X[28 * DAY : 29 * DAY], office.y[:DAY])

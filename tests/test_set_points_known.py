@@ -51,6 +51,12 @@ def test_set_points_leave_a_forecast_under_given_heat_as_it_is(log, model):
     assert "Q_hvac" in model.forecast(None, both, setpoint=(20.0, 24.0))
 
 
+def test_origins_of_the_closed_loop_increase(log, model):
+    for origins in ([20, 10], [10, 10], []):
+        with pytest.raises(ValueError, match="origins must be increasing row numbers"):
+            model.closed_loop_from(log[TRAINED:], origins)
+
+
 def test_the_thermostat_holds_the_room_and_its_load_is_near_the_measured_one(log, model):
     origins = np.arange(0, 3 * DAY, 5)
     later = log[TRAINED:]

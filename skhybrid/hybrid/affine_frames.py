@@ -48,8 +48,8 @@ class AffineFramesMixin(FramesForecastMixin):
     ) -> AffineForecast:
         """Forecast as an affine function of the heat that is planned: ``T = free + gain @ q``.
 
-        It is exactly what :meth:`forecast` gives under a plan, but that nothing is clipped: :meth:`forecast` keeps to
-        temperatures that the log makes plausible (the known range and as much again on either side, at least 10 K).
+        It is exactly what :meth:`forecast` gives under a plan, except that nothing is clipped: :meth:`forecast` stays
+        within the temperatures known so far, widened on either side by their range and 2 K, and by 10 K at least.
 
         Parameters
         ----------

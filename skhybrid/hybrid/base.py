@@ -79,8 +79,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.
         like : estimator, optional
-            A fitted predictor of the same zone with other inputs, whose choices of penalties are taken over, which
-            saves half the time.
+            A fitted predictor of the same zone with other inputs; its choices of penalties are taken over, which
+            halves the time.
 
         Raises
         ------
@@ -88,8 +88,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             If a parameter is unknown or does nothing in the scheme, the table or the target is refused, or the network
             has several measured nodes.
         """
-        if self.adapt not in (None, "linear", "full"):
-            raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
+        self._check_adapt()
         scheme = self._make_scheme()
         network = scheme.network
         self.preprocess_ = fit_preprocess(self.preprocess, X, y)
@@ -149,8 +148,13 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         return self._law is not None
 
+    def _check_adapt(self) -> None:
+        if self.adapt not in (None, "linear", "full"):
+            raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
+
     def _present_scheme(self) -> Scheme:
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
+        self._check_adapt()
         return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool, **reading: Any) -> ZoneTable:
@@ -257,6 +261,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     def _column_of(self, role: str) -> Any:
         return (self._reading()["columns"] or {}).get(role, role)
 
+    @one_blas_thread
     def left_out_errors(self) -> LeftOut:
         """Errors of forecasts of the training, each by what has not learned from its days.
 

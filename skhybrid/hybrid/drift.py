@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
+from sklearn.exceptions import NotFittedError
 
 from .._holidays import read_holidays
 from .._table import float_columns
@@ -53,6 +55,8 @@ class DriftMonitor:
         Median range of the measured series over a weekday, in its unit.
     threshold_ : float
         Of the statistic.
+    allowance_ : float
+        What a day's standardised score must exceed to be summed up.
     recurrence_ : ndarray of shape (2,)
         Mean and standard deviation of the recurrence on the reference days [-].
 
@@ -77,8 +81,12 @@ class DriftMonitor:
         Raises
         ------
         ValueError
-            If fewer than seven days are known.
+            If fewer than seven days are known, the two frames do not match or have no increasing days as their index,
+            or ``false_alarms_per_year`` is not a positive number.
         """
+        rate: Any = self.false_alarms_per_year
+        if not isinstance(rate, Real) or not 0.0 < float(rate) < np.inf:
+            raise ValueError(f"false_alarms_per_year={rate!r} must be a positive number.")
         measured, error = _errors(measured, forecast)
         size = _rms(error)
         if (known := int(np.isfinite(size).sum())) < 7:
@@ -97,7 +105,7 @@ class DriftMonitor:
         self.correlation_ = float(np.clip(found, 0.0, _MOST_CORRELATION))
         self.std_ = float(np.sqrt(variance * (1 + self.correlation_) / (1 - self.correlation_))) + 1e-12
         self.allowance_ = _ALLOWANCE + _SURE / np.sqrt(known)
-        self.threshold_ = threshold(2.0 * 365.25 / self.false_alarms_per_year)  # each sum has half of the alarms
+        self.threshold_ = threshold(2.0 * 365.25 / float(rate))  # each sum has half of the alarms
         spread = _range(measured)[~weekend]
         self.range_ = float(np.nanmedian(spread)) if np.isfinite(spread).any() else float("nan")
         self._bias = np.nanmean(np.where(np.isnan(error).all(axis=0), 0.0, error), axis=0)
@@ -123,7 +131,14 @@ class DriftMonitor:
             larger; ``kind``: ``"level"`` where they lie on one side at all hours (season, plant), ``"schedule"`` where
             they follow the hours of the day, ``"quiet"`` where the working days since hardly move (a long closure).
             A day's row reads nothing of later days.
+
+        Raises
+        ------
+        ValueError
+            If the monitor is not fitted, or the frames do not match each other or those of ``fit``.
         """
+        if not hasattr(self, "threshold_"):
+            raise NotFittedError("this DriftMonitor has no reference days yet; call fit first.")
         measured, error = _errors(measured, forecast)
         if error.shape[1] != len(self._bias):
             raise ValueError(f"the days have {error.shape[1]} steps, but those of fit have {len(self._bias)}.")
@@ -196,9 +211,10 @@ def _errors(measured: pd.DataFrame, forecast: pd.DataFrame) -> tuple[pd.DataFram
     """The measurements as float64, and (n_days, n_steps) measured less forecast."""
     known = float_columns(measured, getattr(measured, "columns", ()), "measured")
     expected = float_columns(forecast, getattr(forecast, "columns", ()), "forecast")
-    if not (isinstance(known.index, pd.DatetimeIndex) and known.index.is_unique and known.shape[1]):
-        raise ValueError("measured has no days as its index, or no columns; give one row per day, stamped by it.")
-    if not (known.index.equals(expected.index) and known.columns.equals(expected.columns)):
+    days = known.index
+    if not (isinstance(days, pd.DatetimeIndex) and days.is_unique and days.is_monotonic_increasing and known.shape[1]):
+        raise ValueError("measured has no increasing days as its index, or no columns; give one row per day.")
+    if not (days.equals(expected.index) and known.columns.equals(expected.columns)):
         raise ValueError("measured and forecast differ in their days or columns; give the same rows of both.")
     return known, (known - expected).to_numpy(dtype=np.float64)
 

@@ -145,7 +145,7 @@ class FramesForecastMixin(FramesReadingMixin):
         setpoint: Any,
         limits: tuple[float, float] | None,
     ) -> pd.DataFrame:
-        """The forecast in which the plant answers to set-points."""
+        """The forecast in which the plant follows set-points."""
         n_ahead, scheme = len(future.index), self._present_scheme()
         idle = self._idle(future)
         table, origin = (
@@ -168,9 +168,9 @@ class FramesForecastMixin(FramesReadingMixin):
         heat, temperature, zeta = found.paths
         path = LoadPaths(heat[:, -n_ahead:], temperature[:, :n_ahead], zeta[:, -n_ahead:])
         out = _delivered(scheme.heat_frame(future.index, path))
-        if levels is None:
+        if levels is None or found.heat_bands is None or found.temperature_bands is None:
             return out
-        return out.assign(**_bands(levels, found, slice(n_ahead), slice(-n_ahead, None)))
+        return out.assign(**_bands(levels, found.temperature_bands[0, :n_ahead], found.heat_bands[0, -n_ahead:]))
 
     def _with_earlier(self, table: ZoneTable) -> tuple[ZoneTable, int]:
         """The table after all known rows that the law reads, and by how many rows origins move."""
@@ -201,8 +201,7 @@ class FramesForecastMixin(FramesReadingMixin):
 
     def _plant_limits(self, n_rows: int) -> Limits:
         """Limits of a plant whose heat was measured: one that never cooled in training, or never heated, does not."""
-        inputs = self._scheme.rows.training.inputs
-        roles = [role for role in inputs if is_plant(role)]
+        inputs, roles = self._scheme.rows.training.inputs, self._plant
         heat = np.sum([inputs[role] for role in roles], axis=0) if roles else np.zeros(1)
         measured = all(role.startswith("Q_") for role in roles)
         cools, heats = (not measured or (sign * heat).max() > 0.0 for sign in (-1.0, 1.0))
@@ -247,14 +246,15 @@ class FramesForecastMixin(FramesReadingMixin):
         given = [self._column_of(role) for role in setpoints_in(self._scheme.rows.training)]
         return future.assign(**off, **{name: np.nan for name in given if name not in future.columns})
 
+    @one_blas_thread
     def predict_load(
         self, X: Any, setpoint: Any, limits: Any = None, quantiles: Sequence[float] | None = None
     ) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
-        An ideal plant: the network's least heat, for ARX knows no plant.  Where the training had set-points,
-        ``setpoint`` is a pair and there are no ``limits``, thermostat and plant act as learned instead.  Of a set-point
-        that does not move smoothly, such as a measured temperature, it follows what is not noise (see the user guide).
+        The plant is ideal: it gives the least heat by the network, as ARX models no plant.  Where the training had
+        set-points, ``setpoint`` is a pair and there are no ``limits``, thermostat and plant act as learned instead.
+        Of a noisy set-point, such as a measured temperature, the load follows the smooth part (see the user guide).
 
         Parameters
         ----------
@@ -285,8 +285,7 @@ class FramesForecastMixin(FramesReadingMixin):
         """
         check_is_fitted(self)
         levels = None if quantiles is None else read_quantiles(quantiles)
-        plant = filter(is_plant, self._scheme.rows.training.inputs)
-        table, n_tail, origins = self._load_rows(X, plant)
+        table, n_tail, origins = self._load_rows(X, self._plant)
         table, moved = self._with_earlier(table)
         n_tail += moved
         here = table.rows(slice(n_tail, None))
@@ -317,7 +316,8 @@ class FramesForecastMixin(FramesReadingMixin):
         ----------
         X : DataFrame of n_samples rows
             Weather and set-points are known in advance; heat is read before each origin, ``T_za`` up to it.
-        origins : sequence of int; increasing row numbers of X
+        origins : sequence of int
+            Row numbers of X, increasing.
         horizon : timedelta-like, optional
         quantiles : sequence of float, optional
 
@@ -330,12 +330,14 @@ class FramesForecastMixin(FramesReadingMixin):
         Raises
         ------
         ValueError
-            If no thermostat was learned, or set-points are missing or crossed.
+            If no thermostat was learned, set-points are missing or crossed, or the origins do not increase.
         """
         check_is_fitted(self)
         levels = None if quantiles is None else read_quantiles(quantiles)
         table, n_tail = self._with_history(X)
         rows = checked_origins(origins, table.n_rows - n_tail)
+        if not len(rows) or (np.diff(rows) <= 0).any():
+            raise ValueError("origins must be increasing row numbers of X, at least one.")
         table, moved = self._with_earlier(table)
         n_tail += moved
         here = table.rows(slice(n_tail, None))
@@ -368,14 +370,10 @@ class FramesForecastMixin(FramesReadingMixin):
         path = LoadPaths(found.paths.heat[of, lead][None], T[None], load["zeta"].to_numpy()[None])
         frame = _delivered(scheme.heat_frame(load.index, path))
         load = load.assign(**{str(name): frame[name] for name in frame})
-        if levels is None:
+        if levels is None or found.heat_bands is None or found.temperature_bands is None:
             return load
-        assert found.heat_bands is not None
-        assert found.temperature_bands is not None
         bands = np.where(at_origin[:, None], T[:, None], found.temperature_bands[of, before])
-        names = quantile_columns(levels)
-        of_T = dict(zip(names, bands.T, strict=True))
-        return load.assign(**of_T, **dict(zip(_of_load(names), found.heat_bands[of, lead].T, strict=True)))
+        return load.assign(**_bands(levels, bands, found.heat_bands[of, lead]))
 
 
 def _delivered(load: pd.DataFrame) -> pd.DataFrame:
@@ -384,15 +382,8 @@ def _delivered(load: pd.DataFrame) -> pd.DataFrame:
     return load[["T_za", *names]]
 
 
-def _of_load(names: Sequence[str]) -> list[str]:
-    """Names of the load's quantiles: ``Q_hvac_0.1`` for ``q_0.1``."""
-    return [name.replace("q_", "Q_hvac_", 1) for name in names]
-
-
-def _bands(levels: np.ndarray, found: ClosedLoopPaths, of_T: slice, of_heat: slice) -> dict[str, np.ndarray]:
-    """Columns of the quantiles of one path."""
-    assert found.heat_bands is not None
-    assert found.temperature_bands is not None
-    names = quantile_columns(levels)
-    columns = dict(zip(names, found.temperature_bands[0, of_T].T, strict=True))
-    return columns | dict(zip(_of_load(names), found.heat_bands[0, of_heat].T, strict=True))
+def _bands(levels: np.ndarray, temperature: np.ndarray, heat: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of quantiles (n_rows, n_levels): ``q_0.1`` of a temperature, and ``Q_hvac_0.1`` of a load."""
+    of_T = quantile_columns(levels)
+    of_load = [name.replace("q_", "Q_hvac_", 1) for name in of_T]
+    return dict(zip((*of_T, *of_load), (*temperature.T, *heat.T), strict=True))

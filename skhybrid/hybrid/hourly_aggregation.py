@@ -18,7 +18,7 @@ _ROOM = 512  # complete steps for which there is room before a buffer is made lo
 class _Sums(NamedTuple):
     """Rows summed by steps: labels of the steps, and sums and counts of what is known in them."""
 
-    labels: np.ndarray  # (n,) int, begin of each step [ns]
+    labels: np.ndarray  # (n,) int, beginning of each step [ns]
     total: np.ndarray  # (n, p)
     known: np.ndarray  # (n, p)
     of_row: np.ndarray  # (n_rows,) step of every row

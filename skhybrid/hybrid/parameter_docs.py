@@ -11,8 +11,8 @@ shared_docs = docs_from(
         gray_box : estimator, optional
             An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.
             Its ``columns``, ``sampling_time`` and ``holidays`` are read where none are given here.  A fitted one in a
-            :class:`~sklearn.frozen.FrozenEstimator` is used as it is, so that its rows may be others than those of
-            ``fit``, such as the paper's seven days of perturbed control.
+            :class:`~sklearn.frozen.FrozenEstimator` is used as it is: it may have been fitted on other rows, such as
+            the paper's seven days of perturbed control.
         forecaster : estimator, optional
             A regressor of the disturbance; default ``DisturbanceForecaster("ridge")`` with the same horizon.
         """,

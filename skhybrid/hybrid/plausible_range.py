@@ -38,6 +38,10 @@ class PlausibleRange(NamedTuple):
         )
         return type(self)(lowest, highest)
 
+    def of_row(self, i: int) -> Self:
+        """One of the ranges."""
+        return type(self)(self.lowest[i], self.highest[i])
+
     @property
     def reach(self) -> Any:
         """Largest distance of a forecast from the known temperatures [K]."""

@@ -36,7 +36,6 @@ from .blending.numbered_table import NumberedTable
 from .blending.rolling_blend import BlendRecord, RollingBlend
 from .drift import DriftMonitor
 from .known_rows import KnownRows
-from .plausible_range import PlausibleRange
 from .scheme import AffinePaths, Ahead, Paths, Scheme
 from .tables import days_after, parts_of_days, with_temperature
 
@@ -217,13 +216,13 @@ class ScheduleScheme(Scheme):
         views = blend.views(rows)
         size = len(origins), n_leads
         paths = Paths(np.empty(size), np.empty(size), np.empty(len(origins)))
-        lowest, highest = self.rows.plausible.at(rows.T, origins)
+        ranges = self.rows.plausible.at(rows.T, origins)
         for i in np.argsort(origins, kind="stable"):
-            row, plausible, ahead = int(origins[i]), PlausibleRange(lowest[i], highest[i]), views
+            row, ahead = int(origins[i]), views
             blend.advance(views, row)
             if boundary is not None:
                 ahead = blend.views(rows.with_boundary({r: v[i] for r, v in boundary.items()}, row, self._n_back))
-            paths.temperature[i], paths.zeta[i] = blend.forecast(ahead, n_leads, plausible)
+            paths.temperature[i], paths.zeta[i] = blend.forecast(ahead, n_leads, ranges.of_row(i))
             paths.zeta_now[i] = blend.heat_now(views)
         return paths
 

@@ -66,7 +66,7 @@ class AffinePaths(NamedTuple):
 class Scheme(ABC):
     """A way to forecast a building.
 
-    A fitted scheme never changes, but for what it caches: :meth:`advanced`, :meth:`relearned` and :meth:`adapting` give
+    Apart from caches, a fitted scheme never changes: :meth:`advanced`, :meth:`relearned` and :meth:`adapting` return
     another one.  Measured temperatures come as history ``T_za`` of a table.  A table that follows the known rows begins
     with the end of them: those are its first ``n_history`` rows, and origins count from the first of them.
     """
@@ -209,11 +209,6 @@ class Scheme(ABC):
     def plausible(self, table: ZoneTable, origins: np.ndarray) -> PlausibleRange:
         """Limits of a forecast from each origin: ranges (n_origins, 1), from what is known there."""
         return self.rows.plausible.at(table.measured(), origins)
-
-    @staticmethod
-    def plausible_range(lowest: np.ndarray, highest: np.ndarray, held: Band) -> PlausibleRange:
-        """A range with the set-points that hold in it."""
-        return PlausibleRange(lowest, highest).around(Band(*(side[np.isfinite(side)] for side in held)))
 
     def _clipped_load(self, load: pd.DataFrame, table: ZoneTable, origins: np.ndarray, setpoint: Band) -> pd.DataFrame:
         """A load whose temperature is plausible, or one between the set-points."""

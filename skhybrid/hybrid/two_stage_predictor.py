@@ -134,10 +134,10 @@ class BaseTwoStage(BaseHybrid):
         """A clone of a part, with what it can take over from this estimator."""
         part = clone(given)
         params = part.get_params(deep=False)
-        passed = {"n_jobs": self.n_jobs, "random_state": self.random_state, "verbose": self.verbose or None}
-        wanted = {k: v for k, v in passed.items() if k in params and not params[k] and v is not None}
-        if "holidays" in params and params["holidays"] is None:
-            wanted["holidays"] = self._reading()["holidays"]
+        passed = {"n_jobs": self.n_jobs, "random_state": self.random_state, "holidays": self._reading()["holidays"]}
+        wanted = {name: value for name, value in passed.items() if name in params and params[name] is None}
+        if self.verbose and not params.get("verbose", True):
+            wanted["verbose"] = self.verbose
         part.set_params(**wanted)
         return part  # FrozenEstimator.set_params returns nothing
 

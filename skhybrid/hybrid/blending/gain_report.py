@@ -1,4 +1,4 @@
-"""Answers of the members of a blend to a kW, how well the training determines them, and doubts about them."""
+"""Responses of a blend's members to 1 kW, how well the training determines them, and doubts about them."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class RollingMember(Protocol):
         """A copy that goes on by itself, and keeps the errors of forecasts from number ``first`` on."""
 
     def advance(self, view: Any, origin: int) -> None:
-        """Go through the rows up to ``origin``, that one included."""
+        """Go through the rows up to and including ``origin``."""
 
     def forecast(self, view: Any, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
         """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW]; None where it knows none.
@@ -128,7 +128,7 @@ class ScheduleMember:
         return NumberedSegment(segment, rows.begin, rows.joined, rows.first, whole_segment)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
-        """Coefficients re-solved at every origin; with ``adapt="full"`` the network re-fitted every ten days."""
+        """Coefficients re-solved at every origin; with ``adapt="full"`` the network refitted every ten days."""
         return RollingSchedule(self.fit_, rows.begin, rows.joined, adapt)
 
 

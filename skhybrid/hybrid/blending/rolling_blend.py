@@ -83,7 +83,7 @@ class RollingBlend:
         return [network.view(rows.since(self.row)), *(member.view(rows) for member in others)]
 
     def advance(self, views: list[Any], origin: int) -> None:
-        """Go through the rows up to ``origin``, that one included."""
+        """Go through the rows up to and including ``origin``."""
         for rolling, view in zip(self._rolling, views, strict=True):
             if isinstance(rolling, RollingWithoutHeat):
                 rolling.follow(self.network)

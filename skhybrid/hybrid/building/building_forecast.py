@@ -191,7 +191,7 @@ class BuildingForecastMixin:
         if not len(origins) or not self.coupled_:
             return out
         X = self._with_measured(X, self._known(X))
-        ahead = {zone: _held(path) for zone, path in own.items()}
+        ahead = {zone: held(path) for zone, path in own.items()}
         for zone, one in self.coupled_.items():
             boundary = {NEXT + other: ahead[other] for other in one.neighbours}
             share, j = one.share(out.shape[1]), self.zones_.index(zone)
@@ -308,7 +308,8 @@ class BuildingForecastMixin:
         absent = [zone for zone in self.zones_ if zone not in by_zone]
         if absent and name == "T_za":
             raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
-        return dict.fromkeys(absent, (None, None)) | by_zone  # the other zones are free
+        # other zones are free; without limits each has its own
+        return (dict.fromkeys(absent, (None, None)) if name == "setpoint" else {}) | by_zone
 
     def _joined(self, of: _Columns, first_lead: int) -> dict[str, np.ndarray]:
         """Columns of all zones; those with neighbours under what was forecast of these."""
@@ -329,8 +330,8 @@ def with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:
     return X.assign(**{NEXT + zone: values for zone, values in T.items()})
 
 
-def _held(paths: np.ndarray) -> np.ndarray:
-    """Paths (n_origins, n_leads) in which the last value is held after the last row of the table."""
+def held(paths: np.ndarray) -> np.ndarray:
+    """Paths (n_origins, n_leads) in which the value before a missing one is held, after it at the start of a path."""
     return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()
 
 

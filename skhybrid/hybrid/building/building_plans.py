@@ -12,10 +12,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._joining import refuse_no_frames
 from ..._table import is_plant, listed
-from ...control import AffineForecast
+from ...control import AffineForecast, Limits
+from ...control.setpoints import read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, columns_of, of_zone, with_next
+from .building_forecast import BuildingForecastMixin, columns_of, held, of_zone, with_next
 from .coupled_zone import CoupledZone, at_common_origins
 
 _NEAR = 1.5  # hours within which the errors of the training are drawn
@@ -32,7 +33,8 @@ class JointErrors(NamedTuple):
     def of(cls, errors: Mapping[str, LeftOut], index: pd.Index) -> JointErrors:
         """Of the origins that all zones have."""
         origins, values = at_common_origins(list(errors.values()))
-        return cls(np.stack(values, axis=-1).astype(np.float32), _hours(index)[origins])
+        known = [held(v) for v in values]  # errors after the end of a left-out block are unknown
+        return cls(np.stack(known, axis=-1).astype(np.float32), _hours(index)[origins])
 
     def drawn(self, hour: float, n_samples: int, n_rows: int, rng: np.random.RandomState) -> np.ndarray:
         """(n_samples, n_rows, n_zones) errors of forecasts from that hour; the last lead's hold on."""
@@ -64,8 +66,9 @@ class BuildingPlansMixin(BuildingForecastMixin):
         setpoint : mapping of zone to set-point, or one for all zones
             As there; a zone that a mapping leaves out is free.
         limits : tuple of (lowest, highest), or mapping of zone to such pairs, optional
-            What one plant gives to all zones together [kW], each a number or one value per row; or what each zone's own
-            plant can do.  Where all zones together need more, every zone gets the same share of what it needs.
+            What one plant gives to all zones together [kW], each a number or one value per row, with 0 between them; or
+            what each zone's own plant can do.  Where all zones together need more, every zone gets the same share of
+            what it needs.
 
         Returns
         -------
@@ -75,7 +78,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         Raises
         ------
         ValueError
-            As there; the message names the zone.
+            As there; the message names the zone.  Also if limits of all zones together exclude 0 kW.
         """
         check_is_fitted(self)
         wanted = self._by_zone(setpoint, "setpoint")
@@ -83,25 +86,27 @@ class BuildingPlansMixin(BuildingForecastMixin):
         rows = self._with_measured(X, self._known(X))
         if limits is None or isinstance(limits, Mapping):
             return self._loads(rows, wanted, self._by_zone(limits, "limits"))
-        if not isinstance(limits, tuple | list) or len(limits) != 2:
-            raise ValueError(
-                "limits is a pair (lowest, highest) of all zones together [kW], or a mapping of such pairs."
-            )
-        return self._loads(rows, wanted, self._shared_out(self._loads(rows, wanted, {}), *limits))
+        first = self.own_[self.zones_[0]]
+        with of_zone(self.zones_[0]):
+            table, n_tail, _ = first._load_rows(rows, first._plant)
+        shared = read_limits(limits, table.rows(slice(n_tail, None)))
+        if (shared.lower > 0.0).any() or (shared.upper < 0.0).any():
+            raise ValueError("limits of all zones together must have 0 kW, a plant that is off, between them.")
+        return self._loads(rows, wanted, self._shared_out(self._loads(rows, wanted, {}), shared))
 
     def _loads(self, rows: pd.DataFrame, wanted: Mapping[str, Any], limits: Mapping[str, Any]) -> pd.DataFrame:
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             under = with_next(rows, T) if T else rows
-            return columns_of(model.predict_load(under, wanted[zone], limits.get(zone)))
+            return columns_of(model.predict_load(under, wanted.get(zone), limits.get(zone)))
 
         return pd.DataFrame(self._joined(of, first_lead=1), getattr(rows, "index", None))
 
-    def _shared_out(self, loads: pd.DataFrame, lowest: Any, highest: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def _shared_out(self, loads: pd.DataFrame, within: Limits) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Limits of each zone [kW] that add up to those of a plant, by what the zones need of it."""
         heat = np.column_stack([loads[f"Q_hvac_{zone}"].to_numpy() for zone in self.zones_])
         sides = []
-        for sign, limit in ((-1.0, lowest), (1.0, highest)):
-            most = np.broadcast_to(np.inf if limit is None else sign * np.asarray(limit, dtype=float), len(heat))
+        for sign, limit in ((-1.0, within.lower), (1.0, within.upper)):
+            most = sign * limit
             needed = np.maximum(sign * heat, 0.0)
             total = needed.sum(axis=1)
             usual = needed.mean(axis=0) + 1e-9
@@ -204,9 +209,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         bands = np.stack([frame[[f"{name}_{zone}" for name in names]].to_numpy() for zone in self.zones_], axis=-1)
         assert self._joint is not None  # as there are intervals
         before = self.own_[self.zones_[0]].sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
-        drawn = self._joint.drawn(
-            _hours(frame.index)[0] - before, n_samples, len(frame), check_random_state(random_state)
-        )
+        index = self.own_[self.zones_[0]]._scheme.rows.in_own_zone(frame).index
+        drawn = self._joint.drawn(_hours(index)[0] - before, n_samples, len(frame), check_random_state(random_state))
         ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
         return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)
 
@@ -245,7 +249,7 @@ class _Affine(NamedTuple):
         return cls(found.temperature(values), gain, found.zeta, found.gain[:, :, len(at) :])
 
     def through(self, own: Mapping[str, _Affine], one: CoupledZone) -> _Affine:
-        """With what the plan does by way of the neighbours."""
+        """With the effect of the plan through the neighbours."""
         by_others = (
             np.einsum("ij,jkm->ikm", self.gain_by_neighbours[:, :, n], own[z].gain)
             for n, z in enumerate(one.neighbours)

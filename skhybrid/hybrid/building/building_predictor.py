@@ -15,7 +15,7 @@ from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..._summary import SummaryMixin
-from ..._table import ZoneTable, as_numbers, read_array
+from ..._table import ZoneTable, as_numbers, listed, read_array
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user
@@ -30,11 +30,18 @@ from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
 from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone, couple, with_neighbours
-from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on, found_neighbours, neighbours_of
+from .zone_columns import (
+    NEXT,
+    ZoneColumns,
+    carried_on,
+    found_neighbours,
+    neighbours_of,
+    read_temperatures,
+)
 
 #: the predictor of a zone, with its neighbours or none, after new rows
 _TakenIn = Callable[[str, BaseHybrid, Sequence[str]], BaseHybrid]
-_SETTLED = 10  # days before the one on which the answer to a neighbour is computed
+_SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
 
 class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -54,8 +61,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         The predictor of a zone; default ``HybridPredictor()``.  Its ``preprocess`` is applied to the whole table, once.
         Zones of the two-stage scheme are forecast by themselves.
     adjacency : sequence of pairs of zones, optional
-        Which zones exchange heat, by the floor plan; ``[]``: none.  Default: the three whose temperatures change most
-        like a zone's own, which a floor plan does better.
+        Which zones exchange heat, by the floor plan; ``[]``: none.  Default: up to three zones whose temperatures
+        change most like a zone's own; a floor plan is better.
     n_jobs : int, optional
         Zones that are fitted at once (joblib).
 
@@ -112,9 +119,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         check_consistent_length(X, y)
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
         X = self._prepared(X)
-        T = self._targets(y, X)
-        self._columns = ZoneColumns.of(X, T, template.columns)
-        T.columns = list(self._columns.zones)
+        T = read_temperatures(y, X)
+        self._single = np.ndim(y) == 1
+        self._columns = ZoneColumns.of(X, tuple(T.columns), template.columns)
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
         self._last = dict.fromkeys(self.zones_, np.nan)
@@ -138,27 +145,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     def _prepared(self, X: Any) -> Any:
         names = dict.fromkeys([*getattr(self.preprocess_, "feature_names_in_", ()), *getattr(X, "columns", ())])
-        return preprocessed(self.preprocess_, X, [n for n in names if str(n).startswith(MEASURED)])
-
-    def _targets(self, y: Any, X: Any) -> pd.DataFrame:
-        """The temperatures (n, n_zones); those of an array have the names of X in their order, or numbers."""
-        if y is None:
-            raise ValueError("This estimator requires y to be passed, but the target y is None.")
-        self._single = isinstance(y, pd.Series)
-        if isinstance(y, pd.DataFrame):
-            return y.copy()
-        if isinstance(y, pd.Series):
-            return y.to_frame("zone" if y.name in (None, "T_za") else str(y.name))
-        values = as_numbers(np.asanyarray(y), "y")
-        self._single = values.ndim == 1
-        values = values.reshape(len(values), -1)
-        here = [c for c in X.columns if str(c).startswith(MEASURED)] if isinstance(X, pd.DataFrame) else []
-        if here and len(here) != values.shape[1]:
-            raise ValueError(
-                f"y has {values.shape[1]} columns, X {len(here)} named {MEASURED}<zone>; give one per zone."
-            )
-        index = X.index if isinstance(X, pd.DataFrame) and len(X) == len(values) else None
-        return pd.DataFrame(values, index, here or [f"zone_{j}" for j in range(values.shape[1])])
+        role_of = {column: role for role, column in (getattr(self.estimator, "columns", None) or {}).items()}
+        return preprocessed(self.preprocess_, X, [n for n in names if str(role_of.get(n, n)).startswith("T_za")])
 
     def _neighbours(self, T: pd.DataFrame, by_itself: bool, named: bool) -> dict[str, tuple[str, ...]]:
         if self.adjacency is not None:
@@ -184,9 +172,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             network = get_network(template.get_params()["network"] or DEFAULT_NETWORK)
             settings |= {"network": with_neighbours(network, neighbours), "intervals": False}
         with of_zone(str(y.name)):
-            return (
-                clone(template).set_params(**settings).fit(X, y if isinstance(X, pd.DataFrame) else y.to_numpy(), like)
-            )
+            target = y if isinstance(X, pd.DataFrame) else y.to_numpy()
+            return clone(template).set_params(**settings).fit(X, target, like)
 
     def _couple(self, X: Any, models: Mapping[str, BaseHybrid], neighbours: Mapping[str, tuple[str, ...]]) -> None:
         """Weigh the forecasts with neighbours."""
@@ -197,12 +184,12 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         for zone, model in models.items():
             others = neighbours[zone]
             with of_zone(zone):
-                gain = self._answer(X, model, others, own[zone])
+                gain = self._response(X, model, others, own[zone])
             self.coupled_[zone], errors[zone] = couple(model, zone, others, own, gain)
         index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
         self._joint = JointErrors.of(errors, index) if errors else None
 
-    def _answer(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str], own: LeftOut) -> np.ndarray:
+    def _response(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str], own: LeftOut) -> np.ndarray:
         """(n_leads, n_leads, n_neighbours) gain of a zone's forecast by its neighbours, on the last day of training."""
         n_leads = own.errors.shape[1]
         n_known = min(len(X) - n_leads, rows_of(f"{_SETTLED}D", model.sampling_time_))
@@ -296,10 +283,17 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         Raises
         ------
         ValueError
-            If the rows do not follow, or hold no measurement; the estimator is then what it was.
+            If the rows do not follow, or lack the measured temperature of a zone; the estimator is then what it was.
         """
         check_is_fitted(self)
         X = self._prepared(self._read(X))
+        columns = map(self._columns.measured, self.zones_)
+        absent = [column for column in columns if column not in getattr(X, "columns", ())]
+        if y is None and absent:
+            raise ValueError(
+                f"X has no column {absent[0]!r}; give what was measured there or as y, with NaN where missing (rows "
+                "ahead are for predict and forecast)."
+            )
         T = self._known(X, y)
         for zone in self._silent(T):
             warn_user(
@@ -337,10 +331,13 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
         if y is not None:
-            T = self._targets(y, X)
-            T.columns = [str(c).removeprefix(MEASURED) for c in T.columns]
-            return T[self.zones_] if set(self.zones_) <= set(T.columns) else T.set_axis(self.zones_, axis=1)
-        return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, X.index)
+            T = read_temperatures(y, X)
+            if set(self.zones_) <= set(T.columns):
+                return T[self.zones_]
+            if T.shape[1] != len(self.zones_) or (isinstance(y, pd.DataFrame) and len(self.zones_) > 1):
+                raise ValueError(f"y has the columns {listed(T.columns)}; give one for each of {listed(self.zones_)}.")
+            return T.set_axis(self.zones_, axis=1)
+        return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, getattr(X, "index", None))
 
     def _silent(self, T: pd.DataFrame) -> list[str]:
         """Zones of which nothing was measured for an hour or more, where others were measured."""
@@ -350,7 +347,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     def _measured(self, X: Any, zone: str) -> np.ndarray:
         column = self._columns.measured(zone)
-        return as_numbers(X[column], str(column)) if column in X else np.full(len(X), np.nan)
+        here = isinstance(X, pd.DataFrame) and column in X
+        return as_numbers(X[column], str(column)) if here else np.full(len(X), np.nan)
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
         """Coefficient of determination of :meth:`predict`, the mean of the zones; missing rows are left out.
@@ -361,8 +359,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         y : array-like of shape (n_samples, n_zones)
         sample_weight : array-like of shape (n_samples,), optional
         """
+        check_consistent_length(X, y)
         predicted = np.asarray(self.predict(X))
-        measured = as_numbers(y, "y").reshape(predicted.shape)
+        measured = as_numbers(self._known(X, y), "y").reshape(predicted.shape)
         seen = np.isfinite(measured.reshape(len(measured), -1)).all(axis=1)
         weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
@@ -380,6 +379,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             With the zone as first level of the index.
         """
         check_is_fitted(self)
+        X = None if X is None else self._prepared(self._read(X))
         found = {}
         for zone, model in self.own_.items():
             with of_zone(zone):

@@ -20,9 +20,9 @@ def tables_of_zones(
 ) -> dict[str, ZoneTable] | None:
     """Each zone's table of rows that follow the known ones, without its neighbours' temperatures.
 
-    None where the rows are not read by name, or something in them is refused or warned of: then each zone's predictor
-    reads them, and says why in its own words.
-    With ``measured`` every zone must have a column of its temperature.
+    None where the rows are not read by name, or something in them is refused or warned of: each zone's predictor then
+    reads them itself, so that the message names its columns.  With ``measured`` every zone must
+    have a column of its temperature.
     """
     first = next(iter(models.values()))
     if not isinstance(X, pd.DataFrame) or not hasattr(first, "feature_names_in_"):

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..._last_known import carried_forward
-from ..._table import SETPOINT_ROLES, is_plant, listed, role_of
+from ..._table import SETPOINT_ROLES, as_numbers, is_plant, listed, role_of
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
@@ -28,9 +28,8 @@ class ZoneColumns:
     columns: Mapping[str, Any]  # role -> column
 
     @classmethod
-    def of(cls, X: Any, y: pd.DataFrame, columns: Mapping[str, Any] | None) -> ZoneColumns:
-        """Zones by the columns of ``y``, which are their names or roles such as ``T_za_north``."""
-        names = tuple(str(c).removeprefix(MEASURED) for c in y.columns)
+    def of(cls, X: Any, names: tuple[str, ...], columns: Mapping[str, Any] | None) -> ZoneColumns:
+        """Columns of X for zones of these ``names``, by their own names or ``columns`` by role."""
         for name in names:
             if not re.fullmatch(r"\w+", name) or names.count(name) > 1:
                 raise ValueError(f"y has the zone {name!r}; give each zone one column, named in letters and digits.")
@@ -59,33 +58,53 @@ class ZoneColumns:
         return role.startswith((MEASURED, *_SETPOINTS)) and self.owner(role) is not None
 
     def of_zone(self, zone: str) -> dict[str, Any]:
-        """The column of each role as a predictor of that zone alone has it; None for columns of other zones."""
+        """The column of each role as a predictor of that zone alone has it; None for columns of other zones.
+
+        Its own temperature and set-points hold in place of shared ones; its own plant runs beside a shared one.
+        """
         owners = {role: self.owner(role) for role in self.columns}
         out = {role: self.columns[role] for role, owner in owners.items() if owner is None}
         for role, owner in owners.items():
             if owner == zone:
-                plain = self.plain(role, zone)
-                out[role if plain in out else plain] = self.columns[role]
+                plain = self._plain(role, zone)
+                out[role if plain in out and is_plant(role) else plain] = self.columns[role]
         # the plants of others would be read by their names, their temperatures are not
         others = (role for role, owner in owners.items() if owner not in (None, zone) and role not in out)
         return out | {role: None for role in others if not role.startswith(MEASURED)}
 
     @staticmethod
-    def plain(role: str, zone: str) -> str:
+    def _plain(role: str, zone: str) -> str:
         """A zone's role without its name: ``Q_hvac`` for ``Q_hvac_north`` and ``Q_north``."""
         base = role.removesuffix(f"_{zone}")
         return {"Q": "Q_hvac", "q_sol": role}.get(base, base if role_of(base) else role)
 
     def measured(self, zone: str) -> Any:
         """The column of a zone's measured temperature."""
-        return self.columns.get(MEASURED + zone, MEASURED + zone)
+        return self.of_zone(zone).get("T_za", MEASURED + zone)
 
     def input_of(self, role: str) -> list[tuple[str, str]]:
         """The zones that a plant's role acts on, and the role as each of them has it."""
-        owner = self.owner(role)
-        return [
-            (zone, role if owner is None else self.plain(role, zone)) for zone in ([owner] if owner else self.zones)
-        ]
+        owner, column = self.owner(role), self.columns[role]
+        zones = self.zones if owner is None else (owner,)
+        return [(zone, next(own for own, c in self.of_zone(zone).items() if c == column)) for zone in zones]
+
+
+def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
+    """A target as a frame (n, n_zones) by zone; an array's columns are named as those of X in order, or numbered."""
+    if y is None:
+        raise ValueError("This estimator requires y to be passed, but the target y is None.")
+    if isinstance(y, pd.DataFrame):
+        return y.set_axis([str(c).removeprefix(MEASURED) for c in y.columns], axis=1)
+    if isinstance(y, pd.Series):
+        return y.to_frame("zone" if y.name in (None, "T_za") else str(y.name).removeprefix(MEASURED))
+    values = as_numbers(np.asanyarray(y), "y")
+    values = values.reshape(len(values), -1)
+    here = [c for c in X.columns if str(c).startswith(MEASURED)] if isinstance(X, pd.DataFrame) else []
+    if here and len(here) != values.shape[1]:
+        raise ValueError(f"y has {values.shape[1]} columns, X {len(here)} named {MEASURED}<zone>; give one per zone.")
+    index = X.index if isinstance(X, pd.DataFrame) and len(X) == len(values) else None
+    names = [str(c).removeprefix(MEASURED) for c in here] or [f"zone_{j}" for j in range(values.shape[1])]
+    return pd.DataFrame(values, index, names)
 
 
 def neighbours_of(zones: Sequence[str], adjacency: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:

@@ -112,7 +112,7 @@ class PlantCapacity(NamedTuple):
 
 
 class ClosedLoop:
-    """A learned thermostat and plant; it never changes, but for what it caches."""
+    """A learned thermostat and plant; apart from caches it never changes."""
 
     def __init__(
         self, refits: LawRefits, tail: _Tail, n_leads: int, training: ZoneTable, capacity: PlantCapacity
@@ -221,7 +221,7 @@ class ClosedLoop:
     ) -> ClosedLoopPaths:
         """The members blended by what was known of their errors at each origin; new rows begin at ``begin``."""
         rows, members, n_leads = wanted.rows, wanted.members, wanted.members.shape[1]
-        lowest, highest = scheme.plausible(table, wanted.origins)
+        ranges = scheme.plausible(table, wanted.origins)
         n_levels = 0 if levels is None else len(levels)
         out = np.empty((2, len(wanted.origins), n_leads, 1 + n_levels))
         for i, origin in enumerate(wanted.origins):
@@ -235,7 +235,7 @@ class ClosedLoop:
                     missed = self._missed(known, shares, quantity)
                     out[quantity, i, :, 1:] += self._offsets(table, int(origin), n_leads, quantity, missed, levels)
             held = Band(*(side[origin : origin + n_leads] for side in rows.band))
-            plausible = scheme.plausible_range(lowest[i], highest[i], held)
+            plausible = ranges.of_row(i).around(held)
             out[0, i] = np.clip(out[0, i], *_within(self._capacity.after(rows.heat[:origin]), wanted.limits))
             out[1, i] = plausible.clip(out[1, i])
         paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.zeta)

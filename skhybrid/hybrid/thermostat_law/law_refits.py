@@ -1,4 +1,4 @@
-"""Weekly re-fits of a thermostat's law, at dates that do not depend on how much of the history is kept."""
+"""Weekly refits of a thermostat's law, at dates that do not depend on how much of the history is kept."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ...control import LoadPaths
 from .law_features import LawRows
 from .plant_law import Law, Pairs, learn, make_pairs
 
-WEEKS = 8  # weeks of history that a re-fit learns from, at most
+WEEKS = 8  # weeks of history that a refit learns from, at most
 _REFIT_DAYS = 7
 _HISTORY_WEIGHT = 2.0  # of a pair of the history, relative to one of the training
-_MOST_REFITS = 12  # re-fits that are kept
+_MOST_REFITS = 12  # refits that are kept
 
 
 class Weeks(NamedTuple):
@@ -23,7 +23,7 @@ class Weeks(NamedTuple):
     zero: int
     begin: int  # the first row that the training has not seen
     per_day: int
-    most: int  # weeks of history that a re-fit learns from, at most
+    most: int  # weeks of history that a refit learns from, at most
 
     @property
     def length(self) -> int:
@@ -46,8 +46,8 @@ class Weeks(NamedTuple):
         return self.origins(max(self.begin, self.zero + span[0] * self.length), span[1], spacing)
 
     def learned_from(self, number: int) -> tuple[int, int] | None:
-        """First week and last row of the history that is known at the begin of a week; None where it is too short."""
-        complete = -(-(self.begin - self.zero - self.per_day) // self.length)  # but for a day, at most
+        """First week and last row of the history known at the beginning of a week; None where it is too short."""
+        complete = -(-(self.begin - self.zero - self.per_day) // self.length)  # a first week may lack a day
         first = max(complete, number - self.most)
         return None if first >= number else (first, self.zero + number * self.length)
 
@@ -68,7 +68,7 @@ class LawRefits:
         return {number: self.law if key is None else self._found.get(key) for number, key in keys.items()}
 
     def learn(self, rows: LawRows, weeks: Weeks, numbers: list[int], spacing: int, ideal: IdealPaths) -> dict[int, Law]:
-        """Learn the laws of some weeks from the training and what was known at the begin of each."""
+        """Learn the laws of some weeks from the training and what was known at the beginning of each."""
         found, made = {}, {}
         for number in numbers:
             own = weeks.learning_origins(number, spacing)
