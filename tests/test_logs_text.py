@@ -137,6 +137,28 @@ def test_autumn_hour_of_a_log_that_runs_backwards(write):
     assert any("stamps go back 1 time" in note and "timezone=" in note for note in bare.notes)
 
 
+def test_direction_of_a_log_is_seen_with_its_own_order_of_day_and_month(write):
+    truth = pd.date_range("2024-10-05", "2024-11-04", freq="1h", tz="Europe/Berlin")  # with months first: May to April
+    rows = [f"{t:%d.%m.%Y %H:%M};{k}" for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["Zeit;T", *rows])), timezone="Europe/Berlin")
+    assert (log.frame.index == truth).all()
+    assert log.frame["T"].tolist() == list(range(len(truth)))
+    assert not log.notes
+
+
+def test_long_log_with_the_newest_row_first_in_autumn(write):
+    truth = pd.date_range("2023-10-29 00:00", "2023-10-29 06:00", freq="15min", tz="Europe/Amsterdam")
+    rows = [f"{t:%Y-%m-%d %H:%M},a,{k}" for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["time,point,value", *rows[::-1]])), timezone="Europe/Amsterdam")
+    assert (log.frame.index == truth).all()
+    assert log.frame["a"].tolist() == list(range(len(truth)))
+
+
+def test_unknown_zone_of_a_log_with_offsets(write):
+    with pytest.raises(ValueError, match="timezone='Mars/Base' is unknown"):
+        read_log(write("time,point,value\n2024-01-01T00:00Z,a,1\n2024-01-01T01:00Z,a,2\n"), timezone="Mars/Base")
+
+
 def test_pieces_are_put_together(write, monkeypatch):
     stamps = pd.date_range("2024-01-01", periods=3500, freq="5min")
     cells = [f"{k % 50}.25" if k != 2900 else "Bad" for k in range(3500)]

@@ -12,7 +12,7 @@ import pandas as pd
 from .cell_numbers import Channel
 from .raw_log import RawLog
 from .stamp_cells import read_stamps
-from .stamps import localize
+from .stamps import in_zone, localize
 from .unit_names import unit_named, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
@@ -174,11 +174,10 @@ def _joined(texts: list[pd.Series], where: str) -> pd.Series:
 def _stamps(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.DatetimeIndex, slice]:
     """Stamps in the order of time as far as the file has one, and the order of the rows: forwards or backwards."""
     cells = _joined(texts, pieces.where)
-    ends = pd.to_datetime(cells.iloc[[0, -1]].astype(str), errors="coerce", utc=True, format="mixed")
-    order = slice(None, None, -1 if ends.iloc[0] > ends.iloc[1] else 1)
-    stamps, notes = read_stamps(cells.iloc[order], choice.timezone, choice.dayfirst, pieces.where)
+    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
     pieces.notes.extend(notes)
-    return stamps.rename("time"), order
+    order = slice(None, None, -1 if stamps[0] > stamps[-1] else 1)
+    return in_zone(stamps, choice.timezone, cells, pieces.where)[order].rename("time"), order
 
 
 def _long_stamps(
@@ -186,17 +185,15 @@ def _long_stamps(
 ) -> pd.DatetimeIndex:
     """Stamps of all rows of a long table, which may follow each other by time or by channel."""
     cells = _joined(texts, pieces.where)
-    stamps, notes = read_stamps(cells, None, choice.dayfirst, pieces.where)
+    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
     pieces.notes.extend(notes)
-    if stamps.tz is not None or choice.timezone is None:
-        return stamps if choice.timezone is None else stamps.tz_convert(choice.timezone)
-    if not (np.diff(stamps.as_unit("ns").asi8) < -_LONG_BACK).any():
-        return localize(stamps, choice.timezone, cells.astype(str), pieces.where)
+    by_channel = (np.diff(stamps.as_unit("ns").asi8) < -_LONG_BACK).any()
+    if choice.timezone is None or stamps.tz is not None or not by_channel:
+        return in_zone(stamps, choice.timezone, cells, pieces.where)
     ticks = np.empty(len(stamps), dtype=np.int64)
     for rows in places.values():  # one channel after the other: each has its own hour that occurs twice
-        ahead = rows if stamps[rows[0]] <= stamps[rows[-1]] else rows[::-1]
-        part = localize(stamps[ahead], choice.timezone, cells.iloc[ahead].astype(str), pieces.where)
-        ticks[ahead] = part.as_unit("ns").asi8
+        part = localize(stamps[rows], choice.timezone, cells.iloc[rows], pieces.where)
+        ticks[rows] = part.as_unit("ns").asi8
     return pd.DatetimeIndex(ticks.astype("datetime64[ns]"), tz="UTC").tz_convert(choice.timezone)
 
 

@@ -13,6 +13,7 @@ import pandas as pd
 from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 from .raw_log import RawLog
+from .stamps import zone_of
 
 _STEP = 300.0  # seconds in a row: all of ecobee's records are of five minutes
 _TENTHS = 150.0  # no zone and no set-point has a median of 150 degF: such numbers are tenths
@@ -185,7 +186,7 @@ def _stamps(
         text = text + " " + table[name].str.strip()
     if layout.zone is not None:
         utc = stamps_of(text.str.replace(r"\s*(UTC|Z)$", "", regex=True), layout.zone, dayfirst, where)
-        return (utc if timezone is None else utc.tz_convert(timezone)), []
+        return (utc if timezone is None else utc.tz_convert(zone_of(timezone))), []
     naive = stamps_of(text, None, dayfirst, where)
     if timezone is None:
         return naive, ["the stamps are the thermostat's local time; give timezone= to make daylight saving right."]
