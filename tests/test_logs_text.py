@@ -37,8 +37,8 @@ def test_german_log_in_any_encoding(write, encoding):
     assert log.frame.index.tolist() == [pd.Timestamp("2024-02-01 00:00"), pd.Timestamp("2024-02-01 00:15")]
     assert log.frame.index.name == "time"
     np.testing.assert_array_equal(log.frame, [[20.5, 1.0, 1234.5], [20.6, 0.0, 12300.0]])
-    assert log.units == {"Raumtemperatur [°C]": "degC"}
-    assert any("Wh" in note for note in log.notes)
+    assert log.units == {"Raumtemperatur [°C]": "degC", "Zähler [Wh]": "Wh"}
+    assert not log.notes
     assert not log.held
 
 
@@ -84,14 +84,26 @@ def test_unit_lines_of_a_data_logger(write):
     [
         ("T_in_degC", "degC"), ("Zone Temp (F)", "degF"), ("ghi_kW_m2", "kW/m2"), ("GHI [W/m²]", "W/m2"), ("kW", "kW"),
         ("Power, W", "W"), ("Valve %", "percent"), ("Room K", None), ("Draw [kW]", "kW"), ("tower", None),
-        ("low", None), ("Energy (kWh)", None), ("Roof (east)", None), ("Solar {Btu/(h ft2)}", "Btu/(h ft2)"),
-        ("Draw [mW]", None),
+        ("low", None), ("Energy (kWh)", "kWh"), ("Heat MWH", "MWh"), ("CO2 (ppm)", None), ("Roof (east)", None),
+        ("Solar {Btu/(h ft2)}", "Btu/(h ft2)"), ("Draw [mW]", None),
     ],
 )  # fmt: skip
 def test_units_in_names(write, name, unit):
     log = read_log(write(f"time;{name}\n2024-01-01 00:00;1\n2024-01-01 01:00;2\n"))
     assert log.units.get(name) == unit
     assert list(log.frame) == [name]
+
+
+def test_units_of_lines_below_the_names(write):
+    rows = [f"2024-01-01 0{k}:00;20;{k};1\n" for k in range(9)]
+    log = read_log(write("Zeit;Raum;Heizung;T °C\n;°C;kWh;max\n" + "".join(rows)))
+    assert log.units == {"Raum": "degC", "Heizung": "kWh", "T °C": "degC"}
+
+
+def test_two_units_in_the_cells_of_a_column_are_refused(write):
+    rows = [f"2024-01-01 0{k}:00,{'800 W' if k % 2 else '1.2 kW'}\n" for k in range(9)]
+    with pytest.raises(ValueError, match="cells in kW and in W in the column 'Power'; export one unit"):
+        read_log(write("Time,Power\n" + "".join(rows)))
 
 
 @pytest.mark.parametrize(
@@ -281,6 +293,7 @@ HEAD = "time,T,x\n"
             "line 1 of 'log.csv' names 3 columns, but the rows have 5 cells",
         ),
         (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
+        (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, "'log.csv' has time stamps with a zone by name; give an offset"),
         (
             HEAD + "2024-01-01 00:00,1,2\n2024-01-01 99:00,1,2\n",
             {},

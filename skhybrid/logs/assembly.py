@@ -13,7 +13,7 @@ from .cell_numbers import Channel
 from .raw_log import RawLog
 from .stamp_cells import read_stamps
 from .stamps import in_zone, localize
-from .unit_names import unit_named, unit_text
+from .unit_names import unit_named, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
@@ -223,9 +223,10 @@ def _finish(
     frame: pd.DataFrame, channels: Mapping[str, Channel], pieces: Pieces, choice: Choice, sparse_only: bool = False
 ) -> RawLog:
     """The log, with its units, its held channels and the notes."""
-    written = {n: text for n in frame if (text := unit_text(str(n)))} | dict(pieces.units)
-    written |= {n: c.units.most_common(1)[0][0] for n, c in channels.items() if c.units}
-    units = {str(name): unit for name in frame if (unit := unit_named(written.get(name, ""))) is not None}
+    written = {n: text for n in frame if (text := unit_text(str(n)))}
+    written |= {n: text for n, text in pieces.units.items() if n not in written or unit_or_energy(text)}
+    written |= {n: _unit_of_cells(c, n, pieces.where) for n, c in channels.items() if c.units}
+    units = {str(name): unit for name in frame if (unit := unit_or_energy(written.get(name, ""))) is not None}
     others = [f"{name!r} in {written[name]}" for name in frame if name in written and name not in units]
     if others:
         pieces.notes.append(f"units that are not converted: {', '.join(others)}")
@@ -243,6 +244,14 @@ def _finish(
     if held and not frame.index.is_unique:
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     return RawLog(frame, pieces.format, units=units, held=held, notes=notes)
+
+
+def _unit_of_cells(channel: Channel, name: str, where: str) -> str:
+    """The unit that is written in the cells of a channel, refused where there are several."""
+    first, *others = {unit_named(text): text for text in channel.units}.values()
+    if others:
+        raise ValueError(f"{where} has cells in {first} and in {others[0]} in the column {name!r}; export one unit.")
+    return first
 
 
 def _several(n: int, thing: str) -> str:

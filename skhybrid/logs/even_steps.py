@@ -32,7 +32,7 @@ class RegularizeReport:
     rows_before, rows_after : int
         Number of rows in the log and in the result.
     out_of_order, duplicates : int
-        Number of rows that were sorted, and of rows dropped because their stamp was a duplicate.
+        Number of rows that were sorted, and of rows that were merged into the one before with the same stamp.
     filled, missing : dict of column to int
         Number of rows in short gaps that were filled, and of rows that are still NaN.
     first_missing : dict of column to Timestamp
@@ -55,7 +55,7 @@ class RegularizeReport:
         if self.out_of_order:
             lines.append(f"{self.out_of_order} rows out of order: sorted")
         if self.duplicates:
-            lines.append(f"{self.duplicates} rows with a duplicate stamp: dropped")
+            lines.append(f"{self.duplicates} rows with a duplicate stamp: the first value of each column is kept")
         lines += [f"{name}: {n} row{'s' * (n > 1)} of short gaps filled" for name, n in self.filled.items()]
         lines += [
             f"{name}: {n} row{'s' * (n > 1)} left missing, first {self.first_missing[name]}"
@@ -179,13 +179,13 @@ def _source_step(frame: pd.DataFrame, held: Collection[str], step: Any) -> pd.Ti
 
 
 def _sort_and_deduplicate(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
-    """Rows with increasing stamps, the number out of order, and the number of duplicates after the first, dropped."""
+    """Rows with increasing stamps, each once with the first value of every column; how many were late, and twice."""
     backwards = int((np.diff(pd.DatetimeIndex(frame.index).as_unit("ns").asi8) < 0).sum())
     ordered = frame.sort_index(kind="stable")
     twice = ordered.index.duplicated()
     if len(ordered) - twice.sum() < 2:
         raise ValueError("regularize needs at least two distinct stamps.")
-    return ordered[~twice], backwards, int(twice.sum())
+    return ordered.groupby(level=0).first() if twice.any() else ordered, backwards, int(twice.sum())
 
 
 def typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:

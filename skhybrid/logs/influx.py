@@ -14,7 +14,7 @@ from .entity_states import MOST_CELLS, ON_OFF, some_of
 from .known_table import existing, utc_ticks
 from .raw_log import RawLog
 from .stamps import zone_of
-from .unit_names import unit_named
+from .unit_names import unit_or_energy
 
 _ANNOTATIONS = ("#datatype", "#group", "#default")
 _NUMBERS = ("double", "long", "unsignedLong", "boolean")
@@ -77,7 +77,7 @@ def read(path: Path | str, timezone: str | None = None) -> RawLog:
     notes = ["the stamps of aggregateWindow end their window unless it was told timeSrc: '_start'."]
     if text - set(found):
         notes.append(f"left out, for they hold text: {some_of(text - set(found))}.")
-    units = {name: unit for name in found if (unit := unit_named(name.split(" ")[0]))}
+    units = {name: unit for name in found if (unit := unit_or_energy(name.split(" ")[0]))}
     return RawLog(frame, "InfluxDB annotated CSV", units, notes=tuple(notes))
 
 

@@ -34,7 +34,8 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
     if (twice := int(index.duplicated().sum())) > 0:
         first = index[index.duplicated()][0]
         hint = ": a local clock at the end of daylight saving?" if index.tz is None and first.month in (10, 11) else ""
-        yield Finding("warning", "clock", f"{twice} stamps occur twice, first {first}{hint}; the first row is used.")
+        text = f"{twice} stamps occur twice, first {first}{hint}; the first value of each column is used."
+        yield Finding("warning", "clock", text)
     if index.tz is None:
         text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right"
         skipped = _skipped_hours(index, step)

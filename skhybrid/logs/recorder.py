@@ -17,17 +17,12 @@ import pandas as pd
 
 from .entity_states import climate_roles, climate_values, even_grid, hold, some_of, states_to_numbers, utc_index
 from .raw_log import RawLog
-from .unit_names import unit_named
+from .unit_names import ENERGY, unit_named, unit_or_energy
 
-_ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3}
 _DOMAINS = ("sensor", "binary_sensor", "switch", "input_number", "number", "input_boolean", "climate", "weather", "fan")
 _FOR_STATISTICS = {"statistics": 3600.0, "statistics_short_term": 300.0}
-
-
 _IN_USE = "the database is in use: its newest rows may be missing."
 HELD_NOTE = "a value is held until the entity's next change, and missing while Home Assistant had none."
-
-
 _Changes = tuple[np.ndarray, np.ndarray]  # stamps [s] and values, (n,) each
 
 
@@ -214,7 +209,7 @@ def _entity(
     if np.isfinite(values).sum() <= other:
         return {}, None
     unit = next((a.get("unit_of_measurement") for row in reversed(rows) if (a := _attributes([row[2]])[0])), None)
-    return {name: (stamps, values)}, unit_named(unit)
+    return {name: (stamps, values)}, unit_or_energy(unit)
 
 
 def _attributes(texts: list[str | None]) -> list[dict[str, Any] | None]:
@@ -282,7 +277,7 @@ def _read_statistics(
         rows = rows[np.isfinite(rows[:, 0])]
         if not len(rows):
             continue
-        values, factor = rows[:, 1], _ENERGY.get(str(unit))
+        values, factor = rows[:, 1], ENERGY.get(str(unit))
         if counts:
             grown = np.diff(rows[:, 3], prepend=np.nan)
             grown[np.diff(rows[:, 0], prepend=np.nan) > 1.5 * length] = np.nan  # of more than one row

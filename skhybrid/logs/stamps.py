@@ -181,8 +181,8 @@ def localize(stamps: pd.DatetimeIndex, timezone: str, cells: pd.Series, where: s
     if skipped.any():
         row = int(np.argmax(skipped))
         raise ValueError(
-            f"row {line(cells.index[row])} of {where}: {cell(cells.iloc[row])} does not exist in {zone}, where daylight "
-            "saving skips that hour; is the log in standard time (timezone='Etc/GMT...') or UTC?"
+            f"row {line(cells.index[row])} of {where}: {cell(cells.iloc[row])} does not exist in {zone}, where "
+            "daylight saving skips that hour; is the log in standard time (timezone='Etc/GMT...') or UTC?"
         )
     repeated = stamps.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").isna()
     return stamps.tz_localize(zone, ambiguous=_is_first_pass(stamps, np.asarray(repeated)))
