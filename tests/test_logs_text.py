@@ -100,6 +100,14 @@ def test_units_of_lines_below_the_names(write):
     assert log.units == {"Raum": "degC", "Heizung": "kWh", "T °C": "degC"}
 
 
+def test_a_comma_before_three_digits_is_named(write):
+    rows = [f'2024-01-01 0{k}:00,"20,06{k}"\n' for k in range(9)]
+    log = read_log(write("time,T\n" + "".join(rows)))
+    assert log.frame["T"].iloc[0] == 20060.0
+    assert any("such as '20,068' are read as thousands" in note for note in log.notes)
+    assert read_log(write("time,T\n" + "".join(rows)), decimal=",").frame["T"].iloc[0] == 20.06
+
+
 def test_two_units_in_the_cells_of_a_column_are_refused(write):
     rows = [f"2024-01-01 0{k}:00,{'800 W' if k % 2 else '1.2 kW'}\n" for k in range(9)]
     with pytest.raises(ValueError, match="cells in kW and in W in the column 'Power'; export one unit"):
@@ -293,6 +301,7 @@ HEAD = "time,T,x\n"
             "line 1 of 'log.csv' names 3 columns, but the rows have 5 cells",
         ),
         (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
+        (HEAD + "2024-01-01 00:00,1,2\n\n\n2024-01-01 99:00,1,2\n", {}, "row 5 of 'log.csv'"),
         (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, "'log.csv' has time stamps with a zone by name; give an offset"),
         (
             HEAD + "2024-01-01 00:00,1,2\n2024-01-01 99:00,1,2\n",

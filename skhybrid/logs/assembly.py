@@ -208,6 +208,11 @@ def _numeric_channels(channels: dict[str, Channel], pieces: Pieces) -> dict[str,
             kept[name] = channel
             if n:
                 pieces.notes.append(f"{name!r}: {_several(n, 'cell')} such as {word!r} taken as missing")
+            if channel.thousands:
+                pieces.notes.append(
+                    f"{name!r}: cells such as {channel.thousands!r} are read as thousands; if they are decimals, pass "
+                    "decimal=',' for a CSV, or store them as numbers in Excel"
+                )
     if not kept:
         raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps.")
     return kept

@@ -44,6 +44,7 @@ class TextTable(NamedTuple):
             "dtype": dict.fromkeys([*stamps, *text], str),
             "skiprows": self.layout.first,
             "skipinitialspace": True,
+            "skip_blank_lines": False,  # they count in the lines that messages name
             "index_col": False,
             "low_memory": False,
             "chunksize": max(1000, _CELLS // len(self.layout.names)),
