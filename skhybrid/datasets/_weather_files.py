@@ -69,6 +69,8 @@ def read_weather(
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such file.
     ValueError
         If the file cannot be read, or has no temperature or no irradiance.
 

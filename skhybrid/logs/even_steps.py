@@ -96,6 +96,12 @@ def regularize(
     report : RegularizeReport
         Only with ``return_report=True``.
 
+    Raises
+    ------
+    ValueError
+        If the frame has no two stamps or a row without one, ``held`` is not among its columns, a duration is not
+        positive, or the result would have more than 40 million rows.
+
     Notes
     -----
     An input (anything but a temperature) becomes its time-weighted mean over the step: a row holds until the next one,

@@ -60,6 +60,10 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such file.
+    ImportError
+        If the format needs a library that is not installed.
     ValueError
         If the format is unknown, or the file cannot be read with these options.
 

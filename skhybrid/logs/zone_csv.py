@@ -56,6 +56,8 @@ def read_zone_csv(
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such file.
     ValueError
         If the file cannot be read with these settings; the message names the row and the column.
     """
@@ -86,6 +88,11 @@ def to_left_label(frame: pd.DataFrame) -> pd.DataFrame:
     ----------
     frame : DataFrame of at least two rows
         Columns by role at the stamps that end their intervals, each stamp once.
+
+    Returns
+    -------
+    DataFrame
+        Temperatures but for the last row's, joined with the means at the stamps that begin their intervals.
 
     Raises
     ------
