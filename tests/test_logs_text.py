@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.logs import read_log
-from skhybrid.logs.cell_numbers import Channel
+from skhybrid.logs.cell_numbers import NumberColumn
 from skhybrid.logs.change_of_value import chosen_columns
 from skhybrid.logs.stamp_cells import _day_first_by_order
 
@@ -174,6 +174,11 @@ def test_long_log_with_the_newest_row_first_in_autumn(write):
     assert log.frame["a"].tolist() == list(range(len(truth)))
 
 
+def test_points_with_blanks_after_their_name(write):
+    text = "time,point,value\n2024-01-01 00:00,room ,1\n2024-01-01 00:00,heat,7\n2024-01-01 01:00,room ,2\n"
+    assert read_log(write(text), columns=["room"]).frame["room"].tolist() == [1.0, 2.0]
+
+
 def test_unknown_zone_of_a_log_with_offsets(write):
     with pytest.raises(ValueError, match="timezone='Mars/Base' is unknown"):
         read_log(write("time,point,value\n2024-01-01T00:00Z,a,1\n2024-01-01T01:00Z,a,2\n"), timezone="Mars/Base")
@@ -328,7 +333,7 @@ def test_a_named_column_of_points_must_be_there():
 
 
 def test_numbers_are_read_as_they_are_and_months_above_twelve_decide():
-    channel = Channel()
+    channel = NumberColumn()
     channel.add(pd.Series([1.125, np.nan]), ",")  # no text, in which 1.125 were 1125
     np.testing.assert_array_equal(channel.values(), [1.125, np.nan])
     assert _day_first_by_order(pd.Series(["01/12/2024", "02/12/2024"])) is True

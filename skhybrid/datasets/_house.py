@@ -153,22 +153,19 @@ def _check_rooms(zones: int, partition: float) -> None:
 def _floor_plan(names: tuple[str, ...]) -> list[tuple[str, str]]:
     """Pairs of rooms that stand in two rows: those beside each other and those across."""
     places = [divmod(k, 2) for k in range(len(names))]
-    beside = [(i, j) for i, a in enumerate(places) for j, b in enumerate(places) if i < j and _apart(a, b) == 1]
-    return [(names[i], names[j]) for i, j in beside]
-
-
-def _apart(a: tuple[int, int], b: tuple[int, int]) -> int:
-    return abs(a[0] - b[0]) + abs(a[1] - b[1])
+    return [
+        (names[i], names[j])
+        for i, (row, column) in enumerate(places)
+        for j, (other_row, other_column) in enumerate(places)
+        if i < j and abs(row - other_row) + abs(column - other_column) == 1
+    ]
 
 
 def _draw_theta(network: RCNetwork, partition: float, rng: np.random.Generator) -> dict[str, float]:
     """Parameters of a usual room, a fifth larger or smaller."""
-    usual = {p: next((v for name, v in _ROOM.items() if p.startswith(f"{name}_")), partition) for p in _names(network)}
+    names = [p.name for p in network.parameters() if not p.name.startswith("Q_c")]
+    usual = {p: next((v for name, v in _ROOM.items() if p.startswith(f"{name}_")), partition) for p in names}
     return {p: float(v * np.exp(0.2 * rng.standard_normal())) for p, v in usual.items()}
-
-
-def _names(network: RCNetwork) -> list[str]:
-    return [p.name for p in network.parameters() if not p.name.startswith("Q_c")]
 
 
 def _plan(

@@ -1,4 +1,4 @@
-"""Judgement on a log: parameters that it can identify, by what moved in it, and what to measure next."""
+"""Parameters that a log can identify, judged by what moved in it, and what to measure next."""
 
 from __future__ import annotations
 
@@ -45,9 +45,10 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequence[str] = ("T_za",)) -> Abilities:
-    """Judge what can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale.
+    """Judge what a log can tell from ``moved``, the table of :func:`excitation`.
 
-    ``rooms`` are the roles of the rooms' temperatures; what is said of one room is that of the first.
+    ``unsure`` are roles of stages and powers whose scale is not certain; ``rooms`` are the roles of the rooms'
+    temperatures, of which the first is judged.
     """
     can: list[str] = []
     cannot: list[str] = []
@@ -61,7 +62,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
     if {rooms[0], "T_oa"} <= have:
         _building(moved, n_days, can, cannot, rooms[0])
     if not plants:
-        cannot.append("how the room answers to heating or cooling: no column shows when the plant ran.")
+        cannot.append("how the room responds to heating or cooling: no column shows when the plant ran.")
         steps.append("log the heat [kW], the stage of the plant or the opening of the valve.")
     for role in plants:
         ran = moved["hours run"].get(role, 0.0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from .cell_numbers import Channel
+from .cell_numbers import NumberColumn
 from .raw_log import RawLog
 from .stamp_cells import read_stamps
 from .stamps import in_zone, localize
@@ -93,13 +93,13 @@ class Pieces:
 
 def assemble(pieces: Pieces, choice: Choice) -> RawLog:
     """The log of a wide table, one column per channel."""
-    channels: dict[str, Channel] = {}
+    channels: dict[str, NumberColumn] = {}
     texts = []
     for piece in pieces.frames:
         kept = _with_stamp(piece, pieces)
         texts.append(_stamp_cells(kept, pieces))
         for name in kept.columns.drop(list(pieces.stamps)):
-            channels.setdefault(str(name), Channel()).add(kept[name], pieces.decimal)
+            channels.setdefault(str(name), NumberColumn()).add(kept[name], pieces.decimal)
     stamps, order = _stamps(texts, pieces, choice)
     kept_channels = _numeric_channels(channels, pieces)
     frame = pd.DataFrame({n: c.values()[order] for n, c in kept_channels.items()}, index=stamps, copy=False)
@@ -111,16 +111,16 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
 
 def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> RawLog:
     """The log of a long table, one row per value of a channel."""
-    channels: dict[str, Channel] = {}
+    channels: dict[str, NumberColumn] = {}
     rows: dict[str, list[np.ndarray]] = {}
     texts, n_rows = [], 0
     wanted = None if choice.columns is None else set(choice.columns)
     for piece in pieces.frames:
         kept = _with_stamp(piece, pieces)
-        kept = kept[kept[point].notna()] if wanted is None else kept[kept[point].isin(wanted)]
+        kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
         texts.append(_stamp_cells(kept, pieces))
         for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
-            channels.setdefault(str(name).strip(), Channel()).add(kept[value].iloc[places], pieces.decimal)
+            channels.setdefault(str(name).strip(), NumberColumn()).add(kept[value].iloc[places], pieces.decimal)
             rows.setdefault(str(name).strip(), []).append(np.asarray(places) + n_rows)
         n_rows += len(kept)
     if wanted is not None:
@@ -197,7 +197,7 @@ def _long_stamps(
     return pd.DatetimeIndex(ticks.astype("datetime64[ns]"), tz="UTC").tz_convert(choice.timezone)
 
 
-def _numeric_channels(channels: dict[str, Channel], pieces: Pieces) -> dict[str, Channel]:
+def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict[str, NumberColumn]:
     """The channels of numbers, and notes on words that were found."""
     kept = {}
     for name, channel in channels.items():
@@ -225,7 +225,7 @@ def _note_disorder(stamps: pd.DatetimeIndex, pieces: Pieces) -> None:
 
 
 def _finish(
-    frame: pd.DataFrame, channels: Mapping[str, Channel], pieces: Pieces, choice: Choice, sparse_only: bool = False
+    frame: pd.DataFrame, channels: Mapping[str, NumberColumn], pieces: Pieces, choice: Choice, sparse_only: bool = False
 ) -> RawLog:
     """The log, with its units, its held channels and the notes."""
     written = {n: text for n in frame if (text := unit_text(str(n)))}
@@ -251,7 +251,7 @@ def _finish(
     return RawLog(frame, pieces.format, units=units, held=held, notes=notes)
 
 
-def _unit_of_cells(channel: Channel, name: str, where: str) -> str:
+def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:
     """The unit that is written in the cells of a channel, refused where there are several."""
     first, *others = {unit_named(text): text for text in channel.units}.values()
     if others:
@@ -270,7 +270,7 @@ def _counted(notes: Sequence[str]) -> Iterator[str]:
 
 
 def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
-    """Channels whose values come at uneven times, as of a log of changes; ``sparse_only``: beside empty cells."""
+    """Channels whose values come at uneven times, as in a log of changes; with ``sparse_only``, only sparse columns."""
     ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
     found = []
     for name in frame:

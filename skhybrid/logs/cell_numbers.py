@@ -56,7 +56,7 @@ def number_in(text: str, decimal: str = ".") -> float | None:
 
 
 @dataclass
-class Channel:
+class NumberColumn:
     """The cells of one column, read piece by piece."""
 
     numbers: np.ndarray = field(default_factory=lambda: np.empty(0))

@@ -167,7 +167,7 @@ def _check_held(frame: pd.DataFrame, held: Collection[str]) -> None:
 
 
 def usual_step(frame: pd.DataFrame) -> pd.Timedelta:
-    """Usual distance of two values of one column; columns that are logged at different moments share rows with none."""
+    """Shortest of the columns' usual distances of two values; columns logged at different moments share no rows."""
     ordered = frame.sort_index(kind="stable")
     own = [pd.DatetimeIndex(ordered.index[ordered[name].notna()]).unique() for name in ordered]
     steps = [typical_step(index) for index in own if len(index) > 2]

@@ -162,7 +162,7 @@ def _standing_still(role: str, name: str, known: pd.Series) -> Iterator[Finding]
 
 
 def _sun_clock(name: str, known: pd.Series) -> Iterator[Finding]:
-    """A sun that does not culminate around noon tells of a wrong clock."""
+    """A sun that is not highest around noon shows that the clock is wrong."""
     index = pd.DatetimeIndex(known.index)
     hour = index.hour + index.minute / 60.0
     sun = known.clip(lower=0.0).to_numpy()

@@ -201,10 +201,10 @@ class LogReport:
     ) -> Channel:
         """The channel of a role, with the unit that is given or stated, or that its values suggest."""
         role = str(guess.role)
-        unit, factor = units.get(role, stated), scale.get(role, raw.scale.get(name, 1.0))
+        unit, factor = units.get(role, fitting_unit(stated, role)), scale.get(role, raw.scale.get(name, 1.0))
         if unit is None:
             unit, factor = self._assume(raw.frame[name], role, factor, guess.reason == NAMED_BY_ROLE)
-        return Channel(role, name, fitting_unit(unit, role), factor)
+        return Channel(role, name, unit, factor)
 
     def _assume(self, values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float]:
         """A unit and a factor from values, with a sentence on why; a role's own name stands for its unit."""

@@ -85,7 +85,7 @@ def read_recorder(
 
 @contextmanager
 def _opened(file: Path) -> Iterator[tuple[sqlite3.Connection, list[str]]]:
-    """A connection that writes nothing, and notes; where the file is locked, without looking for locks."""
+    """A read-only connection, and notes; a locked file is read in spite of its lock."""
     address = f"file:{quote(str(file.resolve()))}?mode=ro"
     with file.open("rb") as stream:
         keeps_log = stream.read(20)[18:] == b"\x02\x02"
@@ -127,15 +127,13 @@ def _schema(database: sqlite3.Connection, tables: set[str]) -> _States:
     columns, seconds = _columns(database, "states"), _seconds_of(database, "states", "last_updated_ts", "last_updated")
     named = "states_meta" in tables and "metadata_id" in columns
     key = "metadata_id" if named else "entity_id"
-    entities = (
-        f"SELECT {'metadata_id, entity_id FROM states_meta' if named else 'DISTINCT entity_id, entity_id FROM states'}"
-    )
+    entities = "metadata_id, entity_id FROM states_meta" if named else "DISTINCT entity_id, entity_id FROM states"
     shared = "state_attributes" in tables and "attributes_id" in columns
     inline = "states.attributes" if "attributes" in columns else "NULL"
     attributes = f"coalesce(state_attributes.shared_attrs, {inline})" if shared else inline
     join = " LEFT JOIN state_attributes ON states.attributes_id = state_attributes.attributes_id" if shared else ""
-    rows = f"SELECT state, {seconds} AS stamp, {{}} FROM states{join} WHERE states.{key} = ? ORDER BY stamp"
-    return _States(entities, rows.replace("{}", attributes))
+    rows = f"state, {seconds} AS stamp, {attributes} FROM states{join} WHERE states.{key} = ? ORDER BY stamp"
+    return _States(f"SELECT {entities}", f"SELECT {rows}")
 
 
 def _read_states(
@@ -280,7 +278,7 @@ def _read_statistics(
         values, factor = rows[:, 1], ENERGY.get(str(unit))
         if counts:
             grown = np.diff(rows[:, 3], prepend=np.nan)
-            grown[np.diff(rows[:, 0], prepend=np.nan) > 1.5 * length] = np.nan  # of more than one row
+            grown[np.diff(rows[:, 0], prepend=np.nan) > 1.5 * length] = np.nan  # the increase of several rows
             values = grown if factor is None else grown * factor * 3600.0 / length
         if np.isfinite(values).any():
             columns[name] = pd.Series(values, rows[:, 0]).groupby(level=0).last()

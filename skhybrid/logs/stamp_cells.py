@@ -160,7 +160,7 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
 
 
 def _day_first_by_order(text: pd.Series) -> bool | None:
-    """Whether dates such as 01/02/2024 begin with the day, as the number that changes more often; None if unclear."""
+    """Whether dates such as 01/02/2024 begin with the day, which changes more often; None if unclear."""
     numbers = numbered_dates(text)
     if numbers.isna().any(axis=None) or (numbers > 12).any(axis=None) or len(numbers) < 2:
         return None

@@ -10,7 +10,7 @@ import pandas as pd
 from pandas.tseries.api import guess_datetime_format
 
 _USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
-YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
+YEARS = (1700, 2250)  # another year is a slip of the pen, and its nanoseconds overflow
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _BLOCK = 50_000  # rows
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
