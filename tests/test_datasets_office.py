@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
-from skhybrid.datasets import make_office, make_prbs
+from skhybrid.datasets import make_house, make_office, make_prbs, make_weather
 from skhybrid.datasets._gains import HOME_STANDBY_KW
 
 INPUTS = ["T_oa", "q_sol", "u_heat", "u_cool"]
@@ -221,6 +221,12 @@ def test_other_steps(step):
 def test_refused_arguments(arguments, message):
     with pytest.raises(ValueError, match=message):
         make_office(**arguments)
+
+
+@pytest.mark.parametrize("make", [make_weather, make_house])
+def test_a_start_with_a_zone_is_refused(make):
+    with pytest.raises(ValueError, match=r"has a time zone; the simulation runs on local standard time"):
+        make(2, start="2024-01-01T00:00+01:00")
 
 
 # -------------------------------------------------------------------------------------------------------------- PRBS

@@ -116,6 +116,14 @@ def test_daylight_saving_of_a_log_that_runs_backwards(write):
     assert (frame.index == truth).all()
 
 
+def test_direction_of_a_log_with_the_day_first(write):
+    truth = pd.date_range("2024-10-05", "2024-11-04", freq="1h", tz="Europe/Berlin")  # with months first: May to April
+    rows = [f"{t:%d.%m.%Y %H:%M},{k}" for k, t in enumerate(truth)]
+    frame = read_zone_csv(write("\n".join(["time,T_za", *rows])), timezone="Europe/Berlin", dayfirst=True)
+    assert (frame.index == truth).all()
+    assert frame["T_za"].tolist() == list(range(len(truth)))
+
+
 def test_log_that_lacks_the_repeated_hour(write):
     text, truth = wall_clock_log("2023-10-28", "2023-10-30")
     kept = ~((truth >= "2023-10-29 02:00+01:00") & (truth < "2023-10-29 03:00+01:00"))

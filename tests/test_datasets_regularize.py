@@ -65,8 +65,16 @@ def test_jitter_disorder_duplicates_and_gaps_are_mended_and_reported(log):
     np.testing.assert_allclose(out["q_sol"].dropna(), log["q_sol"][out["q_sol"].notna()], atol=0.03)
     text = str(report)
     assert out.attrs["report"] == text
-    for words in ("2 rows with a duplicate stamp: dropped", "q_sol: 3 rows", "T_za: 23 rows left missing"):
+    for words in ("2 rows with a duplicate stamp: the first value", "q_sol: 3 rows", "T_za: 23 rows left missing"):
         assert words in text
+
+
+def test_rows_with_one_stamp_are_put_together():
+    stamps = pd.date_range("2024-01-01", periods=4, freq="15min").repeat(2)
+    cells = {"T_oa": [1.0, np.nan, 2.0, 9.0, 3.0, np.nan, 4.0, np.nan], "u_heat": [np.nan, 1.0] * 4}
+    out = regularize(pd.DataFrame(cells, index=stamps))
+    assert out["T_oa"].tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert out["u_heat"].tolist() == [1.0] * 4
 
 
 def test_max_gap(log):

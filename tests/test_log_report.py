@@ -97,11 +97,11 @@ def test_what_was_read(frame):
 
 def test_values_tell_a_unit_that_names_do_not(frame):
     plain = frame.set_axis(["room temp", "outdoor temp", "solar", "heat valve", "humidity"], axis=1)
-    report = LogReport(plain.assign(**{"room temp": plain["room temp"] * 1.8 + 32}))
-    assert report.columns.loc["room temp", "unit"] == "degF"
+    report = LogReport(plain.assign(**{name: plain[name] * 1.8 + 32 for name in ("room temp", "outdoor temp")}))
+    assert report.columns.loc[["room temp", "outdoor temp"], "unit"].tolist() == ["degF", "degF"]
     assert report.columns.loc["solar", "unit"] == "W/m2"
     assert report.columns.loc["heat valve", "unit"] == "percent"
-    assert report.columns["assumed"].sum() == 3
+    assert report.columns["assumed"].sum() == 4
     assert report.frame["T_za"].mean() == pytest.approx(frame.iloc[:, 0].mean())
     assert any("kW of u_heat" in text for text in report.cannot)
 
@@ -120,6 +120,34 @@ def test_meters_become_kilowatts(frame):
     np.testing.assert_allclose(report.frame["Q_heat"].iloc[:-1], power.iloc[:-1], rtol=1e-9)
     per_row = LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": power * 0.25}))
     np.testing.assert_allclose(per_row.frame["Q_heat"], power)
+
+
+def test_a_meter_that_hardly_moves_is_a_counter(frame):
+    slow = 12345.0 + np.arange(960) // 200  # four rises in ten days
+    report = LogReport(frame.iloc[:, :2].assign(**{"Heat meter (kWh)": slow}))
+    assert report.frame["Q_heat"].sum() == pytest.approx(4 * 4.0)  # four times 1 kWh in a quarter of an hour
+    starts = np.where(np.arange(960) > 950, 2.0, 0.0)  # heat per row of a plant that starts at the end
+    assert LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": starts})).frame["Q_heat"].iloc[-1] == pytest.approx(8.0)
+
+
+def test_a_column_with_fewer_rows_than_others_has_a_step_of_its_own(frame):
+    hourly = pd.Series(np.where(np.arange(960) % 4 == 0, 3.0, np.nan), index=frame.index)  # of each hour
+    report = LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": hourly}))
+    assert report.frame["Q_heat"].dropna().unique().tolist() == [3.0]
+    assert report.excitation.loc["Q_heat", "hours run"] == pytest.approx(240.0)
+    run = LogReport(frame.iloc[:, :2].assign(**{"Heat Stage 1 (min)": 10.0 * hourly}))
+    assert run.frame["u_heat"].dropna().unique().tolist() == [0.5]
+
+
+def test_outdoor_temperature_of_a_cold_log_is_in_the_unit_of_the_room(frame):
+    room = 68.0 + np.sin(np.arange(960) / 9)
+    cold = pd.DataFrame({"Room Temp": room, "Outdoor Temp": 20.0 + 15.0 * np.sin(np.arange(960) / 30)}, frame.index)
+    report = LogReport(cold)
+    assert report.columns.loc["Outdoor Temp", ["unit", "assumed"]].tolist() == ["degF", True]
+    assert report.frame["T_oa"].max() < 2.0
+    named = cold.rename(columns={"Outdoor Temp": "T_oa"})
+    assert LogReport(named.rename(columns={"Room Temp": "Room Temp (°F)"})).columns.loc["T_oa", "unit"] == "degC"
+    assert LogReport(named.rename(columns={"Room Temp": "T_za"})).columns.loc["T_oa", "unit"] == "degF"
 
 
 def test_a_stuck_sensor_is_found_and_not_used(frame):

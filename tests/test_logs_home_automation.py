@@ -284,7 +284,7 @@ def test_a_history_read_in_pieces_is_the_same(monkeypatch):
 
 
 def test_a_grid_too_large_to_hold_is_refused(monkeypatch):
-    monkeypatch.setattr(entity_states, "_MOST_CELLS", 100)
+    monkeypatch.setattr(entity_states, "MOST_CELLS", 100)
     with pytest.raises(ValueError, match=r"makes 55 rows of .* for 3 channels, too many to hold; name those"):
         home_assistant.read(HISTORY)
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.logs import read_log
-from skhybrid.logs.cell_numbers import Channel
+from skhybrid.logs.cell_numbers import NumberColumn
 from skhybrid.logs.change_of_value import chosen_columns
 from skhybrid.logs.stamp_cells import _day_first_by_order
 
@@ -37,8 +37,8 @@ def test_german_log_in_any_encoding(write, encoding):
     assert log.frame.index.tolist() == [pd.Timestamp("2024-02-01 00:00"), pd.Timestamp("2024-02-01 00:15")]
     assert log.frame.index.name == "time"
     np.testing.assert_array_equal(log.frame, [[20.5, 1.0, 1234.5], [20.6, 0.0, 12300.0]])
-    assert log.units == {"Raumtemperatur [°C]": "degC"}
-    assert any("Wh" in note for note in log.notes)
+    assert log.units == {"Raumtemperatur [°C]": "degC", "Zähler [Wh]": "Wh"}
+    assert not log.notes
     assert not log.held
 
 
@@ -84,14 +84,34 @@ def test_unit_lines_of_a_data_logger(write):
     [
         ("T_in_degC", "degC"), ("Zone Temp (F)", "degF"), ("ghi_kW_m2", "kW/m2"), ("GHI [W/m²]", "W/m2"), ("kW", "kW"),
         ("Power, W", "W"), ("Valve %", "percent"), ("Room K", None), ("Draw [kW]", "kW"), ("tower", None),
-        ("low", None), ("Energy (kWh)", None), ("Roof (east)", None), ("Solar {Btu/(h ft2)}", "Btu/(h ft2)"),
-        ("Draw [mW]", None),
+        ("low", None), ("Energy (kWh)", "kWh"), ("Heat MWH", "MWh"), ("CO2 (ppm)", None), ("Roof (east)", None),
+        ("Solar {Btu/(h ft2)}", "Btu/(h ft2)"), ("Draw [mW]", None),
     ],
 )  # fmt: skip
 def test_units_in_names(write, name, unit):
     log = read_log(write(f"time;{name}\n2024-01-01 00:00;1\n2024-01-01 01:00;2\n"))
     assert log.units.get(name) == unit
     assert list(log.frame) == [name]
+
+
+def test_units_of_lines_below_the_names(write):
+    rows = [f"2024-01-01 0{k}:00;20;{k};1\n" for k in range(9)]
+    log = read_log(write("Zeit;Raum;Heizung;T °C\n;°C;kWh;max\n" + "".join(rows)))
+    assert log.units == {"Raum": "degC", "Heizung": "kWh", "T °C": "degC"}
+
+
+def test_a_comma_before_three_digits_is_named(write):
+    rows = [f'2024-01-01 0{k}:00,"20,06{k}"\n' for k in range(9)]
+    log = read_log(write("time,T\n" + "".join(rows)))
+    assert log.frame["T"].iloc[0] == 20060.0
+    assert any("such as '20,068' are read as thousands" in note for note in log.notes)
+    assert read_log(write("time,T\n" + "".join(rows)), decimal=",").frame["T"].iloc[0] == 20.06
+
+
+def test_two_units_in_the_cells_of_a_column_are_refused(write):
+    rows = [f"2024-01-01 0{k}:00,{'800 W' if k % 2 else '1.2 kW'}\n" for k in range(9)]
+    with pytest.raises(ValueError, match="cells in kW and in W in the column 'Power'; export one unit"):
+        read_log(write("Time,Power\n" + "".join(rows)))
 
 
 @pytest.mark.parametrize(
@@ -135,6 +155,33 @@ def test_autumn_hour_of_a_log_that_runs_backwards(write):
     bare = read_log(write("\n".join(["time,T", *rows])))
     assert bare.frame.index.is_monotonic_increasing
     assert any("stamps go back 1 time" in note and "timezone=" in note for note in bare.notes)
+
+
+def test_direction_of_a_log_is_seen_with_its_own_order_of_day_and_month(write):
+    truth = pd.date_range("2024-10-05", "2024-11-04", freq="1h", tz="Europe/Berlin")  # with months first: May to April
+    rows = [f"{t:%d.%m.%Y %H:%M};{k}" for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["Zeit;T", *rows])), timezone="Europe/Berlin")
+    assert (log.frame.index == truth).all()
+    assert log.frame["T"].tolist() == list(range(len(truth)))
+    assert not log.notes
+
+
+def test_long_log_with_the_newest_row_first_in_autumn(write):
+    truth = pd.date_range("2023-10-29 00:00", "2023-10-29 06:00", freq="15min", tz="Europe/Amsterdam")
+    rows = [f"{t:%Y-%m-%d %H:%M},a,{k}" for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["time,point,value", *rows[::-1]])), timezone="Europe/Amsterdam")
+    assert (log.frame.index == truth).all()
+    assert log.frame["a"].tolist() == list(range(len(truth)))
+
+
+def test_points_with_blanks_after_their_name(write):
+    text = "time,point,value\n2024-01-01 00:00,room ,1\n2024-01-01 00:00,heat,7\n2024-01-01 01:00,room ,2\n"
+    assert read_log(write(text), columns=["room"]).frame["room"].tolist() == [1.0, 2.0]
+
+
+def test_unknown_zone_of_a_log_with_offsets(write):
+    with pytest.raises(ValueError, match="timezone='Mars/Base' is unknown"):
+        read_log(write("time,point,value\n2024-01-01T00:00Z,a,1\n2024-01-01T01:00Z,a,2\n"), timezone="Mars/Base")
 
 
 def test_pieces_are_put_together(write, monkeypatch):
@@ -259,6 +306,8 @@ HEAD = "time,T,x\n"
             "line 1 of 'log.csv' names 3 columns, but the rows have 5 cells",
         ),
         (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
+        (HEAD + "2024-01-01 00:00,1,2\n\n\n2024-01-01 99:00,1,2\n", {}, "row 5 of 'log.csv'"),
+        (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, "'log.csv' has time stamps with a zone by name; give an offset"),
         (
             HEAD + "2024-01-01 00:00,1,2\n2024-01-01 99:00,1,2\n",
             {},
@@ -284,7 +333,7 @@ def test_a_named_column_of_points_must_be_there():
 
 
 def test_numbers_are_read_as_they_are_and_months_above_twelve_decide():
-    channel = Channel()
+    channel = NumberColumn()
     channel.add(pd.Series([1.125, np.nan]), ",")  # no text, in which 1.125 were 1125
     np.testing.assert_array_equal(channel.values(), [1.125, np.nan])
     assert _day_first_by_order(pd.Series(["01/12/2024", "02/12/2024"])) is True

@@ -42,6 +42,15 @@ def test_only_the_reader_of_a_format_claims_its_sample(name, reader):
     assert claims == ([] if reader is None else [reader])
 
 
+@pytest.mark.parametrize(
+    ("name", "reader"),
+    [("donate_your_data.csv", ecobee), ("influx_annotated.csv", influx), ("ecobee_portal.csv", ecobee)],
+)
+def test_unknown_zone(name, reader):
+    with pytest.raises(ValueError, match="timezone='Mars/Base' is unknown"):
+        reader.read(SAMPLES / name, timezone="Mars/Base")
+
+
 # ------------------------------------------------------------------------------------------------------ ecobee's portal
 def test_the_portal_export():
     log = ecobee.read(PORTAL, timezone="America/Toronto")

@@ -68,6 +68,11 @@ def load_benchmark(names: Sequence[str] | None = None, *, seed: int = 0) -> dict
     Returns
     -------
     dict of str to BenchmarkLog
+
+    Raises
+    ------
+    ValueError
+        If there is no log of that name.
     """
     unknown = [name for name in names or () if name not in LOGS]
     if unknown:

@@ -31,6 +31,11 @@ def load_dutch_home(number: int) -> Bunch:
     -------
     Bunch
         ``X`` DataFrame [T_oa, q_sol, u_heat, T_za]; ``y`` Series T_za [degC]; ``DESCR``.
+
+    Raises
+    ------
+    ValueError
+        If ``number`` is another.
     """
     if number not in (1, 2, 3):
         raise ValueError(f"number={number!r} must be 1, 2 or 3.")

@@ -37,6 +37,13 @@ def read_epw(
         Hourly rows: ``T_oa`` [degC], the value at the stamp; ``q_sol`` (isotropic sky), ``ghi``, ``dni``, ``dhi``
         [kW/m2], means over [t, t + 1 h).  The index is local standard time with a fixed offset from UTC.
         ``attrs`` contains the site and whether the year is typical.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file cannot be read, does not have 8760 hours, or lacks values.
     """
     frame, site = _read_typical_year(Path(path))
     if year is not None:
@@ -108,9 +115,9 @@ def _hour_key(stamps: pd.DatetimeIndex) -> np.ndarray:
 
 def checked_weather(weather: pd.DataFrame) -> pd.DataFrame:
     """``T_oa`` and ``q_sol`` as finite numbers at increasing stamps; what cannot be used is refused."""
+    if not isinstance(weather, pd.DataFrame):
+        raise ValueError(f"weather is a {type(weather).__name__}; give a DataFrame with columns T_oa and q_sol.")
     for column in ("T_oa", "q_sol"):
-        if not isinstance(weather, pd.DataFrame):
-            raise ValueError(f"weather is a {type(weather).__name__}; give a DataFrame with columns T_oa and q_sol.")
         if (weather.columns == column).sum() > 1:
             raise ValueError(f"weather has two columns {column!r}; keep one of them.")
         if column not in weather:

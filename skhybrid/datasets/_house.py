@@ -12,8 +12,8 @@ from ..thermal import RCNetwork, building_network
 from ._gains import draw_gains
 from ._office import SIMULATION_STEP, check_arguments
 from ._random import spawn_generators
-from ._thermostat_plan import make_prbs
-from ._weather import make_weather
+from ._thermostat_plan import first_weekend, make_prbs
+from ._weather import first_midnight, make_weather
 
 _ROOMS = ("living", "kitchen", "bedroom", "study", "bath", "hall", "guest", "attic")
 #: a usual room: C [kWh/K], R [K/kW], f [-], A_win [m2], Q [kW]
@@ -84,7 +84,7 @@ def make_house(
     Raises
     ------
     ValueError
-        If an argument is out of its range.
+        If an argument is out of its range, or ``start`` has a time zone.
 
     Notes
     -----
@@ -104,7 +104,7 @@ def make_house(
     per_step = check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
     names = _ROOMS[:zones]
     theta_rng, weather_rng, noise_rng, *room_rngs = spawn_generators(random_state, 3 + 3 * zones)
-    time = pd.date_range(pd.Timestamp(start).normalize(), periods=n_days * 288, freq=SIMULATION_STEP)
+    time = pd.date_range(first_midnight(start), periods=n_days * 288, freq=SIMULATION_STEP)
     outside = make_weather(n_days, climate, start=time[0], step=SIMULATION_STEP, random_state=weather_rng)
     adjacency = _floor_plan(names)
     network = building_network(names, adjacency, name="house")
@@ -153,22 +153,19 @@ def _check_rooms(zones: int, partition: float) -> None:
 def _floor_plan(names: tuple[str, ...]) -> list[tuple[str, str]]:
     """Pairs of rooms that stand in two rows: those beside each other and those across."""
     places = [divmod(k, 2) for k in range(len(names))]
-    beside = [(i, j) for i, a in enumerate(places) for j, b in enumerate(places) if i < j and _apart(a, b) == 1]
-    return [(names[i], names[j]) for i, j in beside]
-
-
-def _apart(a: tuple[int, int], b: tuple[int, int]) -> int:
-    return abs(a[0] - b[0]) + abs(a[1] - b[1])
+    return [
+        (names[i], names[j])
+        for i, (row, column) in enumerate(places)
+        for j, (other_row, other_column) in enumerate(places)
+        if i < j and abs(row - other_row) + abs(column - other_column) == 1
+    ]
 
 
 def _draw_theta(network: RCNetwork, partition: float, rng: np.random.Generator) -> dict[str, float]:
     """Parameters of a usual room, a fifth larger or smaller."""
-    usual = {p: next((v for name, v in _ROOM.items() if p.startswith(f"{name}_")), partition) for p in _names(network)}
+    names = [p.name for p in network.parameters() if not p.name.startswith("Q_c")]
+    usual = {p: next((v for name, v in _ROOM.items() if p.startswith(f"{name}_")), partition) for p in names}
     return {p: float(v * np.exp(0.2 * rng.standard_normal())) for p, v in usual.items()}
-
-
-def _names(network: RCNetwork) -> list[str]:
-    return [p.name for p in network.parameters() if not p.name.startswith("Q_c")]
 
 
 def _plan(
@@ -181,11 +178,10 @@ def _plan(
     begin, length = 6.0 + 1.5 * k + rng.normal(0.0, 0.7, n), rng.uniform(7.0, 14.0, n)
     level, setback = 20.0 + rng.uniform(0.0, 2.5) + rng.normal(0.0, 0.4, n), rng.uniform(16.0, 18.0, n)
     plan = np.where((hour >= begin[day]) & (hour < (begin + length)[day]), level[day], setback[day])
-    saturday = np.flatnonzero(time.day_of_week == 5)
-    if excitation == "weekend_prbs" and len(saturday):
-        rows = slice(saturday[0], saturday[0] + 2 * 288)
+    if excitation == "weekend_prbs":
+        rows = first_weekend(time)
         bits = make_prbs(order=5, duration="2D", step=SIMULATION_STEP, low=17.0, high=23.0, random_state=prbs_rng)
-        plan[rows] = bits[: len(plan[rows])]
+        plan[rows] = bits[: rows.sum()]
     return plan
 
 
@@ -214,9 +210,7 @@ def _simulate(
     acting = network.inputs([*X.columns, *stages])
     rooms = [network.nodes.index(node) for node in network.measured_nodes]
     forcing = X[list(acting[:-z])].to_numpy() @ d.B[:, : len(acting) - z].T
-    heater, people = d.B[:, len(acting) - z : len(acting)], d.B[:, len(acting) :]
-    order = [acting[-z:].index(stage) for stage in stages]
-    heater = heater[:, order]
+    heater, people = d.B[:, [acting.index(stage) for stage in stages]], d.B[:, len(acting) :]
     T_oa = X["T_oa"].to_numpy()
     states, on, gain = np.empty((len(X), len(d.A))), np.zeros((len(X), z)), np.empty((len(X), z))
     state, heating = np.full(len(d.A), 19.0), np.zeros(z, dtype=bool)

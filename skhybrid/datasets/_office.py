@@ -16,7 +16,7 @@ from ._epw import resample_weather
 from ._gains import INFILTRATION_KW_K, PATTERNS, Gains, draw_gains
 from ._random import spawn_generators
 from ._thermostat_plan import plan_setpoints
-from ._weather import make_weather
+from ._weather import first_midnight, make_weather
 
 #: the TRUE parameters (paper 2.1): C [kWh/K], R [K/kW], f [-], A_win [m2], Q [kW].
 TRUE_THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
@@ -86,6 +86,11 @@ def make_office(
         dict, see Notes; ``setpoints`` DataFrame [T_heat_set, T_cool_set]; ``gain_parts`` DataFrame [people, plugs,
         lights, air] [kW], whose sum is ``heat_gain``; ``DESCR``.  The index has no time zone.
 
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, ``start`` has a time zone, or ``weather`` does not cover the run.
+
     Notes
     -----
     With ``sampling_time="5min"`` every input is constant over a step, so ``X`` and ``heat_gain`` reproduce ``states``.
@@ -103,11 +108,7 @@ def make_office(
     """
     per_step = check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
     weather_rng, gain_rng, plan_rng, prbs_rng, noise_rng = spawn_generators(random_state, 5)
-    first = pd.Timestamp(start).normalize()
-    if first.tzinfo is not None:
-        raise ValueError(
-            f"start={start!r} has a time zone; the office runs on local standard time, so give a date without one."
-        )
+    first = first_midnight(start)
     time = pd.date_range(first, periods=n_days * 288, freq=SIMULATION_STEP)
     if weather is None:
         outside = make_weather(n_days, climate, start=first, step=SIMULATION_STEP, random_state=weather_rng)

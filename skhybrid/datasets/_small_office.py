@@ -38,6 +38,11 @@ def load_small_office(control: str = "irregular") -> Bunch:
         ``X`` DataFrame [T_oa, q_sol, Q_hvac, T_za]; ``y`` Series T_za [degC]; ``heat_gain`` Series, true internal
         gains [kW], never part of ``X``; ``frame`` DataFrame [set_heat, set_cool, stage_heat, stage_cool, dni, dhi,
         people]; ``DESCR``.
+
+    Raises
+    ------
+    ValueError
+        If ``control`` is another.
     """
     if control not in ("irregular", "shifted"):
         raise ValueError(f"control={control!r} is unknown; choose 'irregular' or 'shifted'.")

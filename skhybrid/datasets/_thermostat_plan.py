@@ -31,7 +31,7 @@ def make_prbs(
     high: float = 1.0,
     random_state: Any = None,
 ) -> np.ndarray:
-    """(duration / step,) float64 maximum-length pseudo-random binary sequence, for set-points that excite a building.
+    """Draw a maximum-length pseudo-random binary sequence, for set-points that excite a building.
 
     The paper (2.1) takes order 4 and scale 2 h, between 18 and 25 degC.
 
@@ -46,8 +46,18 @@ def make_prbs(
     step : timedelta-like
         Sampling time; ``scale`` must be a multiple of it.
     low, high : float
+        The two levels, in any unit.
     random_state : int, RandomState, Generator or None
         Seed of the position in the period at which the sequence begins.
+
+    Returns
+    -------
+    ndarray of shape (duration / step,), float64
+
+    Raises
+    ------
+    ValueError
+        If ``order`` is out of its range, or ``scale`` or ``duration`` is not a multiple of ``step``.
     """
     from scipy.signal import max_len_seq
 

@@ -49,8 +49,13 @@ def make_weather(
 
     Returns
     -------
-    DataFrame
+    DataFrame of shape (n_days / step, 5)
         ``T_oa`` [degC], ``q_sol`` (on the window), ``ghi``, ``dni`` and ``dhi`` [kW/m2]; the index has no time zone.
+
+    Raises
+    ------
+    ValueError
+        If ``climate`` is unknown, ``n_days`` or ``step`` is not positive, or ``start`` has a time zone.
     """
     known = climates()
     if climate not in known:
@@ -59,7 +64,7 @@ def make_weather(
         raise ValueError(f"n_days={n_days!r} must be positive.")
     site = known[climate]
     delta = positive_duration(step, "step")
-    first = pd.Timestamp(start).normalize()
+    first = first_midnight(start)
     time = pd.date_range(first, first + pd.Timedelta(days=n_days), freq=delta, inclusive="left")
     day_rng, cloud_rng, air_rng, anomaly_rng = spawn_generators(random_state, 4)
     clear_day = ar1(day_rng, int(np.ceil(n_days)) + 1, site["cloud_ar1"])
@@ -69,6 +74,16 @@ def make_weather(
     beam.index = time
     window = window_irradiance(middle, beam, site, window_azimuth, window_tilt)
     return pd.DataFrame({"T_oa": air, "q_sol": window, **beam}, index=time)
+
+
+def first_midnight(start: Any) -> pd.Timestamp:
+    """Midnight of the first day of a simulation, which runs on local standard time; a time zone is refused."""
+    first = pd.Timestamp(start).normalize()
+    if first.tzinfo is not None:
+        raise ValueError(
+            f"start={start!r} has a time zone; the simulation runs on local standard time, so give a date without one."
+        )
+    return first
 
 
 def air_temperature(

@@ -14,8 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from .._ranges import check_range
 from .._table import listed
-from ..logs.known_table import YEARS
-from ..logs.stamps import cell
+from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
 from ..preprocessing._units import conversion_of, convert
@@ -70,6 +69,8 @@ def read_weather(
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such file.
     ValueError
         If the file cannot be read, or has no temperature or no irradiance.
 

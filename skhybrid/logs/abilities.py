@@ -1,4 +1,4 @@
-"""Judgement on a log: parameters that it can identify, by what moved in it, and what to measure next."""
+"""Parameters that a log can identify, judged by what moved in it, and what to measure next."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant
+from .conversion import row_hours
 
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant shows little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
@@ -26,7 +27,6 @@ class Abilities(NamedTuple):
 
 def excitation(frame: pd.DataFrame) -> pd.DataFrame:
     """Moves of each column by role: lowest, highest and mean value, share of rows with one; hours run and starts."""
-    hours = _row_hours(frame.index)
     rows = {}
     for role in frame:
         values = frame[role].dropna().to_numpy(dtype=np.float64)
@@ -37,7 +37,7 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
         }  # fmt: skip
         if is_plant(role) and np.abs(values).max() > 0.0:
             on = np.abs(values) > 0.05 * np.abs(values).max()
-            found["hours run"] = np.abs(values).sum() / np.abs(values).max() * hours
+            found["hours run"] = np.abs(values).sum() / np.abs(values).max() * row_hours(frame[role])
             found["starts"] = float((on[1:] & ~on[:-1]).sum())
         rows[str(role)] = found
     columns = ["lowest", "highest", "mean", "share", "hours run", "starts"]
@@ -45,9 +45,10 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequence[str] = ("T_za",)) -> Abilities:
-    """Judge what can be learned of columns that moved so; ``unsure`` are stages and powers without a certain scale.
+    """Judge what a log can tell from ``moved``, the table of :func:`excitation`.
 
-    ``rooms`` are the roles of the rooms' temperatures; what is said of one room is that of the first.
+    ``unsure`` are roles of stages and powers whose scale is not certain; ``rooms`` are the roles of the rooms'
+    temperatures, of which the first is judged.
     """
     can: list[str] = []
     cannot: list[str] = []
@@ -61,7 +62,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
     if {rooms[0], "T_oa"} <= have:
         _building(moved, n_days, can, cannot, rooms[0])
     if not plants:
-        cannot.append("how the room answers to heating or cooling: no column shows when the plant ran.")
+        cannot.append("how the room responds to heating or cooling: no column shows when the plant ran.")
         steps.append("log the heat [kW], the stage of the plant or the opening of the valve.")
     for role in plants:
         ran = moved["hours run"].get(role, 0.0)
@@ -99,8 +100,3 @@ def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str
         cannot.append(f"the loss to outdoors: the outdoor temperature moved by {spread['T_oa']:.1f} K only.")
     elif spread[room] >= _LEAST_SPREAD and n_days >= _FEW_DAYS:
         can.append("the loss to outdoors and the time constants, relative to the heat.")
-
-
-def _row_hours(index: pd.Index) -> float:
-    ticks = pd.DatetimeIndex(index).as_unit("ns").asi8
-    return float(np.median(np.diff(ticks))) / 3.6e12 if len(ticks) > 1 else 0.0

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from .cell_numbers import Channel
+from .cell_numbers import NumberColumn
 from .raw_log import RawLog
 from .stamp_cells import read_stamps
-from .stamps import localize
-from .unit_names import unit_named, unit_text
+from .stamps import in_zone, localize
+from .unit_names import unit_named, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
@@ -93,13 +93,13 @@ class Pieces:
 
 def assemble(pieces: Pieces, choice: Choice) -> RawLog:
     """The log of a wide table, one column per channel."""
-    channels: dict[str, Channel] = {}
+    channels: dict[str, NumberColumn] = {}
     texts = []
     for piece in pieces.frames:
         kept = _with_stamp(piece, pieces)
         texts.append(_stamp_cells(kept, pieces))
         for name in kept.columns.drop(list(pieces.stamps)):
-            channels.setdefault(str(name), Channel()).add(kept[name], pieces.decimal)
+            channels.setdefault(str(name), NumberColumn()).add(kept[name], pieces.decimal)
     stamps, order = _stamps(texts, pieces, choice)
     kept_channels = _numeric_channels(channels, pieces)
     frame = pd.DataFrame({n: c.values()[order] for n, c in kept_channels.items()}, index=stamps, copy=False)
@@ -111,16 +111,16 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
 
 def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> RawLog:
     """The log of a long table, one row per value of a channel."""
-    channels: dict[str, Channel] = {}
+    channels: dict[str, NumberColumn] = {}
     rows: dict[str, list[np.ndarray]] = {}
     texts, n_rows = [], 0
     wanted = None if choice.columns is None else set(choice.columns)
     for piece in pieces.frames:
         kept = _with_stamp(piece, pieces)
-        kept = kept[kept[point].notna()] if wanted is None else kept[kept[point].isin(wanted)]
+        kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
         texts.append(_stamp_cells(kept, pieces))
         for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
-            channels.setdefault(str(name).strip(), Channel()).add(kept[value].iloc[places], pieces.decimal)
+            channels.setdefault(str(name).strip(), NumberColumn()).add(kept[value].iloc[places], pieces.decimal)
             rows.setdefault(str(name).strip(), []).append(np.asarray(places) + n_rows)
         n_rows += len(kept)
     if wanted is not None:
@@ -174,11 +174,10 @@ def _joined(texts: list[pd.Series], where: str) -> pd.Series:
 def _stamps(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.DatetimeIndex, slice]:
     """Stamps in the order of time as far as the file has one, and the order of the rows: forwards or backwards."""
     cells = _joined(texts, pieces.where)
-    ends = pd.to_datetime(cells.iloc[[0, -1]].astype(str), errors="coerce", utc=True, format="mixed")
-    order = slice(None, None, -1 if ends.iloc[0] > ends.iloc[1] else 1)
-    stamps, notes = read_stamps(cells.iloc[order], choice.timezone, choice.dayfirst, pieces.where)
+    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
     pieces.notes.extend(notes)
-    return stamps.rename("time"), order
+    order = slice(None, None, -1 if stamps[0] > stamps[-1] else 1)
+    return in_zone(stamps, choice.timezone, cells, pieces.where)[order].rename("time"), order
 
 
 def _long_stamps(
@@ -186,21 +185,19 @@ def _long_stamps(
 ) -> pd.DatetimeIndex:
     """Stamps of all rows of a long table, which may follow each other by time or by channel."""
     cells = _joined(texts, pieces.where)
-    stamps, notes = read_stamps(cells, None, choice.dayfirst, pieces.where)
+    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
     pieces.notes.extend(notes)
-    if stamps.tz is not None or choice.timezone is None:
-        return stamps if choice.timezone is None else stamps.tz_convert(choice.timezone)
-    if not (np.diff(stamps.as_unit("ns").asi8) < -_LONG_BACK).any():
-        return localize(stamps, choice.timezone, cells.astype(str), pieces.where)
+    by_channel = (np.diff(stamps.as_unit("ns").asi8) < -_LONG_BACK).any()
+    if choice.timezone is None or stamps.tz is not None or not by_channel:
+        return in_zone(stamps, choice.timezone, cells, pieces.where)
     ticks = np.empty(len(stamps), dtype=np.int64)
     for rows in places.values():  # one channel after the other: each has its own hour that occurs twice
-        ahead = rows if stamps[rows[0]] <= stamps[rows[-1]] else rows[::-1]
-        part = localize(stamps[ahead], choice.timezone, cells.iloc[ahead].astype(str), pieces.where)
-        ticks[ahead] = part.as_unit("ns").asi8
+        part = localize(stamps[rows], choice.timezone, cells.iloc[rows], pieces.where)
+        ticks[rows] = part.as_unit("ns").asi8
     return pd.DatetimeIndex(ticks.astype("datetime64[ns]"), tz="UTC").tz_convert(choice.timezone)
 
 
-def _numeric_channels(channels: dict[str, Channel], pieces: Pieces) -> dict[str, Channel]:
+def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict[str, NumberColumn]:
     """The channels of numbers, and notes on words that were found."""
     kept = {}
     for name, channel in channels.items():
@@ -211,6 +208,11 @@ def _numeric_channels(channels: dict[str, Channel], pieces: Pieces) -> dict[str,
             kept[name] = channel
             if n:
                 pieces.notes.append(f"{name!r}: {_several(n, 'cell')} such as {word!r} taken as missing")
+            if channel.thousands:
+                pieces.notes.append(
+                    f"{name!r}: cells such as {channel.thousands!r} are read as thousands; if they are decimals, pass "
+                    "decimal=',' for a CSV, or store them as numbers in Excel"
+                )
     if not kept:
         raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps.")
     return kept
@@ -223,12 +225,13 @@ def _note_disorder(stamps: pd.DatetimeIndex, pieces: Pieces) -> None:
 
 
 def _finish(
-    frame: pd.DataFrame, channels: Mapping[str, Channel], pieces: Pieces, choice: Choice, sparse_only: bool = False
+    frame: pd.DataFrame, channels: Mapping[str, NumberColumn], pieces: Pieces, choice: Choice, sparse_only: bool = False
 ) -> RawLog:
     """The log, with its units, its held channels and the notes."""
-    written = {n: text for n in frame if (text := unit_text(str(n)))} | dict(pieces.units)
-    written |= {n: c.units.most_common(1)[0][0] for n, c in channels.items() if c.units}
-    units = {str(name): unit for name in frame if (unit := unit_named(written.get(name, ""))) is not None}
+    written = {n: text for n in frame if (text := unit_text(str(n)))}
+    written |= {n: text for n, text in pieces.units.items() if n not in written or unit_or_energy(text)}
+    written |= {n: _unit_of_cells(c, n, pieces.where) for n, c in channels.items() if c.units}
+    units = {str(name): unit for name in frame if (unit := unit_or_energy(written.get(name, ""))) is not None}
     others = [f"{name!r} in {written[name]}" for name in frame if name in written and name not in units]
     if others:
         pieces.notes.append(f"units that are not converted: {', '.join(others)}")
@@ -248,6 +251,14 @@ def _finish(
     return RawLog(frame, pieces.format, units=units, held=held, notes=notes)
 
 
+def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:
+    """The unit that is written in the cells of a channel, refused where there are several."""
+    first, *others = {unit_named(text): text for text in channel.units}.values()
+    if others:
+        raise ValueError(f"{where} has cells in {first} and in {others[0]} in the column {name!r}; export one unit.")
+    return first
+
+
 def _several(n: int, thing: str) -> str:
     return f"{n} {thing}{'' if n == 1 else 's'}"
 
@@ -259,7 +270,7 @@ def _counted(notes: Sequence[str]) -> Iterator[str]:
 
 
 def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
-    """Channels whose values come at uneven times, as of a log of changes; ``sparse_only``: beside empty cells."""
+    """Channels whose values come at uneven times, as in a log of changes; with ``sparse_only``, only sparse columns."""
     ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
     found = []
     for name in frame:

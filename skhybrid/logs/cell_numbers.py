@@ -28,6 +28,7 @@ _BETWEEN = re.compile(r"(?<=\d)[ \u00a0\u202f'’](?=\d{3}(?:\D|\Z))")  # thousa
 _GROUPED_DOT = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}")
 _GROUPED_COMMA = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+|[-+]?\d{1,3}(,\d{3}){2,}")
 _ONE_COMMA = re.compile(r"[-+]?\d*,(\d+)([eE][-+]?\d+)?")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")  # or a decimal comma with three decimals
 _ONE_DOT = re.compile(r"[-+]?\d{1,3}\.\d{3}")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
@@ -55,7 +56,7 @@ def number_in(text: str, decimal: str = ".") -> float | None:
 
 
 @dataclass
-class Channel:
+class NumberColumn:
     """The cells of one column, read piece by piece."""
 
     numbers: np.ndarray = field(default_factory=lambda: np.empty(0))
@@ -64,6 +65,7 @@ class Channel:
     n_switches: int = 0
     words: Counter[str] = field(default_factory=Counter)
     units: Counter[str] = field(default_factory=Counter)
+    thousands: str = ""  # a cell such as 1,234 that was read as more than a thousand
 
     def add(self, cells: pd.Series, decimal: str) -> None:
         """Read the cells of the next piece."""
@@ -109,9 +111,8 @@ class Channel:
             return values
         codes, uniques = pd.factorize(text[left])
         counts = np.bincount(codes, minlength=len(uniques))
-        values[left] = np.array([self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)])[
-            codes
-        ]
+        of_uniques = [self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)]
+        values[left] = np.array(of_uniques)[codes]
         return values
 
     def _one(self, word: str, n: int, decimal: str) -> float:
@@ -121,13 +122,12 @@ class Channel:
             return switch
         number = number_in(word, decimal)
         if number is not None:
+            if decimal == "." and _THOUSANDS.fullmatch(word):
+                self.thousands = word
             return number
         apart = _WITH_UNIT.fullmatch(word)
         if apart and unit_named(apart[2]) and (number := number_in(apart[1], decimal)) is not None:
             self.units[apart[2]] += n
             return number
-        if word in self.words or len(self.words) < 1000:
-            self.words[word] += n
-        else:
-            self.words["..."] += n
+        self.words[word if word in self.words or len(self.words) < 1000 else "..."] += n
         return np.nan

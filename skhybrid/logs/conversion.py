@@ -10,13 +10,13 @@ import pandas as pd
 
 from .._table import listed, role_of
 from ..preprocessing._units import CONTRACT_UNIT, UNITS, conversion_of, convert
-from .naming import ENERGY
 from .raw_log import RawLog
+from .unit_names import ENERGY
 
 #: times that a plant ran in each row, in seconds
 TIMES = {"s": 1.0, "min": 60.0}
-#: a counter's readings fall at most this often, when it is reset or replaced
-_FEW_RESETS = 0.01
+_FEW_RESETS = 0.01  # share of a counter's readings that fall at most, when it is reset or replaced
+_SLOW = 0.1  # rise of a counter, relative to its readings, that an energy per row cannot have without ever falling
 
 
 class Channel(NamedTuple):
@@ -44,6 +44,8 @@ def channels_of(
 ) -> list[Channel]:
     """The channels to read: as given by role, else as the format defines them; units and factors likewise.
 
+    A unit that the log states counts where it can be that of the role.
+
     Raises
     ------
     ValueError
@@ -65,11 +67,17 @@ def channels_of(
         Channel(
             role,
             name,
-            (units or {}).get(role, raw.units.get(name)),
+            (units or {}).get(role, fitting_unit(raw.units.get(name), role)),
             (scale or {}).get(role, raw.scale.get(name, 1.0)),
         )
         for role, name in chosen.items()
     ]
+
+
+def fitting_unit(unit: str | None, role: str) -> str | None:
+    """The unit, where it can be that of the role: only a power is logged as an energy, only a stage as a time."""
+    prefix = "Q_" if unit in ENERGY else "u_" if unit in TIMES else ""
+    return unit if role.startswith(prefix) else None
 
 
 def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
@@ -93,7 +101,7 @@ def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
-        values = series.to_numpy(dtype=np.float64) * (1.0 if known else TIMES[unit] / (3600.0 * _hours(series.index)))
+        values = series.to_numpy(dtype=np.float64) * (1.0 if known else TIMES[unit] / (3600.0 * row_hours(series)))
     elif unit is None or (role_of(channel.role) is None and unit not in UNITS):
         values = series.to_numpy(dtype=np.float64)
     else:
@@ -103,26 +111,31 @@ def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
 
 def is_counter(values: pd.Series) -> bool:
     """Whether readings only rise, but for a few resets, as those of a meter do."""
-    steps = np.diff(values.dropna().to_numpy(dtype=np.float64))
-    return len(steps) > 20 and (steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS and steps.min() < np.inf
+    readings = values.dropna().to_numpy(dtype=np.float64)
+    steps = np.diff(readings)
+    if len(steps) <= 20 or not (steps > 0).any():
+        return False
+    slow = (steps >= 0).all() and readings[-1] - readings[0] < _SLOW * readings[0]
+    return bool(slow or ((steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS))
 
 
 def _mean_power(energy: pd.Series) -> np.ndarray:
     """Energy per row, or a counter, as mean power over each row: energy unit per hour."""
     if not is_counter(energy):
-        return energy.to_numpy(dtype=np.float64) / _hours(energy.index)
+        return energy.to_numpy(dtype=np.float64) / row_hours(energy)
     known = energy.dropna()
     used = np.append(np.diff(known.to_numpy(dtype=np.float64)), np.nan)
-    hours = np.append(np.diff(_seconds(known.index)) / 3600.0, np.nan)
+    hours = np.append(_hours_between(known), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         power = pd.Series(np.where(used < 0.0, np.nan, used / hours), index=known.index)
     return power[~power.index.duplicated()].reindex(energy.index).to_numpy()
 
 
-def _hours(index: pd.Index) -> float:
-    """Usual distance of two rows [h]."""
-    return float(np.median(np.diff(_seconds(index)))) / 3600.0 if len(index) > 1 else 1.0
+def row_hours(values: pd.Series) -> float:
+    """Usual distance of two values [h]; other columns of the log may have more of them."""
+    between = _hours_between(values.dropna())
+    return float(np.median(between)) if len(between) else 1.0
 
 
-def _seconds(index: pd.Index) -> np.ndarray:
-    return pd.DatetimeIndex(index).as_unit("ns").asi8 / 1e9
+def _hours_between(values: pd.Series) -> np.ndarray:
+    return np.diff(pd.DatetimeIndex(values.index).as_unit("ns").asi8) / 3.6e12

@@ -40,10 +40,13 @@ class TextTable(NamedTuple):
             "encoding_errors": "replace",
             "header": None,
             "names": list(self.layout.names),
-            "usecols": read if len(read) < len(self.layout.names) else None,  # None has rows with more cells refused
+            "usecols": read
+            if len(read) < len(self.layout.names)
+            else None,  # with None, pandas refuses rows that are too wide
             "dtype": dict.fromkeys([*stamps, *text], str),
             "skiprows": self.layout.first,
             "skipinitialspace": True,
+            "skip_blank_lines": False,  # they count in the lines that messages name
             "index_col": False,
             "low_memory": False,
             "chunksize": max(1000, _CELLS // len(self.layout.names)),
@@ -53,12 +56,16 @@ class TextTable(NamedTuple):
             with open_bytes(self.path) as file, pd.read_csv(file, **options) as reader:
                 while True:
                     with warnings.catch_warnings():
-                        warnings.simplefilter("error", pd.errors.ParserWarning)  # cells that would be left out
+                        warnings.simplefilter("error", pd.errors.ParserWarning)  # it would leave cells out
                         piece = next(reader, None)
                     if piece is None:
                         return
                     yield piece
-        except (pd.errors.ParserError, pd.errors.ParserWarning, IndexError) as error:  # the last for a wide first row
+        except (
+            pd.errors.ParserError,
+            pd.errors.ParserWarning,
+            IndexError,
+        ) as error:  # IndexError where the first row is too wide
             raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
         except (EOFError, OSError) as error:
             raise ValueError(f"{where} cannot be read to its end ({error}); copy it again.") from error

@@ -13,10 +13,12 @@ import pandas as pd
 from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 from .raw_log import RawLog
+from .stamps import zone_of
 
 _STEP = 300.0  # seconds in a row: all of ecobee's records are of five minutes
 _TENTHS = 150.0  # no zone and no set-point has a median of 150 degF: such numbers are tenths
 _UNIT = {"F": "degF", "C": "degC", "%RH": "percent"}
+_NO_SUN = "ecobee logs no irradiance: add it from a weather file."
 _WHOLE = ("heating at full load", "auxiliary heat at full load", "cooling at full load")
 
 
@@ -129,12 +131,8 @@ def read(path: Path | str, timezone: str | None = None, dayfirst: bool | None = 
     if text:
         notes.append(f"left out, for they hold text: {', '.join(text)}.")
     return RawLog(
-        frame, layout.name, units, temperatures | roles, scale, label="left", notes=(*notes, *plants, _no_sun())
+        frame, layout.name, units, temperatures | roles, scale, label="left", notes=(*notes, *plants, _NO_SUN)
     )
-
-
-def _no_sun() -> str:
-    return "ecobee logs no irradiance: add it from a weather file."
 
 
 def _open(file: Path, where: str) -> tuple[pd.DataFrame, _Layout, list[str]]:
@@ -185,7 +183,7 @@ def _stamps(
         text = text + " " + table[name].str.strip()
     if layout.zone is not None:
         utc = stamps_of(text.str.replace(r"\s*(UTC|Z)$", "", regex=True), layout.zone, dayfirst, where)
-        return (utc if timezone is None else utc.tz_convert(timezone)), []
+        return (utc if timezone is None else utc.tz_convert(zone_of(timezone))), []
     naive = stamps_of(text, None, dayfirst, where)
     if timezone is None:
         return naive, ["the stamps are the thermostat's local time; give timezone= to make daylight saving right."]
@@ -235,9 +233,8 @@ def _plants(frame: pd.DataFrame, layout: _Layout) -> tuple[dict[str, str], dict[
     for whole, columns, running, role, low in zip(_WHOLE, stages, ran, names, lows, strict=True):
         if columns and not running:
             notes.append(f"{', '.join(columns)} never ran in this log.")
-        if len(columns) > 1 and frame[columns].notna().any(
-            axis=None
-        ):  # it is there in every log, so that new rows of a day without the second stage fit too
+        # in every log, so that new rows of a day without the second stage fit too
+        if len(columns) > 1 and frame[columns].notna().any(axis=None):
             frame[whole], said = full_load(frame[columns], _STEP, low)
             scale[whole] = 1.0 / _STEP
         if running:

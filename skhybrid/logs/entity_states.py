@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .stamps import zone_of
+
 #: states that are 1 or 0; any other state that is not a number is missing
 ON_OFF = {"on": 1.0, "off": 0.0, "open": 1.0, "closed": 0.0, "true": 1.0, "false": 0.0, "home": 1.0, "not_home": 0.0}
 MISSING = ("unavailable", "unknown", "none", "")
-_MOST_CELLS = 60_000_000  # half a gigabyte
+MOST_CELLS = 60_000_000  # half a gigabyte
 _LISTED = 12
 
 
@@ -72,7 +74,7 @@ def even_grid(first: float, last: float, step: pd.Timedelta, n_channels: int, wh
     n_rows = int(end - begin) + 1
     if n_rows < 1:
         raise ValueError(f"{where} covers less than one step of {step}; give a shorter step.")
-    if n_rows * n_channels > _MOST_CELLS:
+    if n_rows * n_channels > MOST_CELLS:
         raise ValueError(
             f"{where} makes {n_rows} rows of {step} for {n_channels} channels, too many to hold; name those that are "
             "needed (entities=), or give a longer step (step='5min')."
@@ -89,12 +91,7 @@ def hold(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray
 def utc_index(grid: np.ndarray, timezone: str | None) -> pd.DatetimeIndex:
     """Stamps in UTC, or in the zone that is wanted."""
     index = pd.DatetimeIndex(pd.to_datetime(np.round(grid * 1e3).astype(np.int64), unit="ms", utc=True), name="time")
-    if timezone is None:
-        return index
-    try:
-        return index.tz_convert(timezone)
-    except Exception as error:  # the class differs between zoneinfo and pytz
-        raise ValueError(f"timezone={timezone!r} is unknown; write it as 'Europe/Amsterdam' or 'UTC'.") from error
+    return index if timezone is None else index.tz_convert(zone_of(timezone))
 
 
 def some_of(names: Iterable[str]) -> str:

@@ -31,7 +31,7 @@ class RegularizeReport:
     rows_before, rows_after : int
         Number of rows in the log and in the result.
     out_of_order, duplicates : int
-        Number of rows that were sorted, and of rows dropped because their stamp was a duplicate.
+        Number of rows that were sorted, and of rows that were merged into the one before with the same stamp.
     filled, missing : dict of column to int
         Number of rows in short gaps that were filled, and of rows that are still NaN.
     first_missing : dict of column to Timestamp
@@ -54,7 +54,7 @@ class RegularizeReport:
         if self.out_of_order:
             lines.append(f"{self.out_of_order} rows out of order: sorted")
         if self.duplicates:
-            lines.append(f"{self.duplicates} rows with a duplicate stamp: dropped")
+            lines.append(f"{self.duplicates} rows with a duplicate stamp: the first value of each column is kept")
         lines += [f"{name}: {n} row{'s' * (n > 1)} of short gaps filled" for name, n in self.filled.items()]
         lines += [
             f"{name}: {n} row{'s' * (n > 1)} left missing, first {self.first_missing[name]}"
@@ -94,6 +94,12 @@ def regularize(
         The same columns, float64, at every multiple of ``step``; ``attrs["report"]`` is the report as text.
     report : RegularizeReport
         Only with ``return_report=True``.
+
+    Raises
+    ------
+    ValueError
+        If the frame has no two stamps or a row without one, ``held`` is not among its columns, a duration is not
+        positive, or the result would have more than 40 million rows.
 
     Notes
     -----
@@ -160,7 +166,7 @@ def _check_held(frame: pd.DataFrame, held: Collection[str]) -> None:
 
 
 def usual_step(frame: pd.DataFrame) -> pd.Timedelta:
-    """Usual distance of two values of one column; columns that are logged at different moments share rows with none."""
+    """Shortest of the columns' usual distances of two values; columns logged at different moments share no rows."""
     ordered = frame.sort_index(kind="stable")
     own = [pd.DatetimeIndex(ordered.index[ordered[name].notna()]).unique() for name in ordered]
     steps = [typical_step(index) for index in own if len(index) > 2]
@@ -178,13 +184,13 @@ def _source_step(frame: pd.DataFrame, held: Collection[str], step: Any) -> pd.Ti
 
 
 def _sort_and_deduplicate(frame: pd.DataFrame) -> tuple[pd.DataFrame, int, int]:
-    """Rows with increasing stamps, the number out of order, and the number of duplicates after the first, dropped."""
+    """Rows with increasing stamps, each once with the first value of every column; how many were late, and twice."""
     backwards = int((np.diff(pd.DatetimeIndex(frame.index).as_unit("ns").asi8) < 0).sum())
     ordered = frame.sort_index(kind="stable")
     twice = ordered.index.duplicated()
     if len(ordered) - twice.sum() < 2:
         raise ValueError("regularize needs at least two distinct stamps.")
-    return ordered[~twice], backwards, int(twice.sum())
+    return ordered.groupby(level=0).first() if twice.any() else ordered, backwards, int(twice.sum())
 
 
 def typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:

@@ -51,7 +51,8 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
         Of general tables: ``columns`` (channels to read), ``time_column`` (the column of time stamps, or a pair of
         date and time), ``timezone`` (of stamps without an offset, or to convert to), ``dayfirst`` and ``held``
         (channels that keep their value until the next one).  CSV takes ``sep`` and ``decimal`` besides, Excel
-        ``sheet``, a database ``table`` or ``query``; a long table takes ``point_column`` and ``value_column``.
+        ``sheet``, a database ``table`` or ``query``; a long CSV or database takes ``point_column`` and
+        ``value_column``.
 
     Returns
     -------
@@ -59,6 +60,10 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such file.
+    ImportError
+        If the format needs a library that is not installed.
     ValueError
         If the format is unknown, or the file cannot be read with these options.
 
@@ -74,16 +79,15 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
     >>> log.format, log.units
     ('CSV', {'Raum [°C]': 'degC'})
     """
-    module = None if format is None else _named(format)
+    name = None if format is None else _named(format)
     if isinstance(source, str) and "://" in source:
-        if module not in (None, sql_table):
+        if name not in (None, "SQL"):
             raise ValueError(f"a URL is read as SQL, but format={format!r} was given.")
-        return _call("SQL", sql_table, source, options)
+        return _call("SQL", source, options)
     path = Path(source)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {str(path)!r}.")
-    name = format_of(path) if module is None else next(n for n, known in FORMATS.items() if known is module)
-    return _call(name, FORMATS[name], path, options)
+    return _call(name or format_of(path), path, options)
 
 
 def format_of(path: Path) -> str:
@@ -99,15 +103,17 @@ def format_of(path: Path) -> str:
     raise ValueError(f"the format of {path.name!r} is none of {', '.join(FORMATS)}; export the log as CSV.")
 
 
-def _named(format: str) -> ModuleType:
-    known = {name.casefold(): module for name, module in FORMATS.items()}
-    if str(format).casefold() not in known:
-        raise ValueError(f"format={format!r} is none of {', '.join(map(repr, FORMATS))}.")
-    return known[str(format).casefold()]
+def _named(format: str) -> str:
+    """The name of a format as :data:`FORMATS` spells it, in upper or lower case."""
+    for name in FORMATS:
+        if name.casefold() == str(format).casefold():
+            return name
+    raise ValueError(f"format={format!r} is none of {', '.join(map(repr, FORMATS))}.")
 
 
-def _call(name: str, module: ModuleType, source: Path | str, options: dict[str, Any]) -> RawLog:
+def _call(name: str, source: Path | str, options: dict[str, Any]) -> RawLog:
     """Read with options that the format takes."""
+    module = FORMATS[name]
     parameters = list(inspect.signature(module.read).parameters.values())[1:]
     known = [one.name for one in parameters if one.kind is not one.VAR_KEYWORD]
     if any(one.kind is one.VAR_KEYWORD for one in parameters):

@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .entity_states import ON_OFF, some_of
+from .entity_states import MOST_CELLS, ON_OFF, some_of
 from .known_table import existing, utc_ticks
 from .raw_log import RawLog
-from .unit_names import unit_named
+from .stamps import zone_of
+from .unit_names import unit_or_energy
 
 _ANNOTATIONS = ("#datatype", "#group", "#default")
 _NUMBERS = ("double", "long", "unsignedLong", "boolean")
 _RESERVED = ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
 _PIECE = 100_000  # rows of a table that are held as text
-_MOST_CELLS = 60_000_000  # half a gigabyte
 _Series = dict[str, list[tuple[np.ndarray, np.ndarray]]]
 
 
@@ -66,18 +66,18 @@ def read(path: Path | str, timezone: str | None = None) -> RawLog:
     if not found:
         raise ValueError(f"{where} has no numbers{f', only the text of {some_of(text)}' if text else ''}.")
     stamps = pd.Index(np.unique(np.concatenate([s.index for s in found.values()])))
-    if len(stamps) * len(found) > _MOST_CELLS:
+    if len(stamps) * len(found) > MOST_CELLS:
         raise ValueError(
             f"{where} makes {len(stamps)} rows of {len(found)} channels, too many to hold; query fewer fields, or "
             "means per interval (aggregateWindow)."
         )
     frame = pd.DataFrame({name: s.reindex(stamps).to_numpy() for name, s in found.items()})
     index = pd.DatetimeIndex(pd.to_datetime(stamps.to_numpy(), utc=True), name="time")
-    frame.index = index if timezone is None else index.tz_convert(timezone)
+    frame.index = index if timezone is None else index.tz_convert(zone_of(timezone))
     notes = ["the stamps of aggregateWindow end their window unless it was told timeSrc: '_start'."]
     if text - set(found):
         notes.append(f"left out, for they hold text: {some_of(text - set(found))}.")
-    units = {name: unit for name in found if (unit := unit_named(name.split(" ")[0]))}
+    units = {name: unit for name in found if (unit := unit_or_energy(name.split(" ")[0]))}
     return RawLog(frame, "InfluxDB annotated CSV", units, notes=tuple(notes))
 
 

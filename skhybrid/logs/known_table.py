@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 
 from .._table import listed
-from .stamps import cell, parse_stamps
+from .stamps import YEARS, cell, in_zone, parse_stamps
 
-YEARS = (1700, 2250)  # nanoseconds cannot count a stamp of another year
 _NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
 
 
@@ -91,7 +90,8 @@ def numeric_columns(table: pd.DataFrame, known: Iterable[str], where: str) -> tu
 
 def stamps_of(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
     """Stamps of cells whose index counts the lines of the file."""
-    return parse_stamps(cells.set_axis(cells.index - 2), timezone, dayfirst, where)  # rows are counted after a header
+    rows = cells.set_axis(cells.index - 2)  # rows are counted after a header
+    return in_zone(parse_stamps(rows, dayfirst, where), timezone, rows, where)
 
 
 def utc_ticks(cells: pd.Series, line: int, where: str) -> np.ndarray:

@@ -34,7 +34,8 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
     if (twice := int(index.duplicated().sum())) > 0:
         first = index[index.duplicated()][0]
         hint = ": a local clock at the end of daylight saving?" if index.tz is None and first.month in (10, 11) else ""
-        yield Finding("warning", "clock", f"{twice} stamps occur twice, first {first}{hint}; the first row is used.")
+        text = f"{twice} stamps occur twice, first {first}{hint}; the first value of each column is used."
+        yield Finding("warning", "clock", text)
     if index.tz is None:
         text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right"
         skipped = _skipped_hours(index, step)
@@ -161,7 +162,7 @@ def _standing_still(role: str, name: str, known: pd.Series) -> Iterator[Finding]
 
 
 def _sun_clock(name: str, known: pd.Series) -> Iterator[Finding]:
-    """A sun that does not culminate around noon tells of a wrong clock."""
+    """A sun that is not highest around noon shows that the clock is wrong."""
     index = pd.DatetimeIndex(known.index)
     hour = index.hour + index.minute / 60.0
     sun = known.clip(lower=0.0).to_numpy()

@@ -13,11 +13,11 @@ from .._ranges import range_of
 from .._table import is_plant
 from .._time import spell, wall_clock
 from .abilities import abilities, excitation
-from .conversion import TIMES, Channel, contract_unit, is_counter, to_roles
+from .conversion import Channel, contract_unit, fitting_unit, is_counter, to_roles
 from .even_steps import usual_step
 from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
-from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
+from .naming import NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
 from .zone_names import zone_guesses, zone_roles, zones_of
 
@@ -100,6 +100,7 @@ class LogReport:
             for name, guess in self._guesses.items()
             if guess.role is not None
         ]
+        channels = self._outdoor_as_room(channels)
         self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
         self.columns = self._table(channels)
         self.gaps = gaps_of(logged, self.step)
@@ -200,10 +201,10 @@ class LogReport:
     ) -> Channel:
         """The channel of a role, with the unit that is given or stated, or that its values suggest."""
         role = str(guess.role)
-        unit, factor = units.get(role, stated), scale.get(role, raw.scale.get(name, 1.0))
+        unit, factor = units.get(role, fitting_unit(stated, role)), scale.get(role, raw.scale.get(name, 1.0))
         if unit is None:
             unit, factor = self._assume(raw.frame[name], role, factor, guess.reason == NAMED_BY_ROLE)
-        return Channel(role, name, _fitting(unit, role), factor)
+        return Channel(role, name, unit, factor)
 
     def _assume(self, values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float]:
         """A unit and a factor from values, with a sentence on why; a role's own name stands for its unit."""
@@ -237,6 +238,17 @@ class LogReport:
         if not is_contract and not role.startswith("T_"):
             self._assumed[role] = f"no unit is stated: {contract_unit(role)} is assumed"
         return None, factor
+
+    def _outdoor_as_room(self, channels: list[Channel]) -> list[Channel]:
+        """Take degF for the outdoor temperature too where rooms have it: on cold days values do not show the unit."""
+        rooms = [c.role for c in channels if c.unit == "degF" and c.role.split("_")[:2] == ["T", "za"]]
+        outdoor = next((c for c in channels if c.role == "T_oa" and c.unit is None), None)
+        if not rooms or outdoor is None:
+            return channels
+        if self._guesses[outdoor.name].reason == NAMED_BY_ROLE and not set(rooms) & set(self._assumed):
+            return channels  # its name stands for its unit
+        self._assumed["T_oa"] = "no unit is stated: degF is assumed, as of the room"
+        return [c._replace(unit="degF") if c is outdoor else c for c in channels]
 
     def _is_unsure(self, channel: Channel) -> bool:
         electric = self._guesses[channel.name].is_electricity
@@ -294,14 +306,6 @@ def _refuse_short(frame: pd.DataFrame) -> None:
         raise ValueError("the log has no time stamps; give a DataFrame with a DatetimeIndex, or use read_log.")
     if len(frame.index.unique()) < 2:
         raise ValueError(f"the log has {len(frame)} rows with distinct stamps; two are the least.")
-
-
-def _fitting(unit: str | None, role: str) -> str | None:
-    """The unit, where it can be that of the role; a name may lie."""
-    known = {**dict.fromkeys(ENERGY, "Q_"), **dict.fromkeys(TIMES, "u_")}
-    if unit in known:
-        return unit if role.startswith(known[str(unit)]) else None
-    return unit
 
 
 def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, int]:

@@ -8,13 +8,10 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from ..preprocessing._units import UNITS
-from .unit_names import unit_named, unit_text
+from .unit_names import ENERGY, unit_or_energy, unit_text
 
-#: units of energy: per row, or a counter that only rises; they become kW once the step is known
-ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6}
-#: spellings of energies and times, which no transformer converts
-_OTHER_UNITS = {name.lower(): name for name in ENERGY} | dict.fromkeys(("s", "sec", "seconds"), "s")
-_OTHER_UNITS |= dict.fromkeys(("min", "minutes"), "min")
+#: spellings of times that a plant ran
+_TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _ROOM = (
     r"\b(zone|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
     r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|salon|interno|habitacion"
@@ -68,8 +65,8 @@ def unit_in_name(name: str) -> str | None:
         text = first[1]
     if text is None:
         last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
-        text = last[1] if last and last[1].lower() in _OTHER_UNITS and len(last[1]) > 1 else None
-    return None if text is None else unit_named(text) or _OTHER_UNITS.get(text.lower())
+        text = last[1] if last and last[1].lower() in _TIMES and len(last[1]) > 1 else None
+    return None if text is None else unit_or_energy(text) or _TIMES.get(text.lower())
 
 
 def plain(name: str) -> str:

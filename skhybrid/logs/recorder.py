@@ -17,17 +17,12 @@ import pandas as pd
 
 from .entity_states import climate_roles, climate_values, even_grid, hold, some_of, states_to_numbers, utc_index
 from .raw_log import RawLog
-from .unit_names import unit_named
+from .unit_names import ENERGY, unit_named, unit_or_energy
 
-_ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3}
 _DOMAINS = ("sensor", "binary_sensor", "switch", "input_number", "number", "input_boolean", "climate", "weather", "fan")
 _FOR_STATISTICS = {"statistics": 3600.0, "statistics_short_term": 300.0}
-
-
 _IN_USE = "the database is in use: its newest rows may be missing."
 HELD_NOTE = "a value is held until the entity's next change, and missing while Home Assistant had none."
-
-
 _Changes = tuple[np.ndarray, np.ndarray]  # stamps [s] and values, (n,) each
 
 
@@ -90,7 +85,7 @@ def read_recorder(
 
 @contextmanager
 def _opened(file: Path) -> Iterator[tuple[sqlite3.Connection, list[str]]]:
-    """A connection that writes nothing, and notes; where the file is locked, without looking for locks."""
+    """A read-only connection, and notes; a locked file is read in spite of its lock."""
     address = f"file:{quote(str(file.resolve()))}?mode=ro"
     with file.open("rb") as stream:
         keeps_log = stream.read(20)[18:] == b"\x02\x02"
@@ -132,15 +127,13 @@ def _schema(database: sqlite3.Connection, tables: set[str]) -> _States:
     columns, seconds = _columns(database, "states"), _seconds_of(database, "states", "last_updated_ts", "last_updated")
     named = "states_meta" in tables and "metadata_id" in columns
     key = "metadata_id" if named else "entity_id"
-    entities = (
-        f"SELECT {'metadata_id, entity_id FROM states_meta' if named else 'DISTINCT entity_id, entity_id FROM states'}"
-    )
+    entities = "metadata_id, entity_id FROM states_meta" if named else "DISTINCT entity_id, entity_id FROM states"
     shared = "state_attributes" in tables and "attributes_id" in columns
     inline = "states.attributes" if "attributes" in columns else "NULL"
     attributes = f"coalesce(state_attributes.shared_attrs, {inline})" if shared else inline
     join = " LEFT JOIN state_attributes ON states.attributes_id = state_attributes.attributes_id" if shared else ""
-    rows = f"SELECT state, {seconds} AS stamp, {{}} FROM states{join} WHERE states.{key} = ? ORDER BY stamp"
-    return _States(entities, rows.replace("{}", attributes))
+    rows = f"state, {seconds} AS stamp, {attributes} FROM states{join} WHERE states.{key} = ? ORDER BY stamp"
+    return _States(f"SELECT {entities}", f"SELECT {rows}")
 
 
 def _read_states(
@@ -214,7 +207,7 @@ def _entity(
     if np.isfinite(values).sum() <= other:
         return {}, None
     unit = next((a.get("unit_of_measurement") for row in reversed(rows) if (a := _attributes([row[2]])[0])), None)
-    return {name: (stamps, values)}, unit_named(unit)
+    return {name: (stamps, values)}, unit_or_energy(unit)
 
 
 def _attributes(texts: list[str | None]) -> list[dict[str, Any] | None]:
@@ -282,10 +275,10 @@ def _read_statistics(
         rows = rows[np.isfinite(rows[:, 0])]
         if not len(rows):
             continue
-        values, factor = rows[:, 1], _ENERGY.get(str(unit))
+        values, factor = rows[:, 1], ENERGY.get(str(unit))
         if counts:
             grown = np.diff(rows[:, 3], prepend=np.nan)
-            grown[np.diff(rows[:, 0], prepend=np.nan) > 1.5 * length] = np.nan  # of more than one row
+            grown[np.diff(rows[:, 0], prepend=np.nan) > 1.5 * length] = np.nan  # the increase of several rows
             values = grown if factor is None else grown * factor * 3600.0 / length
         if np.isfinite(values).any():
             columns[name] = pd.Series(values, rows[:, 0]).groupby(level=0).last()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from .stamps import blocks, cell, localize, numbered_dates, parse_stamps, zone_of
+from .stamps import blocks, cell, numbered_dates, parse_stamps
 
 _USUAL_NAMES = re.compile(
     r"#?\s*(time ?stamps?|date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|"
@@ -96,20 +96,13 @@ def _kind(cells: pd.Series) -> str | None:
     return None
 
 
-def read_stamps(
-    cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str
-) -> tuple[pd.DatetimeIndex, list[str]]:
+def read_stamps(cells: pd.Series, dayfirst: bool | None, where: str) -> tuple[pd.DatetimeIndex, list[str]]:
     """Stamps of cells of any kind, and remarks on how they were read; ``cells`` are indexed by the rows of the file."""
     if pd.api.types.is_datetime64_any_dtype(cells):
-        stamps = pd.DatetimeIndex(cells)
-        if timezone is None:
-            return stamps, []
-        if stamps.tz is None:
-            return localize(stamps, timezone, cells.astype(str), where), []
-        return stamps.tz_convert(zone_of(timezone)), []
+        return pd.DatetimeIndex(cells), []
     numbers = pd.to_numeric(cells.iloc[:1000], errors="coerce")
     if cells.iloc[:1000].astype(str).str.fullmatch(_IS_EPOCH.pattern).all() and (numbers > 0).all():
-        return _from_epoch(cells, timezone, where)
+        return _from_epoch(cells, where)
     text, next_day = _plain(cells)
     notes = []
     if dayfirst is None and re.match(r"\d{1,2}\.\d{1,2}\.", text.iloc[0]):
@@ -117,10 +110,10 @@ def read_stamps(
     if dayfirst is None and (dayfirst := _day_first_by_order(text)) is not None:
         first = "day" if dayfirst else "month"
         notes.append(f"dates such as {cell(text.iloc[0])} are read with the {first} first")
-    return parse_stamps(text, timezone, dayfirst, where, next_day), notes
+    return parse_stamps(text, dayfirst, where, next_day), notes
 
 
-def _from_epoch(cells: pd.Series, timezone: str | None, where: str) -> tuple[pd.DatetimeIndex, list[str]]:
+def _from_epoch(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[str]]:
     numbers = pd.to_numeric(cells, errors="coerce")
     known = numbers.notna().to_numpy()
     if not known.all():
@@ -132,9 +125,7 @@ def _from_epoch(cells: pd.Series, timezone: str | None, where: str) -> tuple[pd.
     if not (ticks.abs() < 9e18).all():
         raise ValueError(f"{where} has time stamps beyond the year 2250; are they {unit} since 1970?")
     stamps = pd.DatetimeIndex(ticks.to_numpy(dtype=np.int64).astype("datetime64[ns]"), tz="UTC")
-    return (stamps if timezone is None else stamps.tz_convert(zone_of(timezone))), [
-        f"stamps are {unit} since 1970, UTC"
-    ]
+    return stamps, [f"stamps are {unit} since 1970, UTC"]
 
 
 def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
@@ -169,7 +160,7 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
 
 
 def _day_first_by_order(text: pd.Series) -> bool | None:
-    """Whether dates such as 01/02/2024 begin with the day, as the number that changes more often; None if unclear."""
+    """Whether dates such as 01/02/2024 begin with the day, which changes more often; None if unclear."""
     numbers = numbered_dates(text)
     if numbers.isna().any(axis=None) or (numbers > 12).any(axis=None) or len(numbers) < 2:
         return None

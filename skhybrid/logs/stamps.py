@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,11 @@ import pandas as pd
 from pandas.tseries.api import guess_datetime_format
 
 _USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
-_YEARS = (1700, 2250)  # a log of another year has a slip of the pen, and pandas cannot count its nanoseconds
+YEARS = (1700, 2250)  # another year is a slip of the pen, and its nanoseconds overflow
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _BLOCK = 50_000  # rows
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
+_ZONE_BY_NAME = "has time stamps with a zone by name; give an offset from UTC, or none."
 
 
 def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) -> str:
@@ -38,9 +40,9 @@ def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) 
 
 
 def parse_stamps(
-    cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str, next_day: np.ndarray | None = None
+    cells: pd.Series, dayfirst: bool | None, where: str, next_day: np.ndarray | None = None
 ) -> pd.DatetimeIndex:
-    """Time stamps of a log, in their own zone or in ``timezone``, else naive; unclear or impossible ones refused.
+    """Time stamps of a log, in their own zone or naive; unclear or impossible ones are refused.
 
     Rows of ``next_day`` are a day later than they say.
     """
@@ -66,10 +68,6 @@ def parse_stamps(
     stamps = pd.DatetimeIndex(parts[0].append(parts[1:]) if len(parts) > 1 else parts[0])
     if next_day is not None and next_day.any():
         stamps = pd.DatetimeIndex(stamps.where(~next_day, stamps + pd.Timedelta("1D")))
-    if not zoned.any():
-        return stamps if timezone is None else localize(stamps, timezone, text, where)
-    if timezone is not None:
-        return stamps.tz_convert(zone_of(timezone))
     return stamps.tz_convert(pd.Timestamp(form).tz) if len(offsets) == 1 else stamps
 
 
@@ -118,12 +116,14 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form
     failed = parsed.isna().to_numpy()
     if failed.any():
         row = int(np.argmax(failed))
+        if not absent[row] and re.search(r"\d\s*[A-Z]{3,5}$", text.iloc[row]):
+            raise ValueError(f"{where} {_ZONE_BY_NAME}")
         found = "is empty" if absent[row] else f"{cell(text.iloc[row])} is not a date and time"
         raise ValueError(
             f"row {line(text.index[row])} of {where}: the time stamp {found}; write it as 2024-01-31 13:45."
         )
     stamps = pd.DatetimeIndex(parsed)
-    strange = (stamps.year < _YEARS[0]) | (stamps.year > _YEARS[1])
+    strange = (stamps.year < YEARS[0]) | (stamps.year > YEARS[1])
     if strange.any():
         row = int(np.argmax(strange))
         raise ValueError(
@@ -139,7 +139,7 @@ def _to_stamps(text: pd.Series, utc: bool, form: str, day_first: bool, where: st
     except ValueError:
         stamps = text
     if not pd.api.types.is_datetime64_any_dtype(stamps) or (stamps.dt.tz is not None and not utc):  # zones by name
-        raise ValueError(f"{where} has time stamps with a zone by name; give an offset from UTC, or none.")
+        raise ValueError(f"{where} {_ZONE_BY_NAME}")
     return stamps
 
 
@@ -163,15 +163,26 @@ def zone_of(timezone: str) -> Any:
         raise ValueError(f"timezone={timezone!r} is unknown; write it as 'Europe/Amsterdam' or 'UTC'.") from error
 
 
-def localize(stamps: pd.DatetimeIndex, timezone: str, text: pd.Series, where: str) -> pd.DatetimeIndex:
+def in_zone(stamps: pd.DatetimeIndex, timezone: str | None, cells: pd.Series, where: str) -> pd.DatetimeIndex:
+    """Stamps in a zone, as they are without one; wall-clock stamps are localized, others converted."""
+    if timezone is None:
+        return stamps
+    if stamps.tz is None:
+        return localize(stamps, timezone, cells, where)
+    return stamps.tz_convert(zone_of(timezone))
+
+
+def localize(stamps: pd.DatetimeIndex, timezone: str, cells: pd.Series, where: str) -> pd.DatetimeIndex:
     """Localize wall-clock stamps; in the hour that occurs twice in autumn, the first pass is summer time."""
+    if stamps[0] > stamps[-1]:  # the newest row comes first
+        return localize(stamps[::-1], timezone, cells.iloc[::-1], where)[::-1]
     zone = zone_of(timezone)
     skipped = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT").isna()
     if skipped.any():
         row = int(np.argmax(skipped))
         raise ValueError(
-            f"row {line(text.index[row])} of {where}: {cell(text.iloc[row])} does not exist in {zone}, where daylight "
-            "saving skips that hour; is the log in standard time (timezone='Etc/GMT...') or UTC?"
+            f"row {line(cells.index[row])} of {where}: {cell(cells.iloc[row])} does not exist in {zone}, where "
+            "daylight saving skips that hour; is the log in standard time (timezone='Etc/GMT...') or UTC?"
         )
     repeated = stamps.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").isna()
     return stamps.tz_localize(zone, ambiguous=_is_first_pass(stamps, np.asarray(repeated)))

@@ -20,19 +20,20 @@ _SPELLINGS = {
     "kBtu/h": ("kbtu/h", "kbtu/hr", "kbtuh", "mbh"),
 }
 _UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+#: units of energy [kWh]: per row, or a counter that only rises; they become kW once the step is known
+ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6}
+_ENERGIES = {name.lower(): name for name in ENERGY}
 #: units that a unit line may hold and no channel is converted from
 _OTHERS = (
-    "kwh|wh|mwh|mw|ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|l/s|l/h|l/min|cfm|a|ma|v|mv|volts|hz|rpm|m/s|km/h|mph|mm|"
+    "mw|ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|l/s|l/h|l/min|cfm|a|ma|v|mv|volts|hz|rpm|m/s|km/h|mph|mm|"
     "s|sec|min|h|hr|%rh|rh|ts|rn|smp|avg|tot|std|max|none|units?|einheit|bool|enum|on/off|0/1"
 )
 _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?W/m(?:2|²|\^2)|percent|pct|k?W|k?Btu/?h|Celsius|"
-    r"Fahrenheit))\s*\Z"
+    r"Fahrenheit|(?i:[km]?wh|mj|kbtu)))\s*\Z"
 )
-
-
 _SYMBOLS = (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("⋅", ""), ("*", ""), ("⁻", "-"))
 
 
@@ -40,6 +41,11 @@ def unit_named(text: object) -> str | None:
     """The unit that a text such as "°F" or "[W/m²]" spells, in the words of ``UnitConverter``; None for another."""
     spelt = _plain(str(text))
     return _UNITS.get(spelt) or (None if spelt == "mW" else _UNITS.get(spelt.lower()))
+
+
+def unit_or_energy(text: object) -> str | None:
+    """The unit that a text spells, or one of :data:`ENERGY`; None for another."""
+    return unit_named(text) or _ENERGIES.get(_plain(str(text)).lower())
 
 
 def unit_text(name: str) -> str | None:
@@ -53,7 +59,7 @@ def unit_text(name: str) -> str | None:
 
 def is_unit(text: str) -> bool:
     """Whether a cell of a unit line is a unit."""
-    return unit_named(text) is not None or bool(_OTHER.match(_plain(text)))
+    return unit_or_energy(text) is not None or bool(_OTHER.match(_plain(text)))
 
 
 def _plain(text: str) -> str:

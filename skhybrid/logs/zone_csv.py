@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._table import role_of
 from ..preprocessing._units import conversion_of, convert
-from .stamps import cell, find_stamp_column, line, parse_stamps
+from .stamps import cell, find_stamp_column, in_zone, line, parse_stamps
 
 
 def read_zone_csv(
@@ -56,6 +56,8 @@ def read_zone_csv(
 
     Raises
     ------
+    FileNotFoundError
+        If there is no such file.
     ValueError
         If the file cannot be read with these settings; the message names the row and the column.
     """
@@ -66,11 +68,11 @@ def read_zone_csv(
     table = _read_cells(file, where, sep, decimal)
     stamp_column = find_stamp_column(table, time_column, where)
     chosen = _columns_by_role(table, columns, stamp_column, where)
-    if _runs_backwards(table[stamp_column]):
-        table = table[::-1]  # the index keeps the row numbers of the file, for messages
-    stamps = parse_stamps(table[stamp_column], timezone, dayfirst, where)
+    stamps = in_zone(parse_stamps(table[stamp_column], dayfirst, where), timezone, table[stamp_column], where)
     frame = pd.DataFrame({role: _to_numbers(table[column], column, where) for role, column in chosen.items()})
     frame.index = stamps.rename("time")
+    if stamps[0] > stamps[-1]:  # the newest row comes first
+        frame = frame[::-1]
     for role, unit in (units or {}).items():
         if role not in frame:
             raise ValueError(f"units= names {role!r}, which is not among the columns: {', '.join(map(repr, frame))}.")
@@ -86,6 +88,11 @@ def to_left_label(frame: pd.DataFrame) -> pd.DataFrame:
     ----------
     frame : DataFrame of at least two rows
         Columns by role at the stamps that end their intervals, each stamp once.
+
+    Returns
+    -------
+    DataFrame
+        Temperatures but for the last row's, joined with the means at the stamps that begin their intervals.
 
     Raises
     ------
@@ -163,9 +170,3 @@ def _to_numbers(column: pd.Series, name: str, where: str) -> np.ndarray:
             "empty if nothing was measured."
         )
     return numbers.to_numpy()
-
-
-def _runs_backwards(cells: pd.Series) -> bool:
-    """Whether the newest row comes first, judging by the first and the last row."""
-    ends = pd.to_datetime(cells.iloc[[0, -1]].astype(str), errors="coerce", utc=True, format="mixed")
-    return bool(ends.iloc[0] > ends.iloc[1])

@@ -64,7 +64,7 @@ def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> d
 
 
 def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
-    """Temperature of each zone: of columns that are named alike but for one word, the most."""
+    """Temperature column of each zone: the largest set of columns whose names differ in one word only."""
     alike: dict[tuple[str, ...], dict[str, str]] = defaultdict(dict)
     for name, unit in units.items():
         words = plain(name).split()
