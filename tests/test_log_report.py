@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.logs import LogReport, RawLog
+from skhybrid.logs import LogReport, RawLog, to_left_label
 from skhybrid.logs.conversion import Channel, channels_of, to_roles
 from skhybrid.logs.log_findings import (
     _skipped_hours,
@@ -120,6 +120,18 @@ def test_meters_become_kilowatts(frame):
     np.testing.assert_allclose(report.frame["Q_heat"].iloc[:-1], power.iloc[:-1], rtol=1e-9)
     per_row = LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": power * 0.25}))
     np.testing.assert_allclose(per_row.frame["Q_heat"], power)
+
+
+def test_power_of_a_meter_begins_at_its_reading_whatever_the_label(frame):
+    """Readings are of their stamps; only means have a label."""
+    power = pd.Series(np.where(frame.index.hour > 6, 4.0, 1.0), index=frame.index)
+    meter = (power * 0.25).cumsum().shift(fill_value=0.0).where(frame.index.minute == 0) + 17000.0
+    raw = RawLog(frame.iloc[:, :1].set_axis(["room"], axis=1).assign(meter=meter), "csv")
+    channels = channels_of(raw, {"T_za": "room", "Q_hvac": "meter"}, {"Q_hvac": "kWh"}, {})
+    left = to_roles(raw, channels)["Q_hvac"]
+    right = to_left_label(to_roles(raw, channels, "right"))["Q_hvac"]
+    assert left.notna().sum() == 239  # hours but for the last
+    pd.testing.assert_series_equal(right.reindex(left.index), left, check_freq=False)
 
 
 def test_a_meter_that_hardly_moves_is_a_counter(frame):

@@ -80,24 +80,25 @@ def fitting_unit(unit: str | None, role: str) -> str | None:
     return unit if role.startswith(prefix) else None
 
 
-def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
+def to_roles(raw: RawLog, channels: list[Channel], label: str = "left") -> pd.DataFrame:
     """Columns by role in the units of the data contract, at the stamps of the log.
 
     Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
-    contract does not have keeps its numbers.
+    contract does not have keeps its numbers.  With the ``label`` "right" a counter's power stands in the row that ends
+    it, as all other means do.
 
     Raises
     ------
     ValueError
         If a unit does not suit its role.
     """
-    return pd.DataFrame({c.role: _converted(raw, c) for c in channels}, index=raw.frame.index)
+    return pd.DataFrame({c.role: _converted(raw, c, label) for c in channels}, index=raw.frame.index)
 
 
-def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
+def _converted(raw: RawLog, channel: Channel, label: str) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
     if unit in ENERGY and channel.role.startswith("Q_"):
-        values = ENERGY[unit] * _mean_power(series)
+        values = ENERGY[unit] * _mean_power(series, label)
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
@@ -119,7 +120,7 @@ def is_counter(values: pd.Series) -> bool:
     return bool(slow or ((steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS))
 
 
-def _mean_power(energy: pd.Series) -> np.ndarray:
+def _mean_power(energy: pd.Series, label: str) -> np.ndarray:
     """Energy per row, or a counter, as mean power over each row: energy unit per hour."""
     if not is_counter(energy):
         return energy.to_numpy(dtype=np.float64) / row_hours(energy)
@@ -128,7 +129,8 @@ def _mean_power(energy: pd.Series) -> np.ndarray:
     hours = np.append(_hours_between(known), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         power = pd.Series(np.where(used < 0.0, np.nan, used / hours), index=known.index)
-    return power[~power.index.duplicated()].reindex(energy.index).to_numpy()
+    power = power[~power.index.duplicated()].reindex(energy.index)
+    return (power.shift() if label == "right" else power).to_numpy()
 
 
 def row_hours(values: pd.Series) -> float:

@@ -101,7 +101,7 @@ def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.Data
         columns[SETPOINT] = wanted
     raw = read_raw_log(path, settings)
     channels = channels_of(raw, columns, settings.units, settings.scale)
-    frame = plant_heat(to_roles(raw, _with_setpoint_units(channels, raw)), settings)
+    frame = plant_heat(to_roles(raw, _with_setpoint_units(channels, raw), settings.label), settings)
     _refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
