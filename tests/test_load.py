@@ -282,6 +282,7 @@ def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
     ("setpoint", "limits", "message"),
     [
         (np.full(95, 21.0), None, "setpoint has shape .95,., but X has 96 rows"),
+        (None, None, "setpoint=None holds nothing"),
         (np.nan, None, "setpoint contains NaN or inf .first at 2023-11-20 00:00"),
         ((24.0, 21.0), None, "the heating set-point is above the cooling one .first at 2023-11-20"),
         ((np.full(3, 21.0), 24.0), None, "the heating set-point has shape .3,."),

@@ -22,6 +22,7 @@ from skhybrid.hybrid.blending.members import DailyProfileMember
 from skhybrid.hybrid.blending.numbered_table import NumberedTable
 from skhybrid.hybrid.blending.rolling_blend import BlendRecord, RollingBlend, residual_correction
 from skhybrid.hybrid.plausible_range import PlausibleRange
+from skhybrid.hybrid.schedule_predictor import make_schedule_scheme
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.schedule import NumberedSegment, RollingNetwork, fit_leads, loads, make_segment
@@ -776,3 +777,7 @@ def test_stages_give_the_heat_that_is_asked_of_them(fitted, X):
         heat = heat + coef[name] * 6.0 * bend
     assert (load["u_heat"] > 0.1).any()
     np.testing.assert_allclose(heat, load["Q_hvac"], atol=1e-6)
+
+
+def test_a_capacity_of_none_is_not_known():
+    assert make_schedule_scheme(None, {"Q_h": 6.0, "Q_c": None}, "1D", None, "forecast").known == {"Q_h": 6.0}

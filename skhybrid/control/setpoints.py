@@ -35,6 +35,8 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     """
     if isinstance(setpoint, Band):
         return setpoint
+    if setpoint is None:
+        raise ValueError("setpoint=None holds nothing; give a temperature, or a heating and a cooling set-point.")
     sides: Sequence[Any]
     if isinstance(setpoint, pd.DataFrame):
         sides = _columns(setpoint)

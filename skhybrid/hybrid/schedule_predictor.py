@@ -139,4 +139,4 @@ def _capacities(known: dict[str, float]) -> dict[str, float]:
                 f"known= gives {name!r}, but the schedule model takes capacities such as 'Q_h' only; give a gray_box "
                 "to fix other parameters of a network."
             )
-    return known
+    return {name: value for name, value in known.items() if value is not None}
