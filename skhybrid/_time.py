@@ -234,14 +234,16 @@ _joined: OrderedDict[Hashable, Stamps] = OrderedDict()
 
 
 def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
-    """The stamps of tables that follow each other as one."""
+    """The stamps of tables that follow each other as one, shown in the time zone of the last."""
+    zone = getattr(parts[-1].shown, "tz", None)
+    parts = [part._replace(shown=_in_zone(part.shown, zone)) for part in parts]
     if any(part.utc is None for part in parts):
         return Stamps(_joined_index([p.shown for p in parts]), _joined_index([p.time for p in parts]), None)
-    (shown, time, utc), end, n_rows = parts[0], parts[-1].utc, sum(len(part.time) for part in parts)
-    assert utc is not None
-    assert end is not None
-    kind = shown.dtype, shown.name, time.unit, utc.unit
-    key = (*kind, utc.asi8[:1].tobytes(), time.asi8[:1].tobytes(), end.asi8[-1:].tobytes(), n_rows)
+    first, last, n_rows = parts[0], parts[-1], sum(len(part.time) for part in parts)
+    kinds = tuple(dict.fromkeys((p.shown.dtype, p.shown.name, p.time.unit, getattr(p.utc, "unit", "")) for p in parts))
+    begins = [stamps.asi8[:1].tobytes() for stamps in (first.utc, first.time) if stamps is not None]
+    ends = [stamps.asi8[-1:].tobytes() for stamps in (last.utc, last.time) if stamps is not None]
+    key = (kinds, n_rows, *begins, *ends)
     found = _joined.get(key)
     if found is None:
         found = Stamps(*(_joined_index(list(part)) for part in zip(*parts, strict=True)))
@@ -250,6 +252,12 @@ def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
             while len(_joined) > _MOST_JOINED:
                 _joined.popitem(last=False)
     return found
+
+
+def _in_zone(shown: pd.Index, zone: Any) -> pd.Index:
+    """Stamps in a time zone; those without a zone of their own stay as they are."""
+    own = getattr(shown, "tz", None)
+    return shown if zone is None or own is None or own == zone else shown.tz_convert(zone)
 
 
 def _joined_index(parts: Sequence[Any]) -> Any:
