@@ -44,14 +44,11 @@ def read_index(
         raise ValueError(f"the index holds NaT at row {int(np.argmax(index.isna()))}; every row needs a time stamp.")
     utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
     breaks = segments(utc) if gaps and len(utc) > 1 else (0,)
-    if len(breaks) > 1:
-        parts = [slice(a, b) for a, b in zip(breaks, (*breaks[1:], None), strict=True)]
-        step = min(even_step(utc[part], index[part]) for part in parts)
-    else:
-        known = even_step(utc, index) if len(utc) > 1 else given or expected
-        if known is None:
-            raise ValueError(f"the step of X is unknown, since it has {len(utc)} row(s); pass sampling_time='15min'.")
-        step = known
+    first = slice(breaks[1] if len(breaks) > 1 else None)  # all segments have its step
+    known = even_step(utc[first], index[first]) if len(utc) > 1 else given or expected
+    if known is None:
+        raise ValueError(f"the step of X is unknown, since it has {len(utc)} row(s); pass sampling_time='15min'.")
+    step = known
     if given is not None and step != given:
         raise ValueError(
             f"the index steps by {spell(step)}, but sampling_time={spell(given)} was given; drop the argument or "

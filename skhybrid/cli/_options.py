@@ -14,7 +14,12 @@ import click
 from ._output import DONE, FAILED, Progress, one_line
 
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
-CONFIG = click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help="How the log is read.")
+CONFIG = click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    metavar="zone.toml",
+    help="How the log is read; skhybrid check LOG --config zone.toml proposes it.",
+)
 SETPOINT = click.option(
     "--setpoint",
     multiple=True,

@@ -38,7 +38,7 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
 @as_command("tick", "skhybrid zone tick kitchen --log thermostat.csv --weather tomorrow.json --setpoint 21,24")
 @_DIR
 @_LOG
-@click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
+@click.option("--weather", type=click.Path(path_type=Path), help="Weather to come: CSV, EPW, or Open-Meteo's forecast JSON.")
 @SETPOINT
 @click.option(
     "--refit-after",
