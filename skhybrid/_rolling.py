@@ -32,7 +32,7 @@ def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
 
 
 class RollingForecastMixin(SummaryMixin, RegressorMixin):
-    """``predict`` and its kin; a subclass sets ``horizon`` and ``_tail``, and implements the hooks."""
+    """``predict``, ``predict_from`` and ``score``; a subclass sets ``horizon`` and ``_tail``, and has the hooks."""
 
     horizon: Any
     _tail: ZoneTable

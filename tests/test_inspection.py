@@ -178,6 +178,14 @@ def test_the_week_is_by_local_hours():
     assert _legend(display.ax_) == ["10 to 90 % of the weeks", "median estimate", "truth (mean)"]
 
 
+def test_hours_of_the_week_that_were_never_seen_stay_empty():
+    for step in ("15min", "3h"):
+        index = pd.date_range("2024-01-01", "2024-01-02 23:59", freq=step)  # a Monday and a Tuesday
+        week = DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=index)).week
+        assert (week["median"].iloc[:49] == 1.0).all()
+        assert week["median"].iloc[49:].isna().all()
+
+
 def test_the_week_of_an_estimator_reads_its_gray_box(table):
     class GrayBox:
         feature_names_in_ = np.array(["T_za", "T_oa"], dtype=object)

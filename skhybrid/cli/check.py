@@ -13,7 +13,10 @@ from ._output import DONE, Progress
 @as_command("check", "skhybrid check thermostat.csv --config zone.toml")
 @LOG
 @click.option(
-    "--config", type=click.Path(path_type=Path), metavar="zone.toml", help="Configuration to write, or to use where it exists."
+    "--config",
+    type=click.Path(path_type=Path),
+    metavar="zone.toml",
+    help="Configuration to write, or to use where it exists.",
 )
 @click.option("--format", "format_", help="Format of the log, if its content does not show it.")
 @click.option("--timezone", help="Zone of stamps without an offset, such as Europe/Amsterdam.")
