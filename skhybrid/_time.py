@@ -251,7 +251,7 @@ def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
     return found
 
 
-def _in_zone(shown: pd.Index, zone: Any) -> pd.Index:
+def _in_zone(shown: Any, zone: Any) -> pd.Index:
     """Stamps in a time zone; those without a zone of their own stay as they are."""
     own = getattr(shown, "tz", None)
     return shown if zone is None or own is None or own == zone else shown.tz_convert(zone)
