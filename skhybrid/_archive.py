@@ -33,7 +33,7 @@ _LOADERS = {
 _POOL_SIZE = "4"  # of every seed sequence; NumPy allocates what a file says
 
 
-def is_tight(body: bytes) -> bool:
+def unpacks_too_large(body: bytes) -> bool:
     """Whether an archive unpacks to more than a model file may; one that is not compressed never does."""
     with zipfile.ZipFile(io.BytesIO(body)) as archive:
         return _unpacked(archive) > _most_unpacked(body)

@@ -233,7 +233,7 @@ def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
 
 
 def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
-    """A frame with 0 where the columns ``names`` are absent or missing to the end, and the first row of that."""
+    """A frame whose columns ``names`` are 0 where they are absent or missing to the end, and the first such row."""
     if not isinstance(X, pd.DataFrame) or not X.columns.is_unique:
         return X, np.inf
     filled, n_known = X.copy(deep=False), np.inf

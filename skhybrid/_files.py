@@ -12,7 +12,7 @@ from pathlib import Path
 
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Path of a temporary file that replaces ``path`` if the block ends without an error, and else is removed.
+    """Path of a temporary file, which replaces ``path`` when the block ends and is removed if it fails.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ def unfold(found: Any) -> Any:
         raise ValueError("it was not written by save_model")
     array, values = found["text"], found["values"]
     if not isinstance(array, np.ndarray) or array.dtype != np.uint8 or type(values) is not list:
-        raise ValueError("its text is none")
+        raise ValueError("its text is not an array of bytes, or its values are not a list")
     text = array.tobytes()
     if len(text) > _MOST_BYTES or sum(text.count(mark) for mark in (b"{", b"[", b",")) > _MOST_PARTS:
         raise ValueError(f"it has more than {_MOST_PARTS:,} parts")

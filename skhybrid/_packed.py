@@ -29,7 +29,7 @@ def pack(value: np.ndarray) -> tuple[str, dict[str, Any]] | None:
 def unpack(kind: str, parts: dict[str, Any]) -> np.ndarray:
     """The array that was packed."""
     if not all(isinstance(parts[name], np.ndarray) for name in ("planes", "half") if name in parts):
-        raise ValueError("the values of an array are none")  # an index would be unfolded
+        raise ValueError("the values of a packed array are not an array")  # an index would be unfolded
     if kind == "planes":
         return np.ascontiguousarray(parts["planes"].T).view(np.float64).reshape(parts["shape"])
     half = parts["half"]

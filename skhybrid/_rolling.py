@@ -13,7 +13,7 @@ from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from ._summary import SummaryMixin
-from ._table import ZoneTable, append_tables, as_numbers, fill_ahead, read_target, refuse_gap, refuse_other_clock
+from ._table import ZoneTable, append_tables, fill_ahead, read_targets, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 
@@ -27,16 +27,15 @@ def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
     if not rows.size:
         rows = rows.astype(np.int64)
     if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < -n_before).any() or (rows >= n_rows).any():
-        raise ValueError(f"origins must be row numbers of X, from 0 to {n_rows - 1}.")
+        raise ValueError(f"origins must be row numbers of X, from {-n_before} to {n_rows - 1}.")
     return rows.astype(np.int64)
 
 
 class RollingForecastMixin(SummaryMixin, RegressorMixin):
-    """``predict`` and its kin; a subclass sets ``horizon`` and ``_tail``, and implements the hooks."""
+    """``predict``, ``predict_from`` and ``score``; a subclass sets ``horizon`` and ``_tail``, and has the hooks."""
 
     horizon: Any
     _tail: ZoneTable
-    _target_role = "T_za"
     _reads_clock = True  # whether forecasts depend on the hour of the day
 
     def _read_X(self, X: Any) -> ZoneTable:
@@ -109,16 +108,14 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-        y : array-like of shape (n_samples,)
-            Measured values, NaN where missing.
+        y : array-like of shape (n_samples,) or (n_samples, n_measured)
+            Measured values, NaN where missing; several columns of a frame are found by role.
         sample_weight : array-like of shape (n_samples,), optional
         """
         check_is_fitted(self)
         table = self._read_X(X)
         predicted = self.predict(table)
-        if predicted.ndim == 1:
-            y = read_target(y, table, max_missing=1.0, role=self._target_role)
-        measured = as_numbers(y, "y").reshape(predicted.shape)
+        measured = read_targets(y, table, self._past_roles(), max_missing=1.0)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))

@@ -39,7 +39,7 @@ class TrainingRecord:
 
     @classmethod
     def of(cls, table: ZoneTable, latest: ZoneTable | None = None) -> TrainingRecord:
-        """Of a table, or of all even rows from its first to the last of ``latest``."""
+        """The record of a table, or of all rows from its first to the last of ``latest``."""
         versions = {"skhybrid": __version__, "scikit-learn": sklearn.__version__, "numpy": np.__version__}
         parts = [table] if latest is None else [table, latest]
         ranges = {

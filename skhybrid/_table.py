@@ -45,7 +45,7 @@ from ._target import refuse_order as refuse_order
 from ._target import refuse_other_quantity, refuse_target_among
 from ._time import Stamps, clock_of_training, joined_stamps, read_index, spell
 
-#: hours at the most that it gave, below which a plant hardly ran
+#: full-load hours below which a plant hardly ran
 _FEW_HOURS = 1.0
 
 
@@ -94,7 +94,7 @@ class ZoneTable:
         return self.history.get(role, np.full(self.n_rows, np.nan))
 
     def hours_run(self, role: str) -> float:
-        """Hours that a plant ran, counted at the most that it gave."""
+        """Full-load hours of a plant, whose full load is the most that it gave [h]."""
         away = np.abs(self.inputs[role])
         most = float(away.max(initial=0.0))
         return float(away.sum()) / most * self.step_hours if most > 0.0 else 0.0

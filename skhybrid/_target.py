@@ -9,9 +9,9 @@ import pandas as pd
 
 #: largest usual difference between the history in X and y [degC]: two sensors of one zone
 _MOST_APART = 5.0
-#: rows from which on what two columns have in common is no chance
+#: rows from which on it is no coincidence how alike two columns are
 _ENOUGH_ROWS = 24
-#: different values from which on an input that is y is no chance
+#: distinct values from which on it is no coincidence that an input equals y
 _ENOUGH_VALUES = 5
 
 

@@ -17,7 +17,7 @@ def _controller() -> ThreadpoolController:
 
 
 def one_blas_thread(method: _Method) -> _Method:
-    """Run a method with one BLAS thread: faster for small matrices, and the last bits depend on their number."""
+    """Run a method with one BLAS thread: faster for small matrices, and its last bits depend on no thread count."""
 
     @wraps(method)
     def limited(*args: Any, **kwargs: Any) -> Any:

@@ -44,14 +44,11 @@ def read_index(
         raise ValueError(f"the index holds NaT at row {int(np.argmax(index.isna()))}; every row needs a time stamp.")
     utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
     breaks = segments(utc) if gaps and len(utc) > 1 else (0,)
-    if len(breaks) > 1:
-        parts = [slice(a, b) for a, b in zip(breaks, (*breaks[1:], None), strict=True)]
-        step = min(even_step(utc[part], index[part]) for part in parts)
-    else:
-        known = even_step(utc, index) if len(utc) > 1 else given or expected
-        if known is None:
-            raise ValueError(f"the step of X is unknown, since it has {len(utc)} row(s); pass sampling_time='15min'.")
-        step = known
+    first = slice(breaks[1] if len(breaks) > 1 else None)  # all segments have its step
+    known = even_step(utc[first], index[first]) if len(utc) > 1 else given or expected
+    if known is None:
+        raise ValueError(f"the step of X is unknown, since it has {len(utc)} row(s); pass sampling_time='15min'.")
+    step = known
     if given is not None and step != given:
         raise ValueError(
             f"the index steps by {spell(step)}, but sampling_time={spell(given)} was given; drop the argument or "
@@ -234,14 +231,16 @@ _joined: OrderedDict[Hashable, Stamps] = OrderedDict()
 
 
 def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
-    """The stamps of tables that follow each other as one."""
+    """The stamps of tables that follow each other as one, shown in the time zone of the last."""
+    zone = getattr(parts[-1].shown, "tz", None)
+    parts = [part._replace(shown=_in_zone(part.shown, zone)) for part in parts]
     if any(part.utc is None for part in parts):
         return Stamps(_joined_index([p.shown for p in parts]), _joined_index([p.time for p in parts]), None)
-    (shown, time, utc), end, n_rows = parts[0], parts[-1].utc, sum(len(part.time) for part in parts)
-    assert utc is not None
-    assert end is not None
-    kind = shown.dtype, shown.name, time.unit, utc.unit
-    key = (*kind, utc.asi8[:1].tobytes(), time.asi8[:1].tobytes(), end.asi8[-1:].tobytes(), n_rows)
+    first, last, n_rows = parts[0], parts[-1], sum(len(part.time) for part in parts)
+    kinds = tuple(dict.fromkeys((p.shown.dtype, p.shown.name, p.time.unit, getattr(p.utc, "unit", "")) for p in parts))
+    begins = [stamps.asi8[:1].tobytes() for stamps in (first.utc, first.time) if stamps is not None]
+    ends = [stamps.asi8[-1:].tobytes() for stamps in (last.utc, last.time) if stamps is not None]
+    key = (kinds, n_rows, *begins, *ends)
     found = _joined.get(key)
     if found is None:
         found = Stamps(*(_joined_index(list(part)) for part in zip(*parts, strict=True)))
@@ -250,6 +249,12 @@ def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
             while len(_joined) > _MOST_JOINED:
                 _joined.popitem(last=False)
     return found
+
+
+def _in_zone(shown: Any, zone: Any) -> pd.Index:
+    """Stamps in a time zone; those without a zone of their own stay as they are."""
+    own = getattr(shown, "tz", None)
+    return shown if zone is None or own is None or own == zone else shown.tz_convert(zone)
 
 
 def _joined_index(parts: Sequence[Any]) -> Any:

@@ -20,7 +20,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
-from ._archive import MOST_BYTES, check_archive, is_tight
+from ._archive import MOST_BYTES, check_archive, unpacks_too_large
 from ._files import atomic_path
 from ._folded import MARK, fold, unfold
 from ._packed import pack, unpack
@@ -65,8 +65,12 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
 
     Raises
     ------
+    sklearn.exceptions.NotFittedError
+        If it is not fitted.
     TypeError
         If it contains an object that cannot be written as data, such as a lambda.
+    OSError
+        If the file cannot be written.
     """
     if not is_dataclass(estimator):  # a value, such as a FleetPrior, is what it is
         check_is_fitted(estimator)
@@ -77,7 +81,7 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
             data = {"model": data, "metadata": {str(k): str(v) for k, v in metadata.items()}}
         data = fold(data)
         body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=6)
-        if is_tight(body):  # load_model refuses what looks like a bomb
+        if unpacks_too_large(body):  # load_model refuses what looks like a bomb
             body = io.dumps(data)
     except (AttributeError, NotImplementedError, TypeError) as error:
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error}") from error
@@ -105,6 +109,8 @@ def load_model(path: str | os.PathLike[str]) -> Any:
 
     Raises
     ------
+    FileNotFoundError
+        If there is no file.
     skhybrid.exceptions.ModelFileError
         If the file is truncated, altered, from another version (major.minor), or not a model file.
     """
@@ -120,7 +126,7 @@ def load_metadata(path: str | os.PathLike[str]) -> dict[str, str]:
 
     Raises
     ------
-    skhybrid.exceptions.ModelFileError
+    FileNotFoundError, skhybrid.exceptions.ModelFileError
         As :func:`load_model`.
     """
     return load_model_and_metadata(path)[1]
@@ -135,7 +141,7 @@ def load_model_and_metadata(path: str | os.PathLike[str]) -> tuple[Any, dict[str
 
     Raises
     ------
-    skhybrid.exceptions.ModelFileError
+    FileNotFoundError, skhybrid.exceptions.ModelFileError
         As :func:`load_model`.
     """
     version, digest, body = _read(path)

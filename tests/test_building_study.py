@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -182,6 +183,11 @@ def test_rooms_are_placed_by_who_is_next_to_whom():
     assert widths[0] > widths[2]
     with pytest.raises(ValueError, match="couplings name the zone 'e'"):
         RoomMapDisplay.from_predictions({("a", "e"): None}, {"a": 0.5})
+    alone = RoomMapDisplay.from_predictions({}, {"a": 0.5})
+    assert {text.get_text() for text in alone.ax_.texts} == {"a\n0.50 K"}
+    building = SimpleNamespace(zones_=["a", "b"], coupled_={})
+    with pytest.raises(ValueError, match="errors name the zone 'B', but there are a, b"):
+        RoomMapDisplay.from_estimator(building, errors={"a": 0.5, "B": 0.5})
 
 
 # ----------------------------------------------------------------------------------------- a zone folder and its server

@@ -686,6 +686,14 @@ def test_a_configuration_that_is_there_is_used_and_kept(files, capsys):
     assert settings_from(tomllib.loads((files / "zone.toml").read_text())).columns["T_za"] == "room_temp"
 
 
+@pytest.mark.parametrize("option", [["--timezone", "Europe/Berlin"], ["--format", "csv"]])
+def test_options_that_a_configuration_would_overrule_are_refused(option, files, capsys):
+    given = ["check", str(files / "log.csv"), "--config", str(files / "zone.toml"), *option]
+    assert main(given) == 2
+    assert f"correct it, without {option[0]}" in capsys.readouterr().err
+    assert main([*given, "--overwrite"]) == 0
+
+
 def test_the_columns_of_real_logs_are_found(shared_data):
     home = tomllib.loads(propose_settings(shared_data / "dutch_home_2.csv"))
     assert home["columns"] == {

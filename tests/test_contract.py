@@ -998,3 +998,14 @@ def test_joined_stamps_are_those_of_pandas(unit):
         assert joined_stamps(parts).time is found.time, "zones on one clock share them"
     numbers = [Stamps(pd.RangeIndex(k, k + 2), start[k : k + 2], None) for k in (0, 2)]
     assert list(joined_stamps(numbers).shown) == [0, 1, 2, 3]
+
+
+def test_joined_stamps_have_the_zone_of_the_last_table():
+    """Whichever zones the same instants were joined in before."""
+    utc = pd.date_range("2024-03-30 20:00", periods=40, freq="30min", tz="UTC")
+    berlin = utc.tz_convert("Europe/Berlin")
+    local = berlin.tz_localize(None)
+    for index in (utc, berlin, utc):
+        joined = joined_stamps([Stamps(berlin[:8], local[:8], utc[:8]), Stamps(index[8:], local[8:], utc[8:])])
+        assert joined.shown.equals(index)
+        assert joined.shown.dtype == index.dtype

@@ -146,6 +146,8 @@ def test_export_from_the_command_line(office, tmp_path, capsys):
     written = said["runtime_parameters"]["def_load_config"][0]["thermal_config"]
     assert written["heating_rate"] == pytest.approx(said["values"]["heating_rate"]["value"], rel=1e-3)
     assert said["values"]["heating_rate"]["std"] > 0.0
+    assert main(["export", "emhass", log, "--config", config, "--log", str(tmp_path / "other.csv")]) == 2
+    assert "is a log itself" in capsys.readouterr().err
     predictor = HybridPredictor(intervals=False).fit(office.X[:480], office.y[:480])
     ZoneModel(predictor, read_settings(config)).save(model)
     assert main(["export", "emhass", model]) == 1

@@ -20,6 +20,7 @@ from skhybrid.inspection import (
     ScheduleDisplay,
 )
 from skhybrid.inspection.unshown_figure import blank_axes
+from skhybrid.inspection.zone_panels import weeks_figure
 from skhybrid.model_selection import backtest
 
 INDEX = pd.date_range("2024-01-01", periods=6 * 24, freq="1h", tz="Europe/Amsterdam")
@@ -176,6 +177,23 @@ def test_the_week_is_by_local_hours():
     np.testing.assert_allclose(week["truth"], week["median"] + 1)
     assert display.ax_.get_ylabel() == "unmeasured heat [kW]"
     assert _legend(display.ax_) == ["10 to 90 % of the weeks", "median estimate", "truth (mean)"]
+
+
+@pytest.mark.parametrize("n_zones", [1, 2, 3])
+def test_the_weeks_have_a_panel_per_zone(n_zones):
+    time = pd.date_range("2024-01-01", periods=24, freq="1h")
+    known = {"origin": time[0], "lead": time - time[0], "time": time, "y_true": 20.0, "y_pred": 20.5}
+    frame = pd.concat([pd.DataFrame({"zone": f"zone {number}", **known}) for number in range(n_zones)])
+    figure = weeks_figure({"hybrid": frame}, pd.Timedelta("2D"))
+    assert [ax.get_ylabel() for ax in figure.axes if ax.axison] == [f"zone {n} [degC]" for n in range(n_zones)]
+
+
+def test_hours_of_the_week_that_were_never_seen_stay_empty():
+    for step in ("15min", "3h"):
+        index = pd.date_range("2024-01-01", "2024-01-02 23:59", freq=step)  # a Monday and a Tuesday
+        week = DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=index)).week
+        assert (week["median"].iloc[:49] == 1.0).all()
+        assert week["median"].iloc[49:].isna().all()
 
 
 def test_the_week_of_an_estimator_reads_its_gray_box(table):

@@ -591,7 +591,7 @@ def test_the_posterior_is_drawn_term_by_term(regression):
 
 def test_the_robustness_is_drawn_in_order_of_medians(comparison):
     display = RobustnessDisplay.from_estimator(comparison)
-    left, right = display.axes_
+    left, right = display.ax_
     assert [label.get_text() for label in left.get_yticklabels()] == list(comparison.probability_.index)
     assert "RMSE over sizes [K]" in left.get_xlabel()
     faces = [patch.get_facecolor()[:3] for patch in left.patches]
@@ -600,4 +600,4 @@ def test_the_robustness_is_drawn_in_order_of_medians(comparison):
     worst = comparison.probability_.index[-1]
     assert f"{comparison.probability_[worst]:.3f}" in {text.get_text() for text in right.texts}
     few = RobustnessDisplay.from_estimator(comparison, n_cases=2)
-    assert len(few.axes_[0].patches) == 2
+    assert len(few.ax_[0].patches) == 2

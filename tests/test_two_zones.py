@@ -71,6 +71,17 @@ def test_predictions_have_a_column_a_room(rooms):
     assert model.score(X[: len(X) // 2], rooms["X"][OUTPUTS][: len(X) // 2]) < 1.0
 
 
+def test_a_score_finds_the_rooms_by_name(rooms):
+    model, X = rooms["model"], rooms["X"][:192]
+    expected = model.score(X, X[OUTPUTS])
+    assert model.score(X, X[OUTPUTS[::-1]]) == expected
+    assert model.score(X, X[OUTPUTS].to_numpy()) == expected
+    with pytest.raises(ValueError, match="several temperatures are measured"):
+        model.score(X, X[OUTPUTS].to_numpy().T)
+    with pytest.raises(ValueError, match="different time stamps"):
+        model.score(X, X[OUTPUTS].iloc[::-1])
+
+
 @pytest.mark.parametrize("measured", [False, True])
 def test_a_plan_for_several_rooms(rooms, measured):
     """Free response and gain have one more axis; so has the state-space model's output."""

@@ -14,11 +14,19 @@ import click
 from ._output import DONE, FAILED, Progress, one_line
 
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
-CONFIG = click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help="How the log is read.")
+CONFIG = click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    metavar="zone.toml",
+    help="How the log is read; skhybrid check LOG --config zone.toml proposes it.",
+)
 SETPOINT = click.option(
     "--setpoint",
     multiple=True,
     help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24; of one zone of several: hall:21,24.",
+)
+WEATHER = click.option(
+    "--weather", type=click.Path(path_type=Path), help="Weather to come: CSV, EPW, or Open-Meteo's forecast JSON."
 )
 HELP_NAMES = {"help_option_names": ["-h", "--help"]}
 MODEL = click.option(

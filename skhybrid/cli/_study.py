@@ -51,23 +51,19 @@ def print_result(result: StudyResult | BuildingResult, progress: Progress, writt
     """Print the warnings, the verdicts and the comparison of a study, and what was written; the exit code."""
     for text in result.warnings:
         progress.warn(text)
+    if as_json:
+        print(building_metrics(result) if isinstance(result, BuildingResult) else metrics_text(result))
+        return DONE
     if isinstance(result, BuildingResult):
-        lines = (
-            [building_metrics(result)] if as_json else [*map(str, verdicts_by_zone(result)), "", format_zones(result)]
-        )
-    elif as_json:
-        lines = [metrics_text(result)]
+        lines = [*map(str, verdicts_by_zone(result)), "", format_zones(result)]
     else:
         lines = [*map(str, result.verdicts), "", format_table(result.table, scaled=result.scaled)]
-    print("\n".join(lines))
-    if as_json:
-        return DONE
-    print(f"\n{written}")
+    print("\n".join([*lines, "", written]))
     return DONE
 
 
 def refuse_unwritable(out: Path, kind: str = "folder") -> None:
-    """Refuse a folder, or a file, before minutes of work, not after them."""
+    """Refuse ``--out``, a folder or a file, that cannot be written to, before minutes of work and not after them."""
     if out.exists() and out.is_dir() != (kind == "folder"):
         raise ValueError(f"--out {out} is a {'file' if kind == 'folder' else 'folder'}; give a {kind}.")
     nearest = next(p for p in out.absolute().parents if p.exists())

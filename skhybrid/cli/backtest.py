@@ -25,7 +25,10 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     from ..study import read_log, split_log
     from ..zone.building_backtest import backtest_building
     from ..zone.zone_backtest import backtest_zone
+    from ._study import refuse_unwritable
 
+    if out is not None:
+        refuse_unwritable(out, "file")
     frame, _ = read_log(log, settings)
     if settings.zones:
         found = backtest_building(settings, frame, say)

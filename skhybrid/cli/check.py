@@ -13,11 +13,14 @@ from ._output import DONE, Progress
 @as_command("check", "skhybrid check thermostat.csv --config zone.toml")
 @LOG
 @click.option(
-    "--config", type=click.Path(path_type=Path), metavar="zone.toml", help="Configuration to propose, or to use."
+    "--config",
+    type=click.Path(path_type=Path),
+    metavar="zone.toml",
+    help="Configuration to write, or to use where it exists.",
 )
 @click.option("--format", "format_", help="Format of the log, if its content does not show it.")
 @click.option("--timezone", help="Zone of stamps without an offset, such as Europe/Amsterdam.")
-@click.option("--overwrite", is_flag=True, help="Replace a configuration that is there.")
+@click.option("--overwrite", is_flag=True, help="Replace a configuration that exists.")
 def command(
     log: str,
     config: Path | None,
@@ -29,11 +32,15 @@ def command(
 ) -> int:
     """Show what a log holds, before anything is fitted.
 
-    That is columns, units, gaps and sensors, and what can be learned.
+    It lists columns, units, gaps and sensors, and says what can be learned.
 
-    With --config, a configuration is proposed there; what could not be found is a comment in it.  A configuration that
-    is there already is used, and left as it is.
+    With --config, a configuration is written there; what could not be found is a comment in it.  A configuration that
+    exists is used instead, and left as it is.
     """
+    if config is not None and config.exists() and not overwrite:
+        overruled = [name for name, value in (("--format", format_), ("--timezone", timezone)) if value is not None]
+        if overruled:
+            raise click.UsageError(f"{config} exists and says how the log is read: correct it, without {overruled[0]}")
     # imported here so that --help need not wait for it
     from .._files import atomic_path
     from ..logs import LogReport

@@ -21,7 +21,13 @@ from ._output import DONE, Progress
     metavar="LOG",
     help="Log to identify on, where a model file or a zone's folder is given.",
 )
-@click.option("--sense", type=click.Choice(["heat", "cool"]), default="heat", show_default=True)
+@click.option(
+    "--sense",
+    type=click.Choice(["heat", "cool"]),
+    default="heat",
+    show_default=True,
+    help="Whether the load heats or cools.",
+)
 @click.option(
     "--block",
     type=click.Choice(["thermal_config", "thermal_battery"]),
@@ -33,7 +39,7 @@ from ._output import DONE, Progress
     "--step", type=click.FloatRange(1), default=30, show_default=True, metavar="MINUTES", help="EMHASS's time step."
 )
 @click.option(
-    "--hours", type=float, default=6.0, show_default=True, help="How long heating goes on or off at a stretch."
+    "--hours", type=float, default=6.0, show_default=True, help="How long the load stays on or off at a time."
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="emhass.json", help="File of runtime parameters.")
 def emhass(
@@ -50,9 +56,8 @@ def emhass(
 ) -> int:
     """Write EMHASS's thermal_config or thermal_battery.
 
-    Each value has its standard error.  They come from a log with its configuration, from a log and the model file or
-    zone's folder that has its configuration, or from a two-stage model file alone.  What the data do not determine is
-    left out, with the reason.
+    Each value has its standard error.  The source is a log with --config, a model file or a zone's folder with --log,
+    or a two-stage model alone.  What the data do not determine is left out, with the reason.
     """
     from .._files import atomic_path
     from ..zone import emhass_parameters
@@ -92,6 +97,8 @@ def _identified(source: str, config: Path | None, log: str | None) -> tuple[Any,
 
     path = Path(source)
     if not path.is_dir() and path.suffix != ".skops":
+        if log is not None:
+            raise click.UsageError(f"{source} is a log itself; give --log only with a model file or a zone's folder")
         settings, log = settings_at(config), source
     else:
         zone = ZoneFolder(path).load() if path.is_dir() else ZoneModel.load(path)

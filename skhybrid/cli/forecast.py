@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import MODEL, SETPOINT, as_command, print_json
+from ._options import MODEL, SETPOINT, WEATHER, as_command, print_json
 from ._output import DONE, Progress
 
 _HOURS = 3  # of a row of the table on the terminal
@@ -33,7 +33,7 @@ _ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # 
     metavar="LOG",
     help="Log up to now; rows after it may hold what is planned.",
 )
-@click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
+@WEATHER
 @SETPOINT
 @click.option("--out", type=click.Path(path_type=Path), metavar="forecast.csv", help="File to write all rows to.")
 def command(

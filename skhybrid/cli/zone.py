@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG, SETPOINT, as_command, as_group, print_json
+from ._options import CONFIG, SETPOINT, WEATHER, as_command, as_group, print_json
 from ._output import DONE, Progress
 from .forecast import forecast_content, summary_lines
 
@@ -38,7 +38,7 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
 @as_command("tick", "skhybrid zone tick kitchen --log thermostat.csv --weather tomorrow.json --setpoint 21,24")
 @_DIR
 @_LOG
-@click.option("--weather", type=click.Path(path_type=Path), help="CSV, EPW, or Open-Meteo's forecast JSON.")
+@WEATHER
 @SETPOINT
 @click.option(
     "--refit-after",

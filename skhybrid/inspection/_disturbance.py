@@ -126,7 +126,8 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
         if known.shape != (len(zeta),):
             raise ValueError(f"truth has the shape {known.shape}, but the disturbance has {len(zeta)} rows.")
         week["truth"] = pd.Series(known).groupby(np.asarray(hour)).mean()
-    return week.reindex(range(169), method="ffill")
+    held = int(np.diff(week.index).min()) if len(week) > 1 else 1  # hours that a value stands for; others stay empty
+    return week.reindex(range(169), method="ffill", limit=held)
 
 
 @dataclass(eq=False, repr=False)

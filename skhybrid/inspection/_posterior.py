@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.stats import gaussian_kde
 
 from ..model_selection import PatternExpressiveness, RobustnessComparison
 from ._display import Display
@@ -103,8 +104,6 @@ class PosteriorDisplay(Display):
 
 def _density(draws: np.ndarray, n_points: int = 200) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the density of draws, scaled to a maximum of 1."""
-    from scipy.stats import gaussian_kde
-
     low, high = np.quantile(draws, [0.001, 0.999])
     x = np.linspace(low - 0.15 * (high - low), high + 0.15 * (high - low), n_points)
     density = gaussian_kde(draws)(x)
@@ -130,10 +129,7 @@ class RobustnessDisplay(Display):
     indistinguishable : list of str
         Cases that are indistinguishable from the best.
 
-    Attributes
-    ----------
-    axes_ : ndarray of matplotlib Axes of shape (2,)
-    figure_ : matplotlib Figure
+    %(attributes)s
     """
 
     errors: pd.Series
@@ -180,12 +176,7 @@ class RobustnessDisplay(Display):
         %(ax)s
         n_cases : int, optional
             Number of cases to draw, those with the lowest medians; default is all.
-        title : str, optional
-
-        Returns
-        -------
-        Display
-            With ``axes_`` and ``figure_``.
+        %(title)s
         """
         cases = list(self.probability.index[:n_cases])
         left, right = axes = grid_or_new(ax, 2, 2, (5.2, 1.2 + 0.22 * len(cases)), share=False)
@@ -213,8 +204,7 @@ class RobustnessDisplay(Display):
         shared_legend(axes, title)
         tidy(left, ylabel="", xlabel="RMSE over sizes [K]")
         tidy(right, ylabel="", xlabel="best case minus this one [K] (negative: best is better)")
-        self.axes_, self.figure_ = axes, left.figure
-        return self
+        return self._drawn_on(axes)
 
     def _draw_differences(self, ax: Any, cases: list[str], colors: list[str]) -> None:
         for row, (case, color) in enumerate(zip(cases, colors, strict=True)):

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import shortest_path
 from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, heading
 
-PAGE = "#fefefe"  # ground of labels that lines pass below; a page may replace it with its own
+PAGE = "#fefefe"  # background of labels that lines pass below; a page may replace it with its own
 _APART = 1.9  # distance of two neighbours, where there is room [inch]
 _MARGIN = np.array([0.6, 0.5])  # around the outermost rooms [inch]
 _TRIES = 12  # begun at different places, since some end with crossed lines
@@ -24,8 +24,8 @@ _QUIET = "#888888"
 class RoomMapDisplay(Display):
     """Map of the rooms of a building, drawn from who is next to whom.
 
-    Lines join rooms whose forecasts know each other, the wider the more heat they exchange; a dashed line is one of
-    which that is not known.  The darker a room, the larger its error.
+    Lines join rooms whose forecasts know each other.  The wider a line, the more heat they exchange; it is dashed where
+    that is not known.  The darker a room, the larger its error.
 
     Parameters
     ----------
@@ -52,9 +52,17 @@ class RoomMapDisplay(Display):
         errors : mapping of zone to float, optional
             Error of each zone's forecast [K].
         %(drawing)s
+
+        Raises
+        ------
+        ValueError
+            If ``errors`` name a zone that the building does not have.
         """
         pairs = ((zone, other) for zone, one in estimator.coupled_.items() for other in one.neighbours)
         known = dict(errors or {})
+        unknown = [zone for zone in known if zone not in estimator.zones_]
+        if unknown:
+            raise ValueError(f"errors name the zone {unknown[0]!r}, but there are {', '.join(estimator.zones_)}.")
         by_zone = {zone: known.get(zone) for zone in estimator.zones_}
         return cls.from_predictions(dict.fromkeys(tuple(sorted(pair)) for pair in pairs), by_zone, ax=ax, **kwargs)
 
@@ -181,5 +189,5 @@ def _spread(zones: list[str], pairs: list[tuple[str, str]]) -> np.ndarray:
         (minimize(stress, one.ravel(), jac=True, method="L-BFGS-B", tol=1e-12) for one in tries), key=lambda f: f.fun
     )
     places = best.x.reshape(n, 2) - best.x.reshape(n, 2).mean(axis=0)
-    turn = np.linalg.svd(places, full_matrices=False)[2]
+    turn = np.linalg.svd(places)[2]  # (2, 2), also of a single zone
     return places @ turn.T

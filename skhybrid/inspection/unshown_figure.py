@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from typing import Any
 
 
@@ -16,11 +17,9 @@ def blank_axes(n_rows: int, figsize: tuple[float, float], n_columns: int = 1, sh
 
 def svg_text(figure: Any, salt: str) -> str:
     """A figure as SVG with its texts as texts; identifiers depend on the salt and the figure alone."""
-    import io
-
     import matplotlib as mpl
 
-    buffer = io.StringIO()
+    buffer = StringIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt}):
         for ax in figure.axes:
             ax.patch.set_visible(False)

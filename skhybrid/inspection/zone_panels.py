@@ -63,7 +63,8 @@ def weeks_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta, width:
     width : float [in]
     """
     first = next(iter(frames.values()))
-    n_zones, n_columns = first["zone"].nunique(), 1 if width < _NARROW else 2
+    n_zones = first["zone"].nunique()
+    n_columns = 1 if width < _NARROW else min(2, n_zones)
     figure, axes = _panels(-(-n_zones // n_columns), n_columns, width)
     panels = axes.ravel()[:n_zones]
     ForecastDisplay.from_predictions(frames, ax=panels, start=first["time"].max() - shown)
