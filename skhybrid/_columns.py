@@ -39,6 +39,11 @@ def role_of(name: object) -> str | None:
     return name if isinstance(name, str) and _ROLE.match(name) else None
 
 
+def is_history(role: object) -> bool:
+    """Whether a role is measured and so known in the past only; ``T_za_<zone>`` is one of the zones of a building."""
+    return role in HISTORY_ROLES or str(role).startswith("T_za_")
+
+
 def is_plant(role: object) -> bool:
     """Whether a role is heating or cooling."""
     return str(role).startswith(("u_", "Q_"))

@@ -31,6 +31,7 @@ from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns
+from ._columns import is_history as is_history
 from ._columns import listed as listed
 from ._columns import numeric as numeric
 from ._columns import refuse_huge as refuse_huge

@@ -126,7 +126,7 @@ def test_short_gaps_are_filled_by_lines_and_long_ones_left(log):
     assert GapFiller(max_gap="15min").fit_transform(log)["T_oa"].isna().sum() == 2
 
 
-@pytest.mark.parametrize("column", ["T_za", "zeta"])
+@pytest.mark.parametrize("column", ["T_za", "T_za_north", "zeta"])
 def test_history_is_never_filled(log, column):
     log[column] = 1.0
     log.iloc[4, list(log.columns).index(column)] = np.nan

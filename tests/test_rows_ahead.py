@@ -98,6 +98,13 @@ def test_measured_heat_in_a_row_without_weather_is_no_plan(frame, zone, tmp_path
         day_ahead(held, log)
 
 
+def test_a_log_that_ends_before_what_the_model_has_seen_is_told(frame, zone, tmp_path):
+    weather = tmp_path / "w.csv"
+    frame[["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)
+    early = day_ahead(zone, frame[: N - 2 * DAY], weather, SCHEDULE)
+    assert any("before the last row that the model has seen" in text for text in early.remarks)
+
+
 def test_one_of_two_set_points_is_refused(frame, zone, tmp_path):
     path = tomorrow(frame, tmp_path / "w.csv")
     with pytest.raises(ValueError, match=r"T_cool_set is not given for the rows ahead, .* such as --setpoint 21,24"):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES, numeric
+from .._table import is_history, numeric
 from .._time import duration_from_zero, positive_duration, spell
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
@@ -105,8 +105,9 @@ def regularize(
     -----
     An input (anything but a temperature) becomes its time-weighted mean over the step: a row holds until the next one,
     or for one source step before a gap, and a step that is less than half covered is missing.  A boundary temperature
-    (``T_...``) is interpolated linearly.  History (``T_za``, ``zeta``) takes the measurement nearest to the stamp and
-    is never filled, so no later measurement leaks into it.  A held temperature is the last value at the stamp.
+    (``T_...``) is interpolated linearly.  History (``T_za``, ``T_za_<zone>``, ``zeta``) takes the measurement nearest to
+    the stamp and is never filled, so no later measurement leaks into it.  A held temperature is the last value at the
+    stamp.
     """
     _check_frame(frame)
     _check_held(frame, held)
@@ -126,7 +127,7 @@ def regularize(
         for name in names
     }
     hours = stamp_hours(grid)
-    full = {n: v if n in held or n in HISTORY_ROLES else fill_gaps(v, hours, span) for n, v in raw.items()}
+    full = {n: v if n in held or is_history(n) else fill_gaps(v, hours, span) for n, v in raw.items()}
     out = pd.DataFrame(full, index=grid, columns=names)
     missing = out.isna()
     report = RegularizeReport(
@@ -246,7 +247,7 @@ def _resample_column(
     if not known.any():
         return np.full(len(grid), np.nan)
     wanted, logged = _seconds(index, grid, known)
-    if name in HISTORY_ROLES:
+    if is_history(name):
         return _nearest(wanted, logged, values[known], min(step, source).total_seconds() / 2)
     # a column may be logged less often than the others
     own = (typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
@@ -269,7 +270,7 @@ def _held_column(
         return np.full(len(grid), np.nan)
     wanted, logged = _seconds(index, grid, known)
     longest = hold.total_seconds()
-    if str(name).startswith("T_") or name in HISTORY_ROLES:
+    if str(name).startswith("T_") or is_history(name):
         last = np.searchsorted(logged, wanted, side="right") - 1
         inside = (last >= 0) & (wanted - logged[last] <= longest)
         return np.where(inside, values[known][last], np.nan)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 
-from .._table import HISTORY_ROLES, numeric
+from .._table import is_history, numeric
 from .._time import duration_from_zero, read_index
 from ._frames import TableTransformer
 
@@ -31,7 +31,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     Notes
     -----
     Interpolation uses the value after the gap.  That is no leak for inputs, which a forecast may know in advance, but
-    it would be one for history: ``T_za`` and ``zeta`` are never filled (filters skip missing measurements).  Gaps at
+    it would be one for history: ``T_za``, ``T_za_<zone>`` and ``zeta`` are never filled (filters skip missing values).  Gaps at
     either end of the table and in columns that are not numeric stay missing.  Rows that are absent altogether are
     restored by :func:`skhybrid.datasets.regularize`.
 
@@ -57,7 +57,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
             return np.column_stack([fill_gaps(column, hours, self.max_gap_) for column in table.T])
         hours = stamp_hours(table.index) if isinstance(table.index, pd.DatetimeIndex) else self._row_hours(table)
         filled = table.copy()
-        chosen = [c for c in table if c not in HISTORY_ROLES and pd.api.types.is_numeric_dtype(table[c])]
+        chosen = [c for c in table if not is_history(c) and pd.api.types.is_numeric_dtype(table[c])]
         for column in chosen:
             filled[column] = fill_gaps(numeric(table[column]), hours, self.max_gap_)
         return filled

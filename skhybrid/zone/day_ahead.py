@@ -18,6 +18,7 @@ from ..study.doubts import day_beyond
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
+from .outages import like_index
 from .tomorrow import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
@@ -175,6 +176,12 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
     out = []
     if not planned and not zone.thermostat_learned:
         out.append(f"the thermostat is an ideal one and the load has no interval: {zone.why_ideal}")
+    known = like_index(zone.known_until, pd.DatetimeIndex(history.index))
+    if history.index[-1] < known:
+        out.append(
+            f"the log ends at {history.index[-1]}, before the last row that the model has seen ({known}): it has "
+            "learned from what it forecasts"
+        )
     jump = _jump(history, ahead)
     if jump > _LARGEST_JUMP:
         out.append(
