@@ -101,9 +101,9 @@ class NetworkIdentifier(NetworkModel):
         """Parameters of the disturbance model."""
         return ()
 
-    def _own_names(self) -> set[str]:
-        """Names that ``disturbance_`` may have."""
-        return {p.name for p in self._own_parameters()}
+    def _is_own(self, name: str) -> bool:
+        """Whether ``disturbance_`` may have a name."""
+        return name in {p.name for p in self._own_parameters()}
 
     def _first_state(self, smooth: FilteredStates, number: int) -> np.ndarray:
         """(n,) node temperatures at the first row of a segment of the training table."""
@@ -113,8 +113,12 @@ class NetworkIdentifier(NetworkModel):
         """A problem with some parameters held, so that its loss compares with that of the fit."""
         return problem
 
+    def _reported(self, searched: pd.DataFrame) -> pd.DataFrame:
+        """Searched values by column, in the units of the fitted attributes."""
+        return searched
+
     def _searched_values(self) -> dict[str, float]:
-        """Everything that the fit found, in the units that are searched."""
+        """Everything that the fit found, in the units of the search."""
         return {name: float(value) for name, value in {**self.theta_, **self.disturbance_}.items()}
 
     @unchanged_on_failure
@@ -140,8 +144,8 @@ class NetworkIdentifier(NetworkModel):
         network, table, experiment, parameters = self._prepare(X, y)
         problem, idle = self._make_problem(network, table, experiment, parameters)
         if theta_init is not None:
-            known = {p.name for p in (*parameters, *problem.searched)} | self._own_names()
-            check_start(theta_init, known | set(self.known or {}))
+            names = {p.name for p in (*parameters, *problem.searched)} | set(self.known or {})
+            check_start(theta_init, names, self._is_own)
         minima = self._minima(problem, theta_init)
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
@@ -169,14 +173,18 @@ class NetworkIdentifier(NetworkModel):
         """The network's parameters with the bounds that the user gave; refuses settings that name no parameter."""
         known, bounds = dict(self.known or {}), dict(self.bounds or {})
         parameters = self._widened(network.parameters(table.inputs))
-        names = [p.name for p in (*parameters, *self._own_parameters())]
+        own = self._own_parameters()
+        names = [p.name for p in (*parameters, *own)]
         under_other_inputs = {p.name for p in network.parameters()}
         for setting, given in (("known", known), ("bounds", bounds)):
             for name in given:
                 if name not in names and name not in under_other_inputs:
                     raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
+        for name, value in known.items():
+            if value is None:
+                raise ValueError(f"known= gives {name} no value; give a number, or leave it out.")
         out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
-        check_known(out, known)
+        check_known((*out, *(p for p in own if p.transform == "log")), known)
         return out
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:

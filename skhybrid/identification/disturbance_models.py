@@ -19,11 +19,12 @@ from .experiment import Experiment
 HIDDEN_SD = 2.0  # standard deviation of a node's temperature that was not measured at the first row [K]
 MEASURED_SD = 0.5  # standard deviation of the measured node at the first row [K]
 ZETA_SD = 1.0  # standard deviation of the disturbance at the first row [kW]
+FIRST = "T0_"  # begins the name of a hidden node's temperature at the first row of a segment
 
 
-def measurement_variance(hours: float) -> float:
-    """Paper 2.2.2: ``0.25^2 / T_s`` with ``T_s`` in seconds [K2]."""
-    return 0.25**2 / (hours * 3600.0)
+def measurement_variance(hours: float, sd: float | None = None) -> float:
+    """Variance of a thermometer [K2]: ``sd^2``, or ``0.25^2 / T_s`` with ``T_s`` in seconds (paper 2.2.2)."""
+    return 0.25**2 / (hours * 3600.0) if sd is None else sd**2
 
 
 def measured_rows(network: RCNetwork) -> np.ndarray:
@@ -151,7 +152,7 @@ class InputRandomWalk(_Disturbance):
         model.Q[:, walks, walks] = own["sigma_zeta"][:, None] ** 2
         model.dQ[:, nodes, nodes, -2] = 2.0 * own["sigma_x"][:, None]
         model.dQ[:, walks, walks, -1] = 2.0 * own["sigma_zeta"][:, None]
-        R = self.measurement_sd**2 if self.measurement_sd else measurement_variance(segment.hours)
+        R = measurement_variance(segment.hours, self.measurement_sd)
         s0, P0 = first_state(network, segment, a), first_covariance(network, ZETA_SD)
         return _complete(model, _outputs(network, a, False), s0, R, P0=P0)
 
@@ -209,7 +210,7 @@ def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int
 
 def first_name(node: str, number: int) -> str:
     """Name of a hidden node's temperature at the first row of a segment: ``T0_w``, of further ones ``T0_w_2`` ...."""
-    return f"T0_{node}" if number == 0 else f"T0_{node}_{number + 1}"
+    return f"{FIRST}{node}" if number == 0 else f"{FIRST}{node}_{number + 1}"
 
 
 def checked_kind(kind: str) -> str:

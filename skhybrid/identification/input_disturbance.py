@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any, Literal
+
+import numpy as np
 
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
@@ -51,7 +54,10 @@ class InputDisturbanceID(LeastSquaresIdentifier):
         store_arguments(self, locals())
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> InputRandomWalk:
-        return InputRandomWalk(self.measurement_sd)
+        sd = self.measurement_sd
+        if sd is not None and not (isinstance(sd, Real) and 0.0 < sd < np.inf):
+            raise ValueError(f"measurement_sd={sd!r} must be a positive number [K].")
+        return InputRandomWalk(sd)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return InputRandomWalk().own
@@ -60,7 +66,7 @@ class InputDisturbanceID(LeastSquaresIdentifier):
         return scaled_innovations(self.filtered_network_, table, segment, self.noise_std_)
 
     def _measurement_variance(self, hours: float) -> float:
-        return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
+        return measurement_variance(hours, self.measurement_sd)
 
     def _walk(self, kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:
         return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])

@@ -17,10 +17,11 @@ _FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of 
 
 def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
     """Warn where nothing fixes the scale of the network (design ruling 3)."""
-    measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
-    if measured_heat or any(k[0] in "CRAQ" for k in known):
-        return
     names = [p.name for p in network.parameters(table.inputs)]
+    idle = {s.parameter for s in network.sources(table.inputs) if not np.any(table.inputs[s.role])}
+    measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
+    if measured_heat or any(name[0] in "CRAQ" for name in {*known} & {*names} - idle):
+        return
     up, down = (", ".join(n for n in names if n[0] in kinds) for kinds in ("CAQ", "R"))
     direction = f"{up} together, {down} inversely"
     warn_user(
