@@ -303,7 +303,10 @@ def test_a_known_capacity_of_a_plant_that_never_ran_does_not_fix_the_scale(offic
     ("estimator", "message"),
     [
         (InputDisturbanceID(known={"sigma_x": -0.01}), "known= gives sigma_x the value -0.01; it must be > 0"),
-        (InputDisturbanceID(known={"sigma_zeta": np.nan}), "known= gives sigma_zeta the value nan; it must be a number"),
+        (
+            InputDisturbanceID(known={"sigma_zeta": np.nan}),
+            "known= gives sigma_zeta the value nan; it must be a number",
+        ),
         (InputDisturbanceID(known={"C_w": None}), "known= gives C_w no value"),
         (InputDisturbanceID(measurement_sd=0.0), "measurement_sd=0.0 must be a positive number"),
         (InputDisturbanceID(measurement_sd=np.nan), "measurement_sd=nan must be a positive number"),

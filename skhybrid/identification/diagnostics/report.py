@@ -13,7 +13,7 @@ from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
 from ..._table import float_columns
-from ..._time import positive_duration, rows_covering
+from ..._time import positive_duration, rows_covering, spell
 from .findings import ErrorPattern
 from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, independence, ljung_box
 
@@ -67,8 +67,8 @@ class Diagnostics:
 
     @property
     def whiteness(self) -> float:
-        """p-value of whiteness: Bonferroni's of the Ljung-Box rows."""
-        return float(min(1.0, len(self.ljung_box) * self.ljung_box["p_value"].min()))
+        """p-value of whiteness by Ljung and Box."""
+        return float(self.tests.loc["white (Ljung-Box)", "p_value"])
 
     def __str__(self) -> str:
         n, n_missing = int(self.standardised.notna().sum()), int(self.standardised.isna().sum())
@@ -155,6 +155,11 @@ def diagnose_residuals(
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):
         grid = pd.date_range(innovations.index[0], innovations.index[-1], freq=step)
+        if not (on_grid := innovations.index.isin(grid)).all():
+            raise ValueError(
+                f"the row {innovations.index[int(np.argmin(on_grid))]} is no whole number of steps of {spell(step)} "
+                "after the first; sort the rows, or give their step as sampling_time=."
+            )
         innovations = innovations.reindex(grid)
         inputs = None if inputs is None else inputs.reindex(grid)
     hours = step / pd.Timedelta("1h")
@@ -177,7 +182,7 @@ def _step_of(index: pd.Index, given: Any) -> pd.Timedelta:
         return positive_duration(given, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
         raise ValueError("the rows have no time stamps: say how far apart they are, such as sampling_time='15min'.")
-    return pd.Timedelta(index[1] - index[0])
+    return pd.Timedelta(np.median(np.diff(index.as_unit("ns").asi8)), unit="ns")
 
 
 def _cross_table(z: np.ndarray, inputs: pd.DataFrame | None, n_lags: int) -> pd.DataFrame:
