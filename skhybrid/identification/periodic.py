@@ -130,9 +130,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         n_days = len(VarianceModel.of(experiment.segments, self._hours).first_rows)
         scale = _heat_scale(table, known)
         units = self._units(scale)
-        limits = {
-            name: [end / units.get(name, 1.0) for end in ends] for name, ends in bounds.items() if ends is not None
-        }
+        limits = {n: [end / units.get(n, 1.0) for end in ends] for n, ends in bounds.items() if ends is not None}
         own = tuple(p.bounded(limits.get(p.name)) for p in own_parameters(n_days, self._hours))
         priors = normal_priors(self.priors, (*parameters, *own), known)
         priors = {name: (mean - np.log(units.get(name, 1.0)), sd) for name, (mean, sd) in priors.items()}
