@@ -262,6 +262,13 @@ def test_the_gain_decays_from_the_origin_to_its_profile(kind, fitted, office):
         assert np.abs(path - bare).max() > 0.1
 
 
+def test_a_load_of_rows_ahead_begins_at_the_forecast_temperature(fitted, office):
+    ahead = office.X.drop(columns="T_za").set_axis(office.X.index + pd.Timedelta("14D"))[:96]
+    for kind, model in fitted.items():
+        first = model.forecast(None, ahead)["T_za"].iloc[0]
+        assert model.predict_load(ahead, 22.0)["T_za"].iloc[0] == pytest.approx(first, abs=1e-3), kind
+
+
 @pytest.mark.parametrize("kind", ALL)
 def test_load_holds_the_set_point(kind, fitted, office):
     """Driving the network with the unclipped load brings it to the set-point exactly."""

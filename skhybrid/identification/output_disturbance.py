@@ -99,4 +99,4 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         states = known.open_loop(experiment, known.open_start(table))
         zeta = arma_prediction(experiment.outputs - states[:-1, kalman.measured], rho_1, rho_2).states
         offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
-        return ForecastStart(states[origins], np.zeros((len(origins), n, kalman.n_gains)), offset)
+        return ForecastStart(states[origins], np.zeros((len(origins), n, kalman.n_gains)), offset, zeta[origins])
