@@ -19,7 +19,7 @@ from .._transaction import unchanged_on_failure
 from ..thermal import Parameter, RCNetwork, get_network
 from ..thermal.parameters import check_known
 from .experiment import Experiment, make_experiment, read_outputs
-from .filtered_network import filter_training
+from .filtered_network import FirstState, filter_training
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
 from .fitting.starts import Minimise, check_start, search
@@ -140,6 +140,16 @@ class NetworkIdentifier(NetworkModel):
         Returns
         -------
         self
+
+        Raises
+        ------
+        ValueError
+            If a table, a setting or a start cannot be what it should be; the estimator is then what it was.
+
+        Warns
+        -----
+        ScaleNotIdentifiableWarning, ExcitationWarning
+            If nothing fixes the scale of the network, or rows tell nothing of a parameter.
         """
         network, table, experiment, parameters = self._prepare(X, y)
         problem, idle = self._make_problem(network, table, experiment, parameters)
@@ -152,11 +162,15 @@ class NetworkIdentifier(NetworkModel):
         self.sampling_time_ = table.step
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
-        keep = rows_covering(self.warmup, table.step)
-        self.filtered_network_ = filter_training(kalman, table, experiment, self._first_state, keep)
-        self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
-        self._plant = plant_of(network, self._theta, table)
+        self._know(kalman, table, experiment, self._first_state)
         return self
+
+    def _know(self, kalman: GainFilter, table: ZoneTable, experiment: Experiment, first_state: FirstState) -> None:
+        """Take a table as the known rows, from which forecasts go on."""
+        keep = rows_covering(self.warmup, table.step)
+        self.filtered_network_ = filter_training(kalman, table, experiment, first_state, keep)
+        self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
+        self._plant = plant_of(self.network_, self._theta, table)
 
     def _prepare(self, X: Any, y: Any) -> tuple[RCNetwork, ZoneTable, Experiment, tuple[Parameter, ...]]:
         """Read and check what ``fit`` is given."""
@@ -166,6 +180,7 @@ class NetworkIdentifier(NetworkModel):
         table = self._read(X, network, reset=True)
         target = read_outputs(y, table, network, max_missing=self.max_missing)
         self._check_spans(table.step)
+        rows_covering(self.warmup, table.step)  # refuses what is no duration before the search
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
         return network, table, experiment, self._bounded_parameters(network, table)
 
@@ -271,16 +286,17 @@ class NetworkIdentifier(NetworkModel):
             At the sampling time of ``fit``, else ValueError.
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.
+
+        Returns
+        -------
+        identification of the same class
         """
         check_is_fitted(self)
         table = self._read_X(X)
         target = read_outputs(y, table, self.network_, max_missing=self.max_missing)
-        made, kalman = copy(self), self.filtered_network_.kalman
         experiment = make_experiment(self.network_, self.filtered_network_.roles, table, target)
-        keep = rows_covering(self.warmup, table.step)
-        made.filtered_network_ = filter_training(kalman, table, experiment, _smoothed_first, keep)
-        made.initial_state_ = made.filtered_network_.training_start.mean[: kalman.n].copy()
-        made._plant = plant_of(self.network_, self._theta, table)
+        made = copy(self)
+        made._know(self.filtered_network_.kalman, table, experiment, _smoothed_first)
         return made
 
     def take_rows(self, table: ZoneTable) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,9 @@ from .gain_filter import FilteredStates, FilterStart, GainFilter
 from .gain_model import week_cells
 from .rolling_state import RollingState, kept_end
 
+#: (n,) node temperatures at the first row of a segment, from its smoothed states and its number
+FirstState = Callable[[FilteredStates, int], np.ndarray]
+
 
 class ForecastStart(NamedTuple):
     """States and expected disturbance from which forecasts are made."""
@@ -146,10 +149,10 @@ def filter_training(
     kalman: GainFilter,
     table: ZoneTable,
     experiment: Experiment,
-    first_state: Callable[[FilteredStates, int], np.ndarray],
+    first_state: FirstState,
     keep: int,
 ) -> FilteredNetwork:
-    """Run a filter over its training table; ``first_state`` gives (n,) nodes from smoothed states and segment."""
+    """Run a filter over its training table, of which the last ``keep`` rows are kept."""
 
     def begin(number: int) -> FilterStart:
         rows = experiment.segments[number]

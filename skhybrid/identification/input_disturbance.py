@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -55,9 +54,9 @@ class InputDisturbanceID(LeastSquaresIdentifier):
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> InputRandomWalk:
         sd = self.measurement_sd
-        if sd is not None and not (isinstance(sd, Real) and 0.0 < sd < np.inf):
+        if sd is not None and not (isinstance(sd, int | float | np.number) and 0.0 < sd < np.inf):
             raise ValueError(f"measurement_sd={sd!r} must be a positive number [K].")
-        return InputRandomWalk(sd)
+        return InputRandomWalk(self.measurement_sd)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return InputRandomWalk().own

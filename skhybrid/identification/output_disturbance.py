@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -62,7 +61,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
         for name in {p.name for p in self._own_parameters()} & {*(self.known or {})}:
-            if not isinstance(value := self.known[name], Real) or not -1.0 < value < 1.0:
+            if not isinstance(value := self.known[name], int | float | np.number) or not -1.0 < value < 1.0:
                 raise ValueError(f"known= gives {name} the value {value!r}; it must lie between -1 and 1.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
         firsts = tuple(segment.first for segment in experiment.segments)

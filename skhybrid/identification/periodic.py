@@ -130,8 +130,12 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         n_days = len(VarianceModel.of(experiment.segments, self._hours).first_rows)
         scale = _heat_scale(table, known)
         units = self._units(scale)
-        limits = {n: [end / units.get(n, 1.0) for end in ends] for n, ends in bounds.items() if ends is not None}
-        own = tuple(p.bounded(limits.get(p.name)) for p in own_parameters(n_days, self._hours))
+
+        def bounded(p: Parameter) -> Parameter:
+            ends, unit = bounds.get(p.name), units.get(p.name, 1.0)
+            return p if ends is None else p.bounded((float(ends[0]) / unit, float(ends[1]) / unit))
+
+        own = tuple(bounded(p) for p in own_parameters(n_days, self._hours))
         priors = normal_priors(self.priors, (*parameters, *own), known)
         priors = {name: (mean - np.log(units.get(name, 1.0)), sd) for name, (mean, sd) in priors.items()}
         idle = self._excited(network, table, parameters, priors)

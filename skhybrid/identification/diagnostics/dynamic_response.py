@@ -32,6 +32,15 @@ def make_state_space(
     sampling_time : timedelta-like, default="15min"
         Step of the exact zero-order hold.
 
+    Returns
+    -------
+    StateSpace
+
+    Raises
+    ------
+    ValueError
+        If a parameter has no value, or an impossible one.
+
     Examples
     --------
     >>> from skhybrid.identification import frequency_response, make_state_space, step_response

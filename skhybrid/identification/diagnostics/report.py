@@ -68,7 +68,7 @@ class Diagnostics:
     @property
     def whiteness(self) -> float:
         """p-value of whiteness by Ljung and Box."""
-        return float(self.tests.loc["white (Ljung-Box)", "p_value"])
+        return float(self.tests["p_value"]["white (Ljung-Box)"])
 
     def __str__(self) -> str:
         n, n_missing = int(self.standardised.notna().sum()), int(self.standardised.isna().sum())
@@ -99,6 +99,16 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     max_lag : timedelta-like, default="1D"
         Longest lag of the correlations.
     level : float, default=0.01
+        Probability that a test fails where all is well.
+
+    Returns
+    -------
+    Diagnostics
+
+    Raises
+    ------
+    ValueError
+        If ``T_za`` is missing, or fewer than three rows have an error.
 
     Examples
     --------
@@ -148,6 +158,16 @@ def diagnose_residuals(
     max_lag, level : timedelta-like and float
         As in :func:`diagnose`.
     name : str
+
+    Returns
+    -------
+    Diagnostics
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, the step is unknown, a row is no whole number of steps after the first, or fewer than
+        three rows have an error.
     """
     if not isinstance(level, Real) or not 0.0 < level < 1.0:
         raise ValueError(f"level={level!r} must be a probability between 0 and 1.")

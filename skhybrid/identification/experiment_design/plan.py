@@ -147,6 +147,16 @@ def plan_experiment(
     random_state : int, Generator or None
         Of the draws.
 
+    Returns
+    -------
+    ExperimentPlan
+
+    Raises
+    ------
+    ValueError
+        If a parameter has no value, nothing known fixes the scale, weather is uneven, incomplete or impossible, or a
+        perturbation does not fit into the rows that it may take.
+
     Notes
     -----
     The errors are a lower bound, without the bias of too simple a network.  The perturbation of the paper (2.1) is a

@@ -33,12 +33,15 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
 
 def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:
     """Gains whose input never or hardly ran; warns of them and of others that the rows can hardly identify."""
-    _warn_little_excited(network, table, set(known), name)
-    roles = network.sources(table.inputs)
-    idle = [s for s in roles if s.parameter is not None and _is_idle(table, s.role)]
-    out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in set(known)]
-    if out and all(s in idle for s in roles if s.parameter and s.parameter.startswith("A_win")):
-        out += [f for f in network.solar_fractions if f not in set(known) and any(p.startswith("A_") for p in out)]
+    known = set(known)
+    _warn_little_excited(network, table, known, name)
+    sources = network.sources(table.inputs)
+    idle = [s for s in sources if s.parameter is not None and _is_idle(table, s.role)]
+    out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in known]
+    if any(p.startswith("A_win") for p in out) and all(
+        s in idle for s in sources if s.parameter and s.parameter.startswith("A_win")
+    ):
+        out += [f for f in network.solar_fractions if f not in known]
     if out:
         what = ", ".join(_idleness(table, role) for role in sorted({s.role for s in idle}))
         warn_user(

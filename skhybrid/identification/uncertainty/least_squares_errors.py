@@ -25,8 +25,8 @@ def least_squares_uncertainty(
 ) -> ParameterUncertainty:
     """Uncertainty of the network's parameters ``names`` at the optimum ``free`` (p,), by the Hessian of every day.
 
-    ``noise`` [K2]; ``days`` (n,) of the errors, None where they follow each other as rows and outputs do; errors are correlated over ``overlap`` days.
-    Where the Hessian is not positive definite, the Gauss-Newton matrix replaces it.
+    ``noise`` [K2]; ``days`` (n,) of the errors, None where they follow each other as rows and outputs do; errors are
+    correlated over ``overlap`` days.  Where the Hessian is not positive definite, the Gauss-Newton matrix replaces it.
     """
     p = len(problem.searched)
     place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]

@@ -103,8 +103,14 @@ def sample_posterior(
         Seed of the sampler.
     progressbar : bool, default=False
 
+    Returns
+    -------
+    Posterior
+
     Raises
     ------
+    ValueError
+        If there is one chain only, or the estimator has no likelihood (``objective="multi_step"``).
     RuntimeError
         If the chains disagree (R-hat above 1.05) or amount to fewer than 100 independent draws.
 
