@@ -252,7 +252,7 @@ def test_targets_by_the_names_of_zones(house):
     ):
         np.testing.assert_array_equal(fit(other), expected)
     for wrong in (by_zone.rename(columns={"study": "office"}), by_zone[zones[:3]]):
-        with pytest.raises(ValueError, match=r"y has not one column 'T_za_study'; give .* or 'living', 'kitchen'"):
+        with pytest.raises(ValueError, match=r"not one column 'T_za_study' or 'study'; give .* or 'living', 'kitchen'"):
             fit(wrong)
 
 
@@ -341,11 +341,18 @@ def test_the_floor_plan_of_five_rooms_in_energyplus(shared_data, data, false):
         (lambda X, y: (X, y.to_numpy()), "y needs the temperatures of two zones or more"),
         (lambda X, y: (X[:500], y[:500]), "X has 5.21 days; give 10 or more"),
         (lambda X, y: (X.drop(columns="T_oa"), y[1:]), "X has 2016 rows, y 2015"),
+        (lambda X, y: (X.resample("3h").mean(), y.resample("3h").first()), "a step of 3 h, which does not divide an"),
+        (
+            lambda X, y: (X, y.where(np.arange(len(y))[:, None] // 4 % 2 == np.arange(4) % 2)),
+            "measured at once on 0 days",
+        ),
     ],
 )
 def test_what_tells_no_floor_plan_is_refused(house, change, message):
     X, y = change(with_heat(house), house.y)
     with pytest.raises(ValueError, match=message):
         find_adjacency(X, y)
-    with pytest.raises(ValueError, match="y has not one column 'T_za_x' or 'x' for the zone 'x'"):
+    with pytest.raises(ValueError, match="y has not one column 'T_za_x' or 'x'"):
         find_adjacency(house.X, house.y, zones=["living", "x"])
+    with pytest.raises(ValueError, match="two zones or more"):
+        find_adjacency(house.X, house.y, zones=["living", "living"])

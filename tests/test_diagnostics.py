@@ -87,7 +87,7 @@ def test_the_squares_of_the_training_errors_are_the_loss(fitted, gappy):
 
 
 def test_standardised_training_errors_have_unit_variance(fitted, gappy):
-    for name, n_own in (("OD", 3), ("ID", 2)):
+    for name, n_own in (("CONV", 0), ("OD", 3), ("ID", 2)):  # of CONV without the rows from which it takes its state
         error, rise = raised(fitted[name], gappy[0])
         squares = ((error / rise / fitted[name].noise_std_) ** 2).sum()
         assert squares == pytest.approx(len(error) - n_own, rel=1e-3)
@@ -393,6 +393,9 @@ def test_absent_stamps_are_rows_without_a_measurement():
         diagnose_residuals(frame.drop(index=frame.index[200:300])).autocorrelation,
         diagnose_residuals(whole).autocorrelation,
     )
+    assert diagnose_residuals(frame.drop(index=frame.index[1])).sampling_time == frame.index[1] - frame.index[0]
+    with pytest.raises(ValueError, match="is no whole number of steps of 10 min after the first"):
+        diagnose_residuals(frame, sampling_time="10min")
 
 
 def test_diagnostics_print_one_screen_and_html(fitted, gappy):
@@ -412,6 +415,10 @@ def test_too_little_is_refused():
         autocorrelation([1.0, 2.0, np.nan], 1)
     with pytest.raises(ValueError, match="the rows have no time stamps"):
         diagnose_residuals(_white().reset_index(drop=True))
+    with pytest.raises(ValueError, match=r"lags=\[0\] must be row numbers of at least 1"):
+        ljung_box(np.arange(9.0), [0])
+    with pytest.raises(ValueError, match="errors has 9 rows and series 8"):
+        cross_correlation(np.arange(9.0), np.arange(8.0), [1])
 
 
 # ------------------------------------------------------------------------------------------------------------- picture

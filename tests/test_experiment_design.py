@@ -15,7 +15,7 @@ from skhybrid.datasets import make_office, make_prbs, make_weather
 from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experiment
 from skhybrid.identification.disturbance_models import HIDDEN_SD, MEASURED_SD
 from skhybrid.identification.experiment_design.information import FilterInformation, relative_errors, walk_root
-from skhybrid.identification.experiment_design.plan import _Case, _make_plan
+from skhybrid.identification.experiment_design.plan import _Case, _fitted_gain, _make_plan
 from skhybrid.identification.experiment_design.zone import Calendar, Zone, draw_gain, mean_over, run_thermostat
 from skhybrid.thermal import get_network
 
@@ -340,9 +340,18 @@ def test_a_fitted_identification_brings_its_model():
     np.testing.assert_allclose(by_fit.table[list(FREE)].to_numpy(), by_hand.table[list(FREE)].to_numpy(), rtol=1e-6)
 
 
+def test_the_default_periodic_identification_brings_the_statistics_of_its_gain():
+    own = {"tau": 3.0, "sigma_weekday_day": 0.4, "sigma_weekday_night": 0.1, "sigma_weekend": 0.2, "sigma_y": 0.04}
+    own |= {"sigma_profile_weekday": 0.3, "sigma_profile_weekend": 0.1}
+    fit = SimpleNamespace(disturbance_=pd.Series(own), profile_=pd.DataFrame(np.zeros((24, 2))))
+    found = _fitted_gain(fit)
+    np.testing.assert_array_equal(found.sigma, [0.4, 0.1, 0.2])
+    assert (found.tau, found.profile_step, found.weekend_step, found.noise_std) == (3.0, 0.3, 0.1, 0.04)
+
+
 def test_an_identification_without_a_gain_state_brings_its_network():
     office = make_office(3, random_state=0)
-    fit = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=2, random_state=0).fit(office.X, office.y)
+    fit = OutputDisturbanceID(known={"Q_h": 6.0, "rho_1": 0.95}, n_starts=2, random_state=0).fit(office.X, office.y)
     settings = {k: v for k, v in SETTINGS.items() if k != "known"}
     by_fit = plan_experiment(fit, hours=[12], **settings)
     pd.testing.assert_frame_equal(by_fit.table, plan_experiment("2R2C", dict(fit.theta_), hours=[12], **SETTINGS).table)
@@ -365,6 +374,10 @@ BAD = {
     "empty perturbation": ({"perturbations": {"p": []}}, "perturbation 'p'"),
     "target": ({"target": 0.0}, "target=0.0"),
     "step": ({"sampling_time": "45min"}, "sampling_time"),
+    "no draws": ({"n_draws": 0}, "n_draws=0 must be at least 1"),
+    "negative theta": ({"theta": THETA | {"C_za": -1.0}}, "theta gives C_za the value -1"),
+    "absent number": ({"theta": THETA | {"f": np.nan}}, "theta gives f the value nan"),
+    "fill value": ({"weather": WEATHER.assign(T_oa=9999.0)}, "weather column 'T_oa' holds 9999 degC"),
 }
 
 

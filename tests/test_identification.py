@@ -20,7 +20,7 @@ from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose
 from skhybrid.identification.fitting.excitation import unexcited
 from skhybrid.identification.fitting.starts import start_at
-from skhybrid.identification.rolling_state import advance
+from skhybrid.identification.rolling_state import advance, identify_again
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
 from skhybrid.thermal import get_network
 
@@ -262,6 +262,13 @@ def test_the_gain_decays_from_the_origin_to_its_profile(kind, fitted, office):
         assert np.abs(path - bare).max() > 0.1
 
 
+def test_a_load_of_rows_ahead_begins_at_the_forecast_temperature(fitted, office):
+    ahead = office.X.drop(columns="T_za").set_axis(office.X.index + pd.Timedelta("14D"))[:96]
+    for kind, model in fitted.items():
+        first = model.forecast(None, ahead)["T_za"].iloc[0]
+        assert model.predict_load(ahead, 22.0)["T_za"].iloc[0] == pytest.approx(first, abs=1e-3), kind
+
+
 @pytest.mark.parametrize("kind", ALL)
 def test_load_holds_the_set_point(kind, fitted, office):
     """Driving the network with the unclipped load brings it to the set-point exactly."""
@@ -291,6 +298,49 @@ def test_scale_is_warned_of(office):
         measured = office.X[:480].drop(columns=["u_heat", "u_cool"])
         measured["Q_hvac"] = 6.0 * office.X["u_heat"] - 6.0 * office.X["u_cool"]
         OutputDisturbanceID(n_starts=1, random_state=0).fit(measured, office.y[:480])
+
+
+def test_a_known_capacity_of_a_plant_that_never_ran_does_not_fix_the_scale(office):
+    for X in (office.X[:480].drop(columns="u_cool"), office.X[:480].assign(u_cool=0.0)):
+        with pytest.warns(ScaleNotIdentifiableWarning):
+            GrayBoxRC(known={"Q_c": -4.0}, n_starts=1, random_state=0).fit(X, office.y[:480])
+
+
+@pytest.mark.parametrize(
+    ("estimator", "message"),
+    [
+        (InputDisturbanceID(known={"sigma_x": -0.01}), "known= gives sigma_x the value -0.01; it must be > 0"),
+        (
+            InputDisturbanceID(known={"sigma_zeta": np.nan}),
+            "known= gives sigma_zeta the value nan; it must be a number",
+        ),
+        (InputDisturbanceID(known={"C_w": None}), "known= gives C_w no value"),
+        (InputDisturbanceID(measurement_sd=0.0), "measurement_sd=0.0 must be a positive number"),
+        (InputDisturbanceID(measurement_sd=np.nan), "measurement_sd=nan must be a positive number"),
+        (OutputDisturbanceID(known={"rho_1": 2.0}), "known= gives rho_1 the value 2.0; it must lie between -1 and 1"),
+        (PeriodicDisturbanceID(known={"tau": -1.0}), "known= gives tau the value -1.0; it must be > 0"),
+    ],
+)
+def test_known_values_of_the_disturbance_that_cannot_be_are_refused(office, estimator, message):
+    with pytest.raises(ValueError, match=message):
+        estimator.set_params(n_starts=1).fit(office.X[:192], office.y[:192])
+
+
+def test_the_periodic_model_takes_and_gives_the_gain_in_kw(office):
+    X, y = office.X[:480].drop(columns="u_cool"), office.y[:480]
+    large = {name: 2.0 * value if name[0] in "CAQ" else 0.5 * value if name[0] == "R" else value
+             for name, value in office.theta.items() if name != "Q_c"}  # fmt: skip
+    model = PeriodicDisturbanceID(known=large, n_starts=1).fit(X, y)  # a plant of 12 kW
+    name = "sigma_weekday_day"
+    assert model.starts_[name].iloc[0] == pytest.approx(model.disturbance_[name])
+    held = clone(model).set_params(known=large | {name: model.disturbance_[name]}).fit(X, y)
+    assert held.disturbance_[name] == pytest.approx(model.disturbance_[name], rel=1e-12)
+    assert held.loss_ < model.loss_ + 5.0
+    for setting, value in (("bounds", (0.1, 0.2)), ("priors", (0.1, 1.01))):
+        near = clone(model).set_params(**{setting: {name: value}}).fit(X, y)
+        assert 0.05 < near.disturbance_[name] <= 0.2 * (1 + 1e-9)
+    again = clone(model).fit(X, y, theta_init={**model.theta_, **model.disturbance_})
+    assert again.loss_ == pytest.approx(model.loss_, rel=1e-5)
 
 
 def test_scaling_changes_no_prediction(office):
@@ -561,6 +611,14 @@ def test_a_search_may_start_where_another_fit_ended(kind, fitted, office):
     assert len(again.starts_) == 1
     assert again.loss_ == pytest.approx(model.loss_, rel=1e-5)
     pd.testing.assert_series_equal(again.theta_, model.theta_, rtol=0.02)
+
+
+def test_a_start_may_come_from_a_table_with_more_segments(office):
+    gap = np.r_[0:200, 260:480]
+    model = OutputDisturbanceID(known=office.theta, n_starts=1).fit(office.X.iloc[gap], office.y.iloc[gap])
+    assert "T0_w_2" in model.disturbance_
+    again = identify_again(model, office.X[:480], office.y[:480])
+    assert "T0_w_2" not in again.disturbance_
 
 
 def test_a_start_of_an_unknown_parameter_is_refused(office, monkeypatch):

@@ -14,8 +14,9 @@ from sklearn.linear_model import lasso_path
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import SETPOINT_ROLES, ZoneTable, read_table, read_targets
-from .._time import rows_per_hour
+from .._time import rows_per_hour, spell
 from ..filtering import low_pass
+from .experiment import temperatures_by_role
 
 _MEMORIES = (3.0, 12.0, 48.0)  # of a room's own mass [h]: without it, neighbours stand in for the mass
 _DAY_PARTS = (8.0, 12.0, 16.0)  # hours at which the sun may be on a room's windows
@@ -52,7 +53,8 @@ def find_adjacency(X: Any, y: Any, zones: Sequence[str] | None = None) -> pd.Dat
     Raises
     ------
     ValueError
-        If y has less than two zones, a zone is missing, or there are less than ten days.
+        If y has less than two zones, a zone is missing, the step does not divide an hour, or there are less than ten
+        days on which all rooms were measured.
 
     Notes
     -----
@@ -108,7 +110,8 @@ class _Rooms(NamedTuple):
 
 
 def _read(X: Any, y: Any, zones: Sequence[str] | None) -> _Rooms:
-    names = tuple(str(c).removeprefix("T_za_") for c in getattr(y, "columns", ())) if zones is None else tuple(zones)
+    given = [str(c).removeprefix("T_za_") for c in getattr(y, "columns", ())] if zones is None else zones
+    names = tuple(dict.fromkeys(given))
     if not isinstance(y, pd.DataFrame) or len(names) < 2:
         raise ValueError("y needs the temperatures of two zones or more; give a DataFrame with a column per zone.")
     roles = tuple(f"T_za_{name}" for name in names)
@@ -120,19 +123,25 @@ def _read(X: Any, y: Any, zones: Sequence[str] | None) -> _Rooms:
         min_rows=2,
         history_roles=("T_za", "zeta", *roles),
     )
-    renamed = y.rename(columns=dict(zip(names, roles, strict=True)))
-    for name, role in zip(names, roles, strict=True):
-        if list(renamed.columns).count(role) != 1:
-            raise ValueError(f"y has not one column {role!r} or {name!r} for the zone {name!r}.")
-    T = read_targets(renamed[list(roles)], table, roles)
+    T = read_targets(temperatures_by_role(y, dict(zip(names, roles, strict=True))), table, roles)
+    if pd.Timedelta("1h") % table.step:
+        raise ValueError(
+            f"X has a step of {spell(table.step)}, which does not divide an hour; resample it with "
+            "skhybrid.datasets.regularize."
+        )
     per = rows_per_hour(table.step)
     n = table.n_rows // per
-    days = n * per * table.step_hours / 24
+    days = n / 24
     if table.utc is None or days < _FEWEST_DAYS:
         stamps = " and no time stamps" if table.utc is None else ""
         raise ValueError(f"X has {days:.3g} days{stamps}; give {_FEWEST_DAYS} or more, with time stamps.")
+    T = T[: n * per : per]
+    seen = np.isfinite(T).all(axis=1)
+    n_seen = len(np.unique(_day(n)[:-1][seen[:-1] & seen[1:]]))
+    if n_seen < _FEWEST_DAYS:
+        raise ValueError(f"y has all rooms measured at once on {n_seen} days only; give {_FEWEST_DAYS} or more.")
     hourly = {role: v[: n * per].reshape(n, per).mean(axis=1) for role, v in table.inputs.items()}
-    return _arrange(names, T[: n * per : per], hourly, table, per)
+    return _arrange(names, T, hourly, table, per)
 
 
 def _arrange(
@@ -155,8 +164,12 @@ def _arrange(
         columns = [*acting, *(_smoothed(v, 4.0) for v in (*acting, heat[:, i]))]
         others.append(np.column_stack([*columns, *sun, calendar]))
     filled = pd.DataFrame(T).interpolate(limit_direction="both").to_numpy()
-    day = np.arange(n) * per * table.step_hours // 24
-    return _Rooms(names, filled, np.isfinite(T), heat, np.array(outside).reshape(-1, n).T, others, day.astype(int))
+    return _Rooms(names, filled, np.isfinite(T), heat, np.array(outside).reshape(-1, n).T, others, _day(n))
+
+
+def _day(n: int) -> np.ndarray:
+    """(n,) number of the day, from the first row on, of hourly rows."""
+    return np.arange(n) // 24
 
 
 def _smoothed(values: np.ndarray, hours: float) -> np.ndarray:

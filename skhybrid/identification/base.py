@@ -19,7 +19,7 @@ from .._transaction import unchanged_on_failure
 from ..thermal import Parameter, RCNetwork, get_network
 from ..thermal.parameters import check_known
 from .experiment import Experiment, make_experiment, read_outputs
-from .filtered_network import filter_training
+from .filtered_network import FirstState, filter_training
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
 from .fitting.starts import Minimise, check_start, search
@@ -101,9 +101,9 @@ class NetworkIdentifier(NetworkModel):
         """Parameters of the disturbance model."""
         return ()
 
-    def _own_names(self) -> set[str]:
-        """Names that ``disturbance_`` may have."""
-        return {p.name for p in self._own_parameters()}
+    def _is_own(self, name: str) -> bool:
+        """Whether ``disturbance_`` may have a name."""
+        return name in {p.name for p in self._own_parameters()}
 
     def _first_state(self, smooth: FilteredStates, number: int) -> np.ndarray:
         """(n,) node temperatures at the first row of a segment of the training table."""
@@ -113,8 +113,12 @@ class NetworkIdentifier(NetworkModel):
         """A problem with some parameters held, so that its loss compares with that of the fit."""
         return problem
 
+    def _reported(self, searched: pd.DataFrame) -> pd.DataFrame:
+        """Searched values by column, in the units of the fitted attributes."""
+        return searched
+
     def _searched_values(self) -> dict[str, float]:
-        """Everything that the fit found, in the units that are searched."""
+        """Everything that the fit found, in the units of the search."""
         return {name: float(value) for name, value in {**self.theta_, **self.disturbance_}.items()}
 
     @unchanged_on_failure
@@ -136,23 +140,37 @@ class NetworkIdentifier(NetworkModel):
         Returns
         -------
         self
+
+        Raises
+        ------
+        ValueError
+            If a table, a setting or a start cannot be what it should be; the estimator is then what it was.
+
+        Warns
+        -----
+        ScaleNotIdentifiableWarning, ExcitationWarning
+            If nothing fixes the scale of the network, or rows tell nothing of a parameter.
         """
         network, table, experiment, parameters = self._prepare(X, y)
         problem, idle = self._make_problem(network, table, experiment, parameters)
         if theta_init is not None:
-            known = {p.name for p in (*parameters, *problem.searched)} | self._own_names()
-            check_start(theta_init, known | set(self.known or {}))
+            names = {p.name for p in (*parameters, *problem.searched)} | set(self.known or {})
+            check_start(theta_init, names, self._is_own)
         minima = self._minima(problem, theta_init)
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
         self.sampling_time_ = table.step
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
-        keep = rows_covering(self.warmup, table.step)
-        self.filtered_network_ = filter_training(kalman, table, experiment, self._first_state, keep)
-        self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
-        self._plant = plant_of(network, self._theta, table)
+        self._know(kalman, table, experiment, self._first_state)
         return self
+
+    def _know(self, kalman: GainFilter, table: ZoneTable, experiment: Experiment, first_state: FirstState) -> None:
+        """Take a table as the known rows, from which forecasts go on."""
+        keep = rows_covering(self.warmup, table.step)
+        self.filtered_network_ = filter_training(kalman, table, experiment, first_state, keep)
+        self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
+        self._plant = plant_of(self.network_, self._theta, table)
 
     def _prepare(self, X: Any, y: Any) -> tuple[RCNetwork, ZoneTable, Experiment, tuple[Parameter, ...]]:
         """Read and check what ``fit`` is given."""
@@ -162,6 +180,7 @@ class NetworkIdentifier(NetworkModel):
         table = self._read(X, network, reset=True)
         target = read_outputs(y, table, network, max_missing=self.max_missing)
         self._check_spans(table.step)
+        rows_covering(self.warmup, table.step)  # refuses what is no duration before the search
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
         return network, table, experiment, self._bounded_parameters(network, table)
 
@@ -169,14 +188,18 @@ class NetworkIdentifier(NetworkModel):
         """The network's parameters with the bounds that the user gave; refuses settings that name no parameter."""
         known, bounds = dict(self.known or {}), dict(self.bounds or {})
         parameters = self._widened(network.parameters(table.inputs))
-        names = [p.name for p in (*parameters, *self._own_parameters())]
+        own = self._own_parameters()
+        names = [p.name for p in (*parameters, *own)]
         under_other_inputs = {p.name for p in network.parameters()}
         for setting, given in (("known", known), ("bounds", bounds)):
             for name in given:
                 if name not in names and name not in under_other_inputs:
                     raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
+        for name, value in known.items():
+            if value is None:
+                raise ValueError(f"known= gives {name} no value; give a number, or leave it out.")
         out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
-        check_known(out, known)
+        check_known((*out, *(p for p in own if p.transform == "log")), known)
         return out
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:
@@ -263,16 +286,17 @@ class NetworkIdentifier(NetworkModel):
             At the sampling time of ``fit``, else ValueError.
         y : array-like of shape (n_samples,)
             Measured zone temperature [degC]; NaN where missing.
+
+        Returns
+        -------
+        identification of the same class
         """
         check_is_fitted(self)
         table = self._read_X(X)
         target = read_outputs(y, table, self.network_, max_missing=self.max_missing)
-        made, kalman = copy(self), self.filtered_network_.kalman
         experiment = make_experiment(self.network_, self.filtered_network_.roles, table, target)
-        keep = rows_covering(self.warmup, table.step)
-        made.filtered_network_ = filter_training(kalman, table, experiment, _smoothed_first, keep)
-        made.initial_state_ = made.filtered_network_.training_start.mean[: kalman.n].copy()
-        made._plant = plant_of(self.network_, self._theta, table)
+        made = copy(self)
+        made._know(self.filtered_network_.kalman, table, experiment, _smoothed_first)
         return made
 
     def take_rows(self, table: ZoneTable) -> tuple[np.ndarray, np.ndarray]:

@@ -63,11 +63,12 @@ class GrayBoxRC(LeastSquaresIdentifier):
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
         known, span = self.filtered_network_, rows_covering(self.warmup, table.step)
         kalman, experiment = known.kalman, known.experiment(table)
-        free_run, size = known.open_loop(experiment, known.open_start(table)), (len(origins), n)
+        free_run = known.open_loop(experiment, known.open_start(table))
         plain = without_disturbance(kalman, experiment.hours)
         states = [_state_at(plain, experiment, free_run, int(origin), span) for origin in origins]
-        nothing = np.zeros((*size, kalman.n_gains)), np.zeros((*size, len(kalman.measured)))
-        return ForecastStart(np.array(states), *nothing)
+        return ForecastStart.of_heat(
+            np.array(states), np.zeros((len(origins), n, kalman.n_gains)), len(kalman.measured)
+        )
 
 
 def _state_at(plain: GainFilter, experiment: Experiment, free_run: np.ndarray, origin: int, span: int) -> np.ndarray:

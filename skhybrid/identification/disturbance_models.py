@@ -19,11 +19,12 @@ from .experiment import Experiment
 HIDDEN_SD = 2.0  # standard deviation of a node's temperature that was not measured at the first row [K]
 MEASURED_SD = 0.5  # standard deviation of the measured node at the first row [K]
 ZETA_SD = 1.0  # standard deviation of the disturbance at the first row [kW]
+FIRST = "T0_"  # begins the name of a hidden node's temperature at the first row of a segment
 
 
-def measurement_variance(hours: float) -> float:
-    """Paper 2.2.2: ``0.25^2 / T_s`` with ``T_s`` in seconds [K2]."""
-    return 0.25**2 / (hours * 3600.0)
+def measurement_variance(hours: float, sd: float | None = None) -> float:
+    """Variance of a thermometer [K2]: ``sd^2``, or ``0.25^2 / T_s`` with ``T_s`` in seconds (paper 2.2.2)."""
+    return 0.25**2 / (hours * 3600.0) if sd is None else sd**2
 
 
 def measured_rows(network: RCNetwork) -> np.ndarray:
@@ -39,10 +40,13 @@ def first_covariance(network: RCNetwork, zeta_sd: float | None = None) -> np.nda
     return np.diag(np.append(sd, disturbances) ** 2)
 
 
-def first_state(network: RCNetwork, experiment: Experiment, appended: int = 0) -> np.ndarray:
-    """Mean of the first row's state: measured nodes as measured, hidden ones at their mean, what is appended at 0."""
-    state = np.full(len(network.nodes), float(np.mean(experiment.firsts)))
-    state[measured_rows(network)] = experiment.firsts
+def first_state(network: RCNetwork, temperatures: np.ndarray, appended: int = 0) -> np.ndarray:
+    """Mean of the first row's state: measured nodes at their (o,) ``temperatures``, hidden ones at the mean of these.
+
+    What is ``appended`` is 0.
+    """
+    state = np.full(len(network.nodes), float(np.mean(temperatures)))
+    state[measured_rows(network)] = temperatures
     return np.append(state, np.zeros(appended))
 
 
@@ -124,7 +128,7 @@ class Conventional(_Disturbance):
         S, n = d.A.shape[:2]
         model = append_states(d, np.zeros((S, 0)), 0, 0)
         Q = np.tile(self.process_sd**2 * np.eye(n), (S, 1, 1))
-        s0, P0 = first_state(network, segment), first_covariance(network)
+        s0, P0 = first_state(network, segment.firsts), first_covariance(network)
         return _complete(model, _outputs(network, 0, False), s0, measurement_variance(segment.hours), Q=Q, P0=P0)
 
 
@@ -151,8 +155,8 @@ class InputRandomWalk(_Disturbance):
         model.Q[:, walks, walks] = own["sigma_zeta"][:, None] ** 2
         model.dQ[:, nodes, nodes, -2] = 2.0 * own["sigma_x"][:, None]
         model.dQ[:, walks, walks, -1] = 2.0 * own["sigma_zeta"][:, None]
-        R = self.measurement_sd**2 if self.measurement_sd else measurement_variance(segment.hours)
-        s0, P0 = first_state(network, segment, a), first_covariance(network, ZETA_SD)
+        R = measurement_variance(segment.hours, self.measurement_sd)
+        s0, P0 = first_state(network, segment.firsts, a), first_covariance(network, ZETA_SD)
         return _complete(model, _outputs(network, a, False), s0, R, P0=P0)
 
 
@@ -193,7 +197,7 @@ class OutputARMA(_Disturbance):
         K, dK = np.zeros((S, n + o, o)), np.zeros((S, n + o, o, model.dA.shape[3]))
         K[:, each, outputs] = rho_2[:, None]
         dK[:, each, outputs, base : base + 2] = (0.0, 1.0) if self.paper_box else (1.0, -1.0)
-        s0 = np.tile(first_state(network, segment, o), (S, 1))
+        s0 = np.tile(first_state(network, segment.firsts, o), (S, 1))
         for q, node in enumerate(self.hidden):
             i = network.nodes.index(node)
             s0[:, i] = own[first_name(node, number)]
@@ -209,7 +213,7 @@ def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int
 
 def first_name(node: str, number: int) -> str:
     """Name of a hidden node's temperature at the first row of a segment: ``T0_w``, of further ones ``T0_w_2`` ...."""
-    return f"T0_{node}" if number == 0 else f"T0_{node}_{number + 1}"
+    return f"{FIRST}{node}" if number == 0 else f"{FIRST}{node}_{number + 1}"
 
 
 def checked_kind(kind: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,15 +58,21 @@ def read_outputs(y: Any, table: ZoneTable, network: RCNetwork, *, max_missing: f
     """(N,) measured temperature, or (N, o) by the names of roles or nodes from a frame, by order from an array."""
     roles = network.history_roles
     if isinstance(y, pd.DataFrame) and len(roles) > 1 and any(isinstance(column, str) for column in y.columns):
-        names = dict(zip(network.measured_names, roles, strict=True))
-        named = y if set(roles) <= set(y.columns) else y.rename(columns=names)
-        absent = [role for role in roles if list(named.columns).count(role) != 1]
-        if absent:
-            raise ValueError(
-                f"y has not one column {absent[0]!r}; give {listed(roles)} or {listed(names)}, not {listed(y.columns)}."
-            )
-        y = named
+        y = temperatures_by_role(y, dict(zip(network.measured_names, roles, strict=True)))
     return read_targets(y, table, roles, max_missing=max_missing)
+
+
+def temperatures_by_role(y: pd.DataFrame, names: Mapping[str, str]) -> pd.DataFrame:
+    """The measured temperatures of a frame by role; its columns are roles, or the ``names`` of nodes or zones."""
+    roles = list(names.values())
+    named = y if set(roles) <= set(y.columns) else y.rename(columns=names)
+    for name, role in names.items():
+        if list(named.columns).count(role) != 1:
+            raise ValueError(
+                f"y has not one column {role!r} or {name!r}; give {listed(roles)} or {listed(names)}, not "
+                f"{listed(y.columns)}."
+            )
+    return named[roles]
 
 
 def make_experiment(network: RCNetwork, roles: tuple[str, ...], table: ZoneTable, y: np.ndarray) -> Experiment:

@@ -18,6 +18,9 @@ from .gain_filter import FilteredStates, FilterStart, GainFilter
 from .gain_model import week_cells
 from .rolling_state import RollingState, kept_end
 
+#: (n,) node temperatures at the first row of a segment, from its smoothed states and its number
+FirstState = Callable[[FilteredStates, int], np.ndarray]
+
 
 class ForecastStart(NamedTuple):
     """States and expected disturbance from which forecasts are made."""
@@ -25,6 +28,12 @@ class ForecastStart(NamedTuple):
     states: np.ndarray  # (n_origins, n) node temperatures at the origin [degC]
     heat: np.ndarray  # (n_origins, H, d) unmeasured heat of the rows origin, origin + 1, ... [kW]
     offset: np.ndarray  # (n_origins, H, o) added to the outputs of the rows origin + 1, ... [K]
+    offset_now: np.ndarray  # (n_origins, o) added to the outputs of the origin, where it is not measured [K]
+
+    @classmethod
+    def of_heat(cls, states: np.ndarray, heat: np.ndarray, n_outputs: int) -> ForecastStart:
+        """Under unmeasured heat alone."""
+        return cls(states, heat, np.zeros((*heat.shape[:2], n_outputs)), np.zeros((len(heat), n_outputs)))
 
 
 @dataclass(frozen=True)
@@ -107,12 +116,12 @@ class FilteredNetwork:
         rows = np.minimum(origins[:, None] + np.arange(n), table.n_rows - 1)
         decay = kalman.phi ** np.arange(n)
         heat = g[:, None] * decay[:, None] + kalman.profile[cells[rows]]
-        return ForecastStart(states.nodes[origins], heat, np.zeros((len(origins), n, len(kalman.measured))))
+        return ForecastStart.of_heat(states.nodes[origins], heat, len(kalman.measured))
 
     def under(self, table: ZoneTable, origins: np.ndarray, disturbance: Any, kind: str) -> ForecastStart:
         """The start of forecasts under a given disturbance, (n_origins, H) or (n_origins, H, d)."""
         kalman, disturbance = self.kalman, np.asarray(disturbance, dtype=np.float64)
-        size, wanted = disturbance.shape[:2], kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
+        wanted = kalman.n_gains if checked_kind(kind) == "input" else len(kalman.measured)
         given = disturbance[..., None] if disturbance.ndim == 2 else disturbance
         if given.shape[2:] != (wanted,) or len(given) != len(origins) or not given.shape[1]:
             raise ValueError(
@@ -121,9 +130,9 @@ class FilteredNetwork:
                 f"{f', {wanted}' if wanted > 1 else ''})."
             )
         if kind == "input":
-            return ForecastStart(self.run(table).nodes[origins], given, np.zeros((*size, len(kalman.measured))))
+            return ForecastStart.of_heat(self.run(table).nodes[origins], given, len(kalman.measured))
         states = self.open_loop(self.experiment(table), self.open_start(table))[origins]
-        return ForecastStart(states, np.zeros((*size, kalman.n_gains)), given)
+        return ForecastStart(states, np.zeros((*given.shape[:2], kalman.n_gains)), given, given[:, 0])
 
     def drive(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart) -> np.ndarray:
         """(n_origins, H) temperatures after each origin [degC], with a third axis where several are measured."""
@@ -140,10 +149,10 @@ def filter_training(
     kalman: GainFilter,
     table: ZoneTable,
     experiment: Experiment,
-    first_state: Callable[[FilteredStates, int], np.ndarray],
+    first_state: FirstState,
     keep: int,
 ) -> FilteredNetwork:
-    """Run a filter over its training table; ``first_state`` gives (n,) nodes from smoothed states and segment."""
+    """Run a filter over its training table, of which the last ``keep`` rows are kept."""
 
     def begin(number: int) -> FilterStart:
         rows = experiment.segments[number]

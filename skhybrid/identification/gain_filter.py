@@ -11,7 +11,14 @@ from scipy.optimize import minimize
 from .._calendar import N_CELLS
 from ..filtering import kalman_filter, simulate_path, smooth_states
 from ..thermal import RCNetwork
-from .disturbance_models import ZETA_SD, Conventional, first_covariance, measured_rows, measurement_variance
+from .disturbance_models import (
+    ZETA_SD,
+    Conventional,
+    first_covariance,
+    first_state,
+    measured_rows,
+    measurement_variance,
+)
 from .experiment import Experiment
 from .gain_model import week_cells
 
@@ -76,9 +83,8 @@ class GainFilter:
 
     def cold(self, temperatures: np.ndarray) -> FilterStart:
         """The start of rows of which only the first (o,) measured temperatures are known."""
-        nodes = np.full(self.n, float(np.mean(temperatures)))
-        nodes[self.measured] = temperatures
-        return FilterStart(np.append(nodes, np.zeros(self.n_gains)), first_covariance(self.network, self.g_sd))
+        mean = first_state(self.network, temperatures, self.n_gains)
+        return FilterStart(mean, first_covariance(self.network, self.g_sd))
 
     def run(self, experiment: Experiment, start: FilterStart, smooth: bool = False) -> FilteredStates:
         """Filter (causal) or smooth (by all rows) the states of one segment of rows."""
@@ -95,11 +101,13 @@ class GainFilter:
         return FilteredStates(states[:, : self.n].copy(), states[:, self.n :] + profile, end, (predicted, before))
 
     def drive(self, experiment: Experiment, origin: int, state: np.ndarray, heat: np.ndarray) -> np.ndarray:
-        """(H, n) node temperatures of the rows after an origin; ``heat`` (H, d) [kW] is that of the rows origin ...."""
+        """(H, n) node temperatures of the rows after an origin; ``heat`` (H, d) [kW] is that of the rows origin ....
+
+        Rows beyond the experiment repeat the last one.
+        """
         rows = experiment.inputs[origin : origin + len(heat)]
         path = simulate_path(self.A, rows @ self.B.T + heat[: len(rows)] @ self.heat.T, state)[1:]
-        short = len(heat) - len(rows)
-        return np.vstack([path, np.repeat(path[-1:], short, axis=0)]) if short and len(path) else path
+        return np.vstack([path, np.repeat(path[-1:], len(heat) - len(rows), axis=0)])
 
 
 def without_disturbance(kalman: GainFilter, hours: float) -> GainFilter:

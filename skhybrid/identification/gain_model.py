@@ -25,6 +25,7 @@ N_HARMONICS = 8  # harmonics of the day in a profile, out of twelve; the others 
 #: prior of a standard deviation [6 kW plant], as mean and standard deviation of its logarithm; and of a day's factor
 SIGMA_PRIOR, DAY_PRIOR = (np.log(0.15), 1.5), (0.0, 0.5)
 MOST_DAYS = 56  # most days that have a factor of their own; in longer logs two or more days in a row share one
+PLANT = "6 kW plant"  # unit in which standard deviations of the gain are searched
 _HOURS = 24
 
 
@@ -105,12 +106,11 @@ class VarianceModel:
 
 def own_parameters(n_days: int, hours: HourClasses) -> tuple[Parameter, ...]:
     """Parameters of the disturbance: time constant, noise, and standard deviations in units of a 6 kW plant."""
-    kw = "6 kW plant"
     out = [Parameter("tau", "h", 0.2, 120.0, "time constant of the gain state")]
-    out += [Parameter(f"sigma_{c}", kw, 0.002, 12.0, f"standard deviation, {c}") for c in hours.names]
+    out += [Parameter(f"sigma_{c}", PLANT, 0.002, 12.0, f"standard deviation, {c}") for c in hours.names]
     out += [Parameter(f"day_{d}", "-", -4.0, 4.0, "logarithm of a day's factor", "identity") for d in range(n_days)]
     out += [Parameter("sigma_y", "K", 1e-3, 1.0, "measurement noise")]
-    out += [Parameter(f"sigma_profile_{k}", kw, 0.005, 5.0, f"hourly step of the {k} profile") for k in DAY_TYPES]
+    out += [Parameter(f"sigma_profile_{k}", PLANT, 0.005, 5.0, f"hourly step of the {k} profile") for k in DAY_TYPES]
     return tuple(out)
 
 

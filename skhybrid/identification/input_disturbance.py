@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+import numpy as np
+
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import store_arguments
@@ -51,6 +53,9 @@ class InputDisturbanceID(LeastSquaresIdentifier):
         store_arguments(self, locals())
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> InputRandomWalk:
+        sd = self.measurement_sd
+        if sd is not None and not (isinstance(sd, int | float | np.number) and 0.0 < sd < np.inf):
+            raise ValueError(f"measurement_sd={sd!r} must be a positive number [K].")
         return InputRandomWalk(self.measurement_sd)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
@@ -60,7 +65,7 @@ class InputDisturbanceID(LeastSquaresIdentifier):
         return scaled_innovations(self.filtered_network_, table, segment, self.noise_std_)
 
     def _measurement_variance(self, hours: float) -> float:
-        return self.measurement_sd**2 if self.measurement_sd else measurement_variance(hours)
+        return measurement_variance(hours, self.measurement_sd)
 
     def _walk(self, kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:
         return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])

@@ -65,7 +65,7 @@ def network_load(
         for chosen in (within, unlimited)
     )
     measured = np.ravel(filtered.measurements(here))[:1]
-    first = np.where(np.isfinite(measured), measured, zone.output @ start.states[0])
+    first = np.where(np.isfinite(measured), measured, zone.output @ start.states[0] + start.offset_now[0])
     zeta = heat[:, 0] + offset  # a disturbance is the one or the other
     return load_frame(plant, here.index, clipped, unclipped, np.append(first, path[:-1]), zeta)
 

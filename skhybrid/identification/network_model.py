@@ -174,7 +174,7 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
             Names of X's columns where it had none in ``fit``; ValueError if they are not those that ``fit`` saw.
         """
         names = OneToOneFeatureMixin.get_feature_names_out(self, input_features)
-        return np.array([*names, *self._zeta_names()], dtype=object)
+        return np.array(list(dict.fromkeys([*names, *self._zeta_names()])), dtype=object)
 
     @one_blas_thread
     def innovations(self, X: Any) -> pd.DataFrame:

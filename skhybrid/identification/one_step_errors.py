@@ -74,7 +74,7 @@ def simulation_errors(filtered: FilteredNetwork, table: ZoneTable, warmup: Any, 
     kalman, experiment = filtered.kalman, filtered.experiment(table)
     setting, n_rows = Conventional(rows_covering(warmup, table.step)), len(experiment.y)
     plain = without_disturbance(kalman, experiment.hours)
-    warm, state = setting.filtered(n_rows), first_state(kalman.network, experiment)
+    warm, state = setting.filtered(n_rows), first_state(kalman.network, experiment.firsts)
     if warm:
         early = experiment.rows(slice(0, warm))
         state = plain.run(early, plain.cold(experiment.firsts)).end.mean[: kalman.n]
@@ -92,7 +92,7 @@ def arma_innovations(
     if segment is None:
         state = np.array(filtered.open_start(table), dtype=np.float64)
     else:  # as it was searched
-        state = first_state(network, experiment)
+        state = first_state(network, experiment.firsts)
         take_searched(state, network, found, segment)
     free = experiment.outputs - filtered.open_loop(experiment, state)[:-1, filtered.kalman.measured]
     error, std = arma_errors(free, float(found["rho_1"]), float(found["rho_2"]))

@@ -10,7 +10,7 @@ import pandas as pd
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import SearchResult, store_arguments
-from .disturbance_models import OutputARMA, take_searched
+from .disturbance_models import FIRST, OutputARMA, take_searched
 from .experiment import Experiment
 from .filtered_network import ForecastStart
 from .gain_filter import GainFilter
@@ -60,6 +60,9 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> OutputARMA:
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
+        for name in {p.name for p in self._own_parameters()} & {*(self.known or {})}:
+            if not isinstance(value := self.known[name], int | float | np.number) or not -1.0 < value < 1.0:
+                raise ValueError(f"known= gives {name} the value {value!r}; it must lie between -1 and 1.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
         firsts = tuple(segment.first for segment in experiment.segments)
         return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
@@ -67,8 +70,9 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return OutputARMA((), (), self.rho_box == "paper").own
 
-    def _own_names(self) -> set[str]:
-        return super()._own_names() | {"rho_2"}
+    def _is_own(self, name: str) -> bool:
+        # an earlier fit has a first temperature per segment of its own table
+        return super()._is_own(name) or name == "rho_2" or str(name).startswith(FIRST)
 
     def _store(self, found: SearchResult) -> GainFilter:
         kalman = super()._store(found)
@@ -94,4 +98,4 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         states = known.open_loop(experiment, known.open_start(table))
         zeta = arma_prediction(experiment.outputs - states[:-1, kalman.measured], rho_1, rho_2).states
         offset = zeta[origins + 1][:, None] * (rho_1 ** np.arange(n))[:, None]
-        return ForecastStart(states[origins], np.zeros((len(origins), n, kalman.n_gains)), offset)
+        return ForecastStart(states[origins], np.zeros((len(origins), n, kalman.n_gains)), offset, zeta[origins])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +19,16 @@ from .fitting.periodic_likelihood import PeriodicProblem
 from .fitting.priors import normal_priors
 from .fitting.starts import start_at, starts_table
 from .gain_filter import GainFilter
-from .gain_model import DAY_TYPES, HOUR_CLASSES, HourClasses, VarianceModel, own_parameters, profile_basis, week_cells
+from .gain_model import (
+    DAY_TYPES,
+    HOUR_CLASSES,
+    PLANT,
+    HourClasses,
+    VarianceModel,
+    own_parameters,
+    profile_basis,
+    week_cells,
+)
 from .shared_docs import shared_docs
 from .uncertainty.identifiability import at_bounds
 from .uncertainty.periodic_errors import periodic_uncertainty
@@ -99,6 +109,14 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return own_parameters(0, self._hours)
 
+    def _units(self, heat_scale: float) -> dict[str, float]:
+        """Unit [kW] of the standard deviations of the gain, on the scale on which they are searched."""
+        return {p.name: heat_scale for p in self._own_parameters() if p.unit == PLANT}
+
+    def _reported(self, searched: pd.DataFrame) -> pd.DataFrame:
+        units = self._units(self._heat_scale).items()
+        return searched.assign(**{name: searched[name] * unit for name, unit in units if name in searched})
+
     @property
     def _hours(self) -> HourClasses:
         if self.variance not in HOUR_CLASSES:
@@ -110,22 +128,32 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     ) -> tuple[PeriodicProblem, tuple[str, ...]]:
         known, bounds = dict(self.known or {}), dict(self.bounds or {})
         n_days = len(VarianceModel.of(experiment.segments, self._hours).first_rows)
-        own = tuple(p.bounded(bounds.get(p.name)) for p in own_parameters(n_days, self._hours))
+        scale = _heat_scale(table, known)
+        units = self._units(scale)
+
+        def bounded(p: Parameter) -> Parameter:
+            ends, unit = bounds.get(p.name), units.get(p.name, 1.0)
+            return p if ends is None else p.bounded((float(ends[0]) / unit, float(ends[1]) / unit))
+
+        own = tuple(bounded(p) for p in own_parameters(n_days, self._hours))
         priors = normal_priors(self.priors, (*parameters, *own), known)
+        priors = {name: (mean - np.log(units.get(name, 1.0)), sd) for name, (mean, sd) in priors.items()}
         idle = self._excited(network, table, parameters, priors)
-        fixed = idle | {k: float(v) for k, v in known.items()}
+        fixed = idle | {name: float(value) / units.get(name, 1.0) for name, value in known.items()}
         inner = _inner(network, table, fixed, {*bounds, *priors})
         solar = any(p.startswith("A_win") for p in inner)  # then its fractions are solved inside too
         elsewhere = {*fixed, *inner, *(network.solar_fractions if solar else ())}
         searched = tuple(p for p in (*parameters, *own) if p.name not in elsewhere)
-        scale = _heat_scale(table, known)
         return PeriodicProblem(network, experiment, searched, fixed, inner, scale, priors, self.variance), tuple(idle)
 
     def _minima(self, problem: PeriodicProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
             return [problem.minimise(np.zeros(0))]
         starts = _prior_starts(problem, self.n_starts, self._start_draws())
-        starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
+        if begin is not None:
+            units = self._units(problem.heat_scale)
+            start = {n: v / units.get(n, 1.0) if isinstance(v, Real) else v for n, v in begin.items()}
+            starts = start_at(problem.searched, start, starts[0])
 
         def each(batch: np.ndarray) -> list[Minimum]:
             return [problem.minimise(start) for start in batch]
@@ -136,7 +164,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         problem, best, minima, table, parameters, idle = found
         self._heat_scale = problem.heat_scale
         self._store_variances(problem, best, table)
-        self.starts_ = starts_table(minima, problem.searched, problem.drop)
+        self.starts_ = self._reported(starts_table(minima, problem.searched, problem.drop))
         quiet = self._without_gain(problem, best)
         self.gain_found_ = quiet is None
         if quiet is not None:
@@ -164,9 +192,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def _store_variances(self, problem: PeriodicProblem, best: Minimum, table: ZoneTable) -> None:
         """Standard deviations of the gain; where no gain is found, those that it may still have, for the filter."""
         values = problem.values(best.free)
-        own = {p.name: values[p.name] for p in self._own_parameters()}
-        in_kw = {n: v * problem.heat_scale for n, v in own.items() if n not in ("tau", "sigma_y")}
-        self.disturbance_ = pd.Series({**own, **in_kw})
+        units = self._units(problem.heat_scale)
+        self.disturbance_ = pd.Series({p.name: values[p.name] * units.get(p.name, 1.0) for p in self._own_parameters()})
         begins = np.cumsum([0, *(len(segment.y) for segment in problem.experiment.segments)])
         rows = [begins[segment] + row for segment, row in problem.variance.first_rows]
         self.day_factors_ = pd.Series(problem.day_factors(values), index=table.index[rows], name="day_factor")
@@ -189,14 +216,15 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     def _as_fitted(self, problem: PeriodicProblem) -> PeriodicProblem:
         """In the same unit of heat, and without the gain where none was found."""
-        problem = replace(problem, heat_scale=self._heat_scale)
+        ratio = problem.heat_scale / self._heat_scale
+        known = {name: problem.fixed[name] * ratio for name in self._units(1.0) if name in problem.fixed}
+        problem = replace(problem, heat_scale=self._heat_scale, fixed={**problem.fixed, **known})
         return problem if self.gain_found_ else problem.without_gain()
 
     def _searched_values(self) -> dict[str, float]:
         values = super()._searched_values()
-        for p in self._own_parameters():
-            if p.unit == "6 kW plant":
-                values[p.name] /= self._heat_scale
+        for name, unit in self._units(self._heat_scale).items():
+            values[name] /= unit
         return values | {f"day_{d}": float(value) for d, value in enumerate(np.log(self.day_factors_))}
 
     def _make_filter(self, problem: PeriodicProblem) -> GainFilter:

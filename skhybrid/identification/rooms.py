@@ -13,6 +13,7 @@ from sklearn.base import clone
 from .._table import listed
 from ..thermal import RCNetwork, get_network, room_network
 from .base import NetworkIdentifier
+from .experiment import temperatures_by_role
 
 
 class RoomFits(NamedTuple):
@@ -72,7 +73,10 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
     roles = {column: role for role, column in dict(estimator.columns or {}).items()}
     read = {column: roles.get(column, column) for column in X.columns}
     _refuse_what_rooms_cannot_tell(network, read.values())
-    measured = _by_role(network, y)
+    names = dict(zip(network.measured_names, network.history_roles, strict=True))
+    if not isinstance(y, pd.DataFrame):
+        raise ValueError(f"y must be a DataFrame; give one with the columns {listed(names.values())}.")
+    measured = temperatures_by_role(y, names)
     between = measured.interpolate(limit_direction="both")
     jobs = [
         delayed(_fit_room)(estimator, room_network(network, zone), X, read, measured[f"T_za_{zone}"], between)
@@ -95,18 +99,6 @@ def _refuse_what_rooms_cannot_tell(network: RCNetwork, roles: Iterable[str]) -> 
     for role in roles:
         if role in shared and role.startswith("Q_"):
             raise ValueError(f"column {role!r} is heat that rooms share; fit the building at once.")
-
-
-def _by_role(network: RCNetwork, y: Any) -> pd.DataFrame:
-    """The measured temperatures, with columns ``T_za_<zone>``."""
-    names = dict(zip(network.measured_names, network.history_roles, strict=True))
-    if not isinstance(y, pd.DataFrame):
-        raise ValueError(f"y must be a DataFrame; give one with the columns {listed(names.values())}.")
-    named = y.rename(columns=names)
-    for role in names.values():
-        if list(named.columns).count(role) != 1:
-            raise ValueError(f"y has not one column {role!r}; it has {listed(y.columns)}.")
-    return named[list(names.values())]
 
 
 def _fit_room(

@@ -9,7 +9,8 @@ _BLOCKS = {
     network : str or RCNetwork, default="2R2C"
         A name of the catalogue, or a network of your own.
     known : dict of parameter to value, optional
-        Parameters that are not searched, those of the disturbance included, such as a capacity ``{"Q_h": 6.0}`` [kW].
+        Parameters that are not searched, such as a capacity ``{"Q_h": 6.0}`` [kW]; those of ``disturbance_`` can be
+        among them, in its units.
     """,
     "search": """
     bounds : dict of parameter to (lower, upper), optional

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,19 @@ class StateSpace:
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     sampling_time: pd.Timedelta
+
+
+def checked_theta(network: RCNetwork, theta: Mapping[str, float], roles: Iterable[str]) -> dict[str, float]:
+    """The value of every parameter under the given inputs; refused where one is absent or impossible."""
+    parameters = network.parameters(roles)
+    if absent := [p.name for p in parameters if p.name not in theta]:
+        raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
+    values = {p.name: float(theta[p.name]) for p in parameters}
+    for p in parameters:
+        value = values[p.name]
+        if not np.isfinite(value) or (p.unit in ("kWh/K", "K/kW") and value <= 0):
+            raise ValueError(f"theta gives {p.name} the value {value:g} [{p.unit}]; C and R must be > 0, all finite.")
+    return values
 
 
 def state_space_of(

@@ -11,7 +11,7 @@ import pandas as pd
 from ..._time import positive_duration, read_duration, rows_covering, spell
 from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
-from ..state_space import StateSpace, state_space_of
+from ..state_space import StateSpace, checked_theta, state_space_of
 
 _ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")  # inputs of the paper's network
 
@@ -32,6 +32,15 @@ def make_state_space(
     sampling_time : timedelta-like, default="15min"
         Step of the exact zero-order hold.
 
+    Returns
+    -------
+    StateSpace
+
+    Raises
+    ------
+    ValueError
+        If a parameter has no value, or an impossible one.
+
     Examples
     --------
     >>> from skhybrid.identification import frequency_response, make_state_space, step_response
@@ -45,10 +54,7 @@ def make_state_space(
     """
     network, roles = get_network(network), tuple(roles)
     step = positive_duration(sampling_time, "sampling_time")
-    absent = [p.name for p in network.parameters(roles) if p.name not in theta]
-    if absent:
-        raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
-    return state_space_of(network, {p.name: float(theta[p.name]) for p in network.parameters(roles)}, roles, step)
+    return state_space_of(network, checked_theta(network, theta, roles), roles, step)
 
 
 def as_state_space(model: Any) -> StateSpace:

@@ -13,7 +13,7 @@ from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
 from ..._table import float_columns
-from ..._time import positive_duration, rows_covering
+from ..._time import positive_duration, rows_covering, spell
 from .findings import ErrorPattern
 from .residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, independence, ljung_box
 
@@ -67,8 +67,8 @@ class Diagnostics:
 
     @property
     def whiteness(self) -> float:
-        """p-value of whiteness: Bonferroni's of the Ljung-Box rows."""
-        return float(min(1.0, len(self.ljung_box) * self.ljung_box["p_value"].min()))
+        """p-value of whiteness by Ljung and Box."""
+        return float(self.tests["p_value"]["white (Ljung-Box)"])
 
     def __str__(self) -> str:
         n, n_missing = int(self.standardised.notna().sum()), int(self.standardised.isna().sum())
@@ -99,6 +99,16 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     max_lag : timedelta-like, default="1D"
         Longest lag of the correlations.
     level : float, default=0.01
+        Probability that a test fails where all is well.
+
+    Returns
+    -------
+    Diagnostics
+
+    Raises
+    ------
+    ValueError
+        If ``T_za`` is missing, or fewer than three rows have an error.
 
     Examples
     --------
@@ -148,6 +158,16 @@ def diagnose_residuals(
     max_lag, level : timedelta-like and float
         As in :func:`diagnose`.
     name : str
+
+    Returns
+    -------
+    Diagnostics
+
+    Raises
+    ------
+    ValueError
+        If a column is missing, the step is unknown, a row is no whole number of steps after the first, or fewer than
+        three rows have an error.
     """
     if not isinstance(level, Real) or not 0.0 < level < 1.0:
         raise ValueError(f"level={level!r} must be a probability between 0 and 1.")
@@ -155,6 +175,11 @@ def diagnose_residuals(
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):
         grid = pd.date_range(innovations.index[0], innovations.index[-1], freq=step)
+        if not (on_grid := innovations.index.isin(grid)).all():
+            raise ValueError(
+                f"the row {innovations.index[int(np.argmin(on_grid))]} is no whole number of steps of {spell(step)} "
+                "after the first; sort the rows, or give their step as sampling_time=."
+            )
         innovations = innovations.reindex(grid)
         inputs = None if inputs is None else inputs.reindex(grid)
     hours = step / pd.Timedelta("1h")
@@ -177,7 +202,7 @@ def _step_of(index: pd.Index, given: Any) -> pd.Timedelta:
         return positive_duration(given, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
         raise ValueError("the rows have no time stamps: say how far apart they are, such as sampling_time='15min'.")
-    return pd.Timedelta(index[1] - index[0])
+    return pd.Timedelta(np.median(np.diff(index.as_unit("ns").asi8)), unit="ns")
 
 
 def _cross_table(z: np.ndarray, inputs: pd.DataFrame | None, n_lags: int) -> pd.DataFrame:

@@ -64,6 +64,8 @@ def ljung_box(errors: Any, lags: Sequence[int], n_fitted: int = 0) -> pd.DataFra
     -----
     ``(n + 2) / n * sum_k n_pairs(k) acf(k)^2``: Ljung and Box (1978), with missing rows Stoffer and Toloi (1992).
     """
+    if not len(lags) or min(lags) < 1:
+        raise ValueError(f"lags={list(lags)!r} must be row numbers of at least 1; give one or more.")
     n = int(np.isfinite(as_numbers(errors, "the series")).sum())
     table = autocorrelation(errors, max(lags))
     total = ((n + 2) / n * table["n_pairs"] * table["acf"] ** 2).fillna(0.0).cumsum()
@@ -155,6 +157,8 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
         Index ``lag`` [rows]; ``ccf``, the half-width ``band`` of 95 % of an independent input (White's, ``1.96 sqrt(sum
         x^2 e^2) / (n sd(x) sd(e))``, right where both are larger by day), and the standardised value ``t``.
     """
+    if np.size(errors) != np.size(series):
+        raise ValueError(f"errors has {np.size(errors)} rows and series {np.size(series)}; give the same rows of both.")
     white = prewhiten(errors)
     measured = np.isfinite(as_numbers(errors, "the series")).sum()
     # scattered gaps leave no row whose past is whole: then the errors stay as they are, and the test is weaker

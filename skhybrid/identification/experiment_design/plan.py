@@ -12,9 +12,12 @@ import pandas as pd
 
 from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
+from ..._ranges import check_range
 from ..._threads import one_blas_thread
 from ..._time import rows_of, wall_clock
 from ...thermal import RCNetwork, get_network
+from ..gain_model import DAY_TYPES
+from ..state_space import checked_theta
 from .information import FilterInformation, relative_errors
 from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat, stack_inputs
 
@@ -144,6 +147,16 @@ def plan_experiment(
     random_state : int, Generator or None
         Of the draws.
 
+    Returns
+    -------
+    ExperimentPlan
+
+    Raises
+    ------
+    ValueError
+        If a parameter has no value, nothing known fixes the scale, weather is uneven, incomplete or impossible, or a
+        perturbation does not fit into the rows that it may take.
+
     Notes
     -----
     The errors are a lower bound, without the bias of too simple a network.  The perturbation of the paper (2.1) is a
@@ -172,6 +185,8 @@ def plan_experiment(
         cases += [_Case(name, float(h), _perturbed(usual, levels, allowed, float(h), log)) for h in hours if h > 0]
     if not (np.isfinite(target) and target > 0):
         raise ValueError(f"target={target!r} must be a positive relative error, such as 0.1 for 10 %.")
+    if n_draws < 1:
+        raise ValueError(f"n_draws={n_draws!r} must be at least 1.")
     free = tuple(name for name in zone.order if name not in known)
     errors = _expected_errors(zone, log, cases, free, hysteresis, n_draws, np.random.default_rng(random_state))
     return _make_plan(cases, free, errors, float(target))
@@ -183,7 +198,7 @@ def _zone(
     """The prior model, and what will be known of it."""
     if hasattr(network, "theta_"):
         theta = dict(network.theta_) if theta is None else theta
-        known = dict(network.known or {}) if known is None else known
+        known = {*(network.known or ())} & {*network.theta_.index} if known is None else known
         gain = _fitted_gain(network) if gain is None else gain
         network = network.network_
     net: RCNetwork = get_network(network)
@@ -197,18 +212,15 @@ def _zone(
     if not stages:
         raise ValueError("theta has neither Q_h nor Q_c [kW]: without heating or cooling no set-point can be held.")
     roles = (*net.boundaries, *((solar or ["q_sol"]) if net.solar else ()), *stages)
-    names = [p.name for p in net.parameters(roles)]
-    if missing := [n for n in names if n not in theta]:
-        raise ValueError(f"theta lacks {', '.join(missing)}, which network {net.name} has.")
-    if strange := sorted(known - set(names)):
-        raise ValueError(f"known= names {strange[0]!r}, but the parameters are {', '.join(names)}.")
+    values = checked_theta(net, theta, roles)
+    if strange := sorted(known - set(values)):
+        raise ValueError(f"known= names {strange[0]!r}, but the parameters are {', '.join(values)}.")
     if not any(name[0] in "CRAQ" for name in known):
         raise ValueError(
             "known= fixes no capacitance, resistance, area or capacity, so the scale of the network cannot be found "
             "from any log; name one that the identification will be given, such as known=['Q_h']."
         )
-    gain = GainStatistics() if gain is None else gain
-    return Zone(net, {n: float(theta[n]) for n in names}, roles, gain), known
+    return Zone(net, values, roles, GainStatistics() if gain is None else gain), known
 
 
 def _fitted_gain(model: Any) -> GainStatistics | None:
@@ -216,10 +228,12 @@ def _fitted_gain(model: Any) -> GainStatistics | None:
     own, profile = dict(getattr(model, "disturbance_", {})), getattr(model, "profile_", None)
     found: dict[str, list[float]] = {}
     for name, value in own.items():
-        kind, _, hour = name.removeprefix("sigma_").partition("_")
-        if kind in ("weekday", "weekend") and hour.isdigit():
-            klass = Calendar.of(np.array([int(hour)]), np.array([kind == "weekend"])).klass[0]
-            found.setdefault(CLASSES.names[klass], []).append(float(value))
+        klass = name.removeprefix("sigma_")
+        kind, _, hour = klass.partition("_")
+        if kind in DAY_TYPES and hour.isdigit():  # of variance="3h"
+            klass = CLASSES.names[Calendar.of(np.array([int(hour)]), np.array([kind == "weekend"])).klass[0]]
+        if klass in CLASSES.names:
+            found.setdefault(klass, []).append(float(value))
     if profile is None or len(found) < len(CLASSES.names):
         return None
     return GainStatistics(
@@ -243,9 +257,11 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     for role in outside:
         if role not in weather:
             raise ValueError(f"weather has no column {role!r}; it has {', '.join(map(str, weather.columns))}.")
-        bad = ~np.isfinite(weather[role].to_numpy(dtype=np.float64))
+        values = weather[role].to_numpy(dtype=np.float64)
+        bad = ~np.isfinite(values)
         if bad.any():
             raise ValueError(f"weather column {role!r} has NaN or inf (first at {index[bad][0]}); fill it first.")
+        check_range(values, role, f"weather column {role!r}", index)
     step = pd.Timedelta(steps[0])
     per_row = 1 if sampling_time is None else rows_of(sampling_time, step, "sampling_time")
     n_rows = len(index) // per_row * per_row

@@ -17,10 +17,11 @@ _FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of 
 
 def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
     """Warn where nothing fixes the scale of the network (design ruling 3)."""
-    measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
-    if measured_heat or any(k[0] in "CRAQ" for k in known):
-        return
     names = [p.name for p in network.parameters(table.inputs)]
+    idle = {s.parameter for s in network.sources(table.inputs) if not np.any(table.inputs[s.role])}
+    measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
+    if measured_heat or any(name[0] in "CRAQ" for name in {*known} & {*names} - idle):
+        return
     up, down = (", ".join(n for n in names if n[0] in kinds) for kinds in ("CAQ", "R"))
     direction = f"{up} together, {down} inversely"
     warn_user(
@@ -32,12 +33,15 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
 
 def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> tuple[str, ...]:
     """Gains whose input never or hardly ran; warns of them and of others that the rows can hardly identify."""
-    _warn_little_excited(network, table, set(known), name)
-    roles = network.sources(table.inputs)
-    idle = [s for s in roles if s.parameter is not None and _is_idle(table, s.role)]
-    out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in set(known)]
-    if out and all(s in idle for s in roles if s.parameter and s.parameter.startswith("A_win")):
-        out += [f for f in network.solar_fractions if f not in set(known) and any(p.startswith("A_") for p in out)]
+    known = set(known)
+    _warn_little_excited(network, table, known, name)
+    sources = network.sources(table.inputs)
+    idle = [s for s in sources if s.parameter is not None and _is_idle(table, s.role)]
+    out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in known]
+    if any(p.startswith("A_win") for p in out) and all(
+        s in idle for s in sources if s.parameter and s.parameter.startswith("A_win")
+    ):
+        out += [f for f in network.solar_fractions if f not in known]
     if out:
         what = ", ".join(_idleness(table, role) for role in sorted({s.role for s in idle}))
         warn_user(

@@ -97,10 +97,6 @@ class MultiStepProblem(PredictionErrorProblem):
         """Errors of one point, with those that meet no measurement."""
         return sum(seen.size for seen in self._seen)
 
-    def noise(self, free: np.ndarray) -> float:
-        """Sum of squares per independent error [K2]; the Gauss-Newton matrix divided by it is an information."""
-        return float(np.sum(self.residuals(free) ** 2)) / max(self.n_counted - len(free), 1)
-
     @property
     def days(self) -> np.ndarray:
         """(n,) day of the origin of every error, numbered without gaps."""

@@ -116,7 +116,7 @@ class ChannelLayout:
                 columns.append(ventilation_series(segment, segment.inputs[:, self.columns["T_oa"]], output))
         boundary = np.ascontiguousarray(segment.inputs[:, : len(self.network.boundaries)])
         series = np.ascontiguousarray(np.array(columns).T)
-        s0 = first_state(self.network, segment, len(self.disturbed))
+        s0 = first_state(self.network, segment.firsts, len(self.disturbed))
         return SegmentSeries(np.ascontiguousarray(segment.outputs), series, boundary, segment.inputs, klass, s0)
 
     def known_heat(self, segment: SegmentSeries, values: Mapping[str, float]) -> np.ndarray:

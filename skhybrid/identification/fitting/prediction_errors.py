@@ -161,9 +161,8 @@ class PredictionErrorProblem:
         return self.experiment.outputs.size
 
     def noise(self, free: np.ndarray) -> float:
-        """Variance of the errors [K2]."""
-        n_seen = int(np.isfinite(self.experiment.y).sum())
-        return float(np.sum(self.residuals(free) ** 2)) / max(n_seen - len(free), 1)
+        """Sum of squares per error that counts [K2]; the Gauss-Newton matrix divided by it is an information."""
+        return float(np.sum(self.residuals(free) ** 2)) / max(self.n_counted - len(free), 1)
 
     def mean_variance(self, free: np.ndarray) -> float:
         """Variance that the residuals refer to, in units of that of errors which no missing row precedes."""

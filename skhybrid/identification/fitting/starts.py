@@ -26,11 +26,11 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
     return low + (high - low) * rng.uniform(size=(n_starts, len(searched)))
 
 
-def check_start(begin: Any, names: Collection[str]) -> None:
-    """Refuse a start that is not a mapping of some of the names to values."""
+def check_start(begin: Any, names: Collection[str], is_own: Callable[[str], bool]) -> None:
+    """Refuse a start that is not a mapping of names, or of what the disturbance model may have, to values."""
     if not isinstance(begin, Mapping):
         raise ValueError(f"theta_init={begin!r} must be a mapping of parameters to values.")
-    unknown = [name for name in begin if name not in names]
+    unknown = [name for name in begin if name not in names and not is_own(name)]
     if unknown:
         raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
 

@@ -25,20 +25,19 @@ def least_squares_uncertainty(
 ) -> ParameterUncertainty:
     """Uncertainty of the network's parameters ``names`` at the optimum ``free`` (p,), by the Hessian of every day.
 
-    ``noise`` [K2]; ``days`` (n,) of the errors, evenly spread where None; errors are correlated over ``overlap`` days.
-    Where the Hessian is not positive definite, the Gauss-Newton matrix replaces it.
+    ``noise`` [K2]; ``days`` (n,) of the errors, None where they follow each other as rows and outputs do; errors are
+    correlated over ``overlap`` days.  Where the Hessian is not positive definite, the Gauss-Newton matrix replaces it.
     """
     p = len(problem.searched)
     place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]
-    n_rows, hours = len(problem.experiment.y), problem.experiment.hours
+    (n_rows, n_outputs), hours = problem.experiment.outputs.shape, problem.experiment.hours
     n_days = int(day_of_rows(n_rows, hours)[-1]) + 1
     if not p:
         none = np.zeros((0, 0))
         return ParameterUncertainty((), none, none, none, n_days)
     noise = max(noise, 1e-200)  # of an exact fit; information in units of it stays finite
     errors, jacobian = problem.linearised(free)
-    share = n_rows / max(len(errors), 1) if len(errors) > n_rows else 1.0
-    day = day_of_rows(len(errors), hours * share) if days is None else days
+    day = np.repeat(day_of_rows(len(errors) // n_outputs, hours), n_outputs) if days is None else days
     gauss = np.array([jacobian[day == d].T @ jacobian[day == d] for d in range(day[-1] + 1)])
     scores = _day_scores(errors, jacobian, day)
     prior = np.diag(noise * prior_precision(problem))

@@ -70,7 +70,8 @@ def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Para
     experiment = problem.experiment
     columns = dict(zip(problem.network.inputs(experiment.roles), experiment.inputs.T, strict=False))
     idle = {s.parameter for s in problem.network.sources(experiment.roles) if not np.any(columns[s.role])}
-    fixes = [name for name in problem.fixed if name[0] in "CRAQ" and name not in idle]
+    names = {p.name for p in problem.network.parameters(experiment.roles)}
+    fixes = [name for name in {*problem.fixed} & names - idle if name[0] in "CRAQ"]
     if fixes or any(role.startswith("Q_") and np.any(columns[role]) for role in columns):
         return information
     way = np.array([-1.0 if p.name[0] == "R" else 1.0 if p.name[0] in "CAQ" else 0.0 for p in decided])

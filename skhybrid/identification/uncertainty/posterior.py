@@ -103,8 +103,14 @@ def sample_posterior(
         Seed of the sampler.
     progressbar : bool, default=False
 
+    Returns
+    -------
+    Posterior
+
     Raises
     ------
+    ValueError
+        If there is one chain only, or the estimator has no likelihood (``objective="multi_step"``).
     RuntimeError
         If the chains disagree (R-hat above 1.05) or amount to fewer than 100 independent draws.
 
@@ -124,9 +130,9 @@ def sample_posterior(
     free = density.free(data.posterior["z"].to_numpy())
     columns = {
         p.name: (p.sign * np.exp(x) if p.transform == "log" else x).ravel()
-        for p, x in zip(density.problem.searched, np.moveaxis(free, -1, 0), strict=True)
+        for p, x in zip(problem.searched, np.moveaxis(free, -1, 0), strict=True)
     }
-    table = pd.DataFrame(columns, index=draws_index(chains, draws))
+    table = constrained.estimator._reported(pd.DataFrame(columns, index=draws_index(chains, draws)))
     for name in table:
         data.posterior[name] = (("chain", "draw"), table[name].to_numpy().reshape(chains, draws))
     summary = summarise_chains(table)

@@ -112,6 +112,16 @@ def profile_likelihood(
     level : float, default=0.9
         Of the interval, between 0 and 1.
 
+    Returns
+    -------
+    ProfileLikelihood
+
+    Raises
+    ------
+    ValueError
+        If the parameter was not identified, a value or the level is impossible, or the estimator has no likelihood
+        (``objective="multi_step"``).
+
     Notes
     -----
     The deviance is ``n log(SSE / SSE_min)`` for the sums of squares (the noise is profiled too) and twice the
@@ -128,9 +138,11 @@ def profile_likelihood(
     >>> bool(profile.lower < profile.best < profile.upper)
     True
     """
+    if not 0.0 < level < 1.0:
+        raise ValueError(f"level={level!r} is not between 0 and 1; give 0.9 for an interval of 90 %.")
     tried = list(values) if values is not None else []
     constrained = ConstrainedProblem.of(estimator, X, y)
-    known = _checked(constrained, parameter, tried, level)
+    known = _checked(constrained, parameter, tried)
     fitted = constrained.estimator
     inflation = float(fitted._growth.get(parameter, 1.0)) ** 2
     quantile = float(student.ppf(0.5 + level / 2, max(fitted.n_days_ - 1, 1)))
@@ -147,10 +159,8 @@ def profile_likelihood(
     return _collected(search, ends, level, threshold, inflation, list(fitted.theta_.index))
 
 
-def _checked(constrained: ConstrainedProblem, parameter: str, values: Sequence[float], level: float) -> Parameter:
+def _checked(constrained: ConstrainedProblem, parameter: str, values: Sequence[float]) -> Parameter:
     """The parameter to hold, which the data must have decided."""
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"level={level!r} is not between 0 and 1; give 0.9 for an interval of 90 %.")
     constrained.refuse_unsearched(parameter)
     (found,) = (p for p in constrained.estimator.parameters_ if p.name == parameter)
     for value in values:

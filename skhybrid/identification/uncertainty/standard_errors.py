@@ -85,7 +85,7 @@ def _ends(p: Parameter, value: float, reach: float) -> tuple[float, float]:
     if p.transform != "log":
         return value - reach, value + reach
     if value == 0.0:  # held at 0 by the sign that it must have
-        return tuple(sorted((0.0, p.sign * reach)))  # type: ignore[return-value]
+        return (0.0, reach) if p.sign > 0 else (-reach, 0.0)
     factor = float(np.exp(reach / abs(value))) if reach < _BEYOND * abs(value) else np.inf
     near, far = value / factor, value * factor
     if p.unit == "-":
