@@ -87,7 +87,7 @@ def _size(seed: int) -> float:
 
 def zones(folder: Path) -> list[Zone]:
     """All zones; ``folder`` as ``make_buildings.py`` and ``make_step_tests.py`` write it."""
-    return [*_of_folder(folder), *_small_offices(), *_homes(), *_random()]
+    return [*_of_folder(folder), *_small_offices(), *_homes(), *simulated_zones()]
 
 
 def _of_folder(folder: Path) -> list[Zone]:
@@ -134,7 +134,8 @@ def _homes() -> list[Zone]:
     ]
 
 
-def _random() -> list[Zone]:
+def simulated_zones() -> list[Zone]:
+    """Offices and rooms of houses of random sizes, which need no files."""
     offices = [
         Zone(f"make_office {s}", "simulated", partial(_office, s), ("2023-01-09", "2023-10-02")[s // 2 % 2])
         for s in range(8)

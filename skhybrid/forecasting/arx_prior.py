@@ -95,17 +95,11 @@ class ARXPrior:
     @classmethod
     def learn(cls, zones: Sequence[ZoneSums], log_sizes: np.ndarray, pseudo_zones: float) -> Self:
         """Empirical Bayes by EM; the covariance is shrunk to its diagonal as by so many zones."""
-        kind = zones[0].kind
-        grams, crosses = [], []
-        for zone, log_size in zip(zones, log_sizes, strict=True):
-            A = _shared(zone.design, float(np.exp(log_size)))
-            grams.append(A.T @ zone.moments.gram @ A / zone.noise)
-            crosses.append(A.T @ zone.moments.cross / zone.noise)
-        mean, precision = learn_normal(np.array(grams), np.array(crosses), pseudo_zones)
+        mean, precision = learn_normal(*shared_sums(zones, log_sizes), pseudo_zones)
         log_noise = np.log([zone.noise for zone in zones])
         # the logarithm of a variance that n rows tell has the variance 2 / n
         rows = min(2.0 / max(float(np.var(log_noise)), 1e-6), _MOST_NOISE_ROWS)
-        return cls(kind, mean, precision, float(np.exp(log_noise.mean())), rows)
+        return cls(zones[0].kind, mean, precision, float(np.exp(log_noise.mean())), rows)
 
     def sized(self, log_size: float, log_size_std: float) -> Self:
         """The same for zones whose size is otherwise known."""
@@ -154,6 +148,16 @@ class ARXPrior:
         h = A.T @ moments.cross / noise + self.precision @ self.mean
         factor = cho_factor(H)
         return float(0.5 * h @ cho_solve(factor, h) - np.sum(np.log(np.diag(factor[0]))))
+
+
+def shared_sums(zones: Sequence[ZoneSums], log_sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, p, p) and (N, p) normal equations of zones in shared units, in which each has a noise of 1."""
+    grams, crosses = [], []
+    for zone, log_size in zip(zones, log_sizes, strict=True):
+        A = _shared(zone.design, float(np.exp(log_size)))
+        grams.append(A.T @ zone.moments.gram @ A / zone.noise)
+        crosses.append(A.T @ zone.moments.cross / zone.noise)
+    return np.array(grams), np.array(crosses)
 
 
 def prior_of(prior: Any, objective: str) -> ARXPrior:
