@@ -10,7 +10,6 @@ from skhybrid._table import ZoneTable
 from skhybrid.forecasting import DisturbanceForecaster, ModelCase, list_cases, list_sizes
 from skhybrid.forecasting.cases import cases_of, resolve_case
 from skhybrid.forecasting.features import encode_time, known_at, last_same_slot, plant_mode, trailing_mean
-from skhybrid.forecasting.ridge import lag_features
 
 # rows of tables a1 (MLP, CNN) and a2 (RNN, LSTM): days | past | future.
 PAPER = {
@@ -132,14 +131,6 @@ def test_the_past_is_read_as_known_at_the_origin():
     np.testing.assert_array_equal(last_same_slot(series, rows, origins[:1], 3, 2), [[np.nan, 3, 4, np.nan]])
     np.testing.assert_array_equal(last_same_slot(series, rows - 1, origins[:1], 3, 2)[0, 2:], [3, 4])
     np.testing.assert_array_equal(trailing_mean(series[:5], 2), [0.0, 0.5, 1.0, 3.0, 3.5])
-
-
-def test_a_value_of_the_same_hour_is_told_apart_by_the_day_that_it_comes_from():
-    sunday_noon = np.array([24 * 7 - 12])
-    same_hour = lag_features(TWO_WEEKS, np.ones(len(HOURS)), sunday_noon, 48)[0, :, 6:8]  # like and unlike day types
-    np.testing.assert_array_equal(same_hour[:11], [[1, 0]] * 11)  # Sunday from Saturday
-    np.testing.assert_array_equal(same_hour[11:35], [[0, 1]] * 24)  # Monday from Sunday, then from Saturday
-    np.testing.assert_array_equal(same_hour[35:], [[0, 1]] * 13)  # Tuesday from Sunday
 
 
 def test_sizes_are_those_of_the_paper_s_section_3_2():

@@ -70,7 +70,7 @@ def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0, on_error: str 
 
 
 def _attempt(on_error: str, function: Callable[..., Any], *args: Any) -> Any:
-    """What a function returns, or its exception where ``on_error="return"``."""
+    """The result of a function, or its exception where ``on_error="return"``."""
     try:
         return function(*args)
     except Exception as error:

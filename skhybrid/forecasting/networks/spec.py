@@ -90,7 +90,7 @@ def rounded_up(width: int) -> int:
 
 
 def _kept(*widths: int) -> Tensor:
-    """Which values are kept (bool) of those that are drawn for rounded widths, part after part."""
+    """Whether each value is kept (bool) of those that are drawn for rounded widths, part after part."""
     return torch.cat([torch.arange(rounded_up(width)) < width for width in widths])
 
 
