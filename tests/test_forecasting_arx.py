@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.exceptions import NotFittedError
 
 from skhybrid._table import read_table
 from skhybrid.forecasting import ARXRegressor
@@ -187,6 +188,8 @@ def test_no_horizon_simulates_from_the_first_row():
         ({"adapt": "full"}, "adapt='full' is not known; use None or 'refit'"),
         ({"n_lags": 0}, "n_lags=0 must be an integer of at least 1"),
         ({"alpha": 0.0}, "alpha=0.0 must be a positive penalty"),
+        ({"alpha": np.inf}, "alpha=inf must be a positive penalty"),
+        ({"alpha": "low"}, "alpha='low' must be a positive penalty"),
         ({"horizon": "20min"}, "not a positive multiple of the sampling time"),
     ],
 )
@@ -194,6 +197,12 @@ def test_a_wrong_setting_is_named(settings, message):
     X, y = room(7)
     with pytest.raises(ValueError, match=message):
         ARXRegressor(**settings).fit(X, y)
+
+
+def test_penalties_come_from_a_fitted_regression_only():
+    X, y = room(7)
+    with pytest.raises(NotFittedError):
+        ARXRegressor().fit(X, y, like=ARXRegressor())
 
 
 # ------------------------------------------------------------------------------------------------------ reference data

@@ -66,6 +66,16 @@ def test_last_week_repeats_it_and_falls_back_to_the_day_before():
     np.testing.assert_array_equal(paths[1], expected)
 
 
+def test_the_end_of_the_training_table_holds_the_last_day_of_each_kind():
+    """A Monday after a Monday of holidays is like the one two weeks before, also where no history is given."""
+    X, _ = _weeks(36)
+    y = pd.Series(X.index.day_of_week.astype(float), X.index)
+    y.loc["2023-07-31"] = 6.0  # counts as a Sunday
+    model = DisturbanceForecaster("last_week", holidays=["2023-07-31"])
+    model.fit(X.assign(zeta=y).loc[:"2023-08-06"], y.loc[:"2023-08-06"])
+    np.testing.assert_array_equal(model.forecast(None, X.loc["2023-08-07":"2023-08-07"]), np.zeros(24))
+
+
 def test_last_week_beyond_a_week_repeats_the_last_known_one():
     X, y = _weeks(35)
     table = X.assign(zeta=y)

@@ -226,6 +226,18 @@ def test_forecast_refuses_a_gap_and_a_missing_column():
         model.forecast(X.iloc[200:210], X.iloc[210:230].drop(columns="q_sol"))
 
 
+def test_forecast_refuses_what_would_start_it_without_a_past_or_a_clock():
+    X, y = hourly(14)
+    model = DisturbanceForecaster("persistence").fit(X.iloc[:200], y.iloc[:200])
+    with pytest.raises(ValueError, match="X has no column 'zeta'"):
+        model.forecast(X.iloc[210:220].drop(columns="zeta"), X.iloc[220:230])
+    following = model.forecast(X.iloc[200:220].drop(columns="zeta"), X.iloc[220:230])  # the past is the training's end
+    np.testing.assert_array_equal(following, np.full(10, y.iloc[199]))
+    for history in (None, X.iloc[210:220]):
+        with pytest.raises(ValueError, match="has time stamps and the training table has none, or the reverse"):
+            model.forecast(history, X.iloc[220:230].reset_index(drop=True))
+
+
 def test_history_may_come_from_the_target():
     X, y = hourly(14)
     without = X.drop(columns="zeta")
@@ -341,6 +353,9 @@ def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once()
         ({"time_encoding": "fourier"}, "time_encoding='fourier' is not known"),
         ({"hidden_size": 0}, "hidden_size=0 must be an integer of at least 1"),
         ({"dropout": 1.0}, r"dropout=1.0 is outside \[0, 1\)"),
+        ({"validation_fraction": None}, r"validation_fraction=None is outside \[0, 1\)"),
+        ({"learning_rate": "fast"}, r"learning_rate='fast' is outside \(0, inf\)"),
+        ({"random_state": "a"}, "'a' cannot be used to seed"),
         ({"horizon": "90min"}, "not a positive multiple of the sampling time"),
     ],
 )

@@ -38,10 +38,36 @@ def hourly(n_days, seed=0):
 
 # ------------------------------------------------------------------------------------------------------------ training
 def test_the_validation_block_is_the_end_after_a_gap_of_one_horizon():
-    assert chronological_split(1000, 24, 0.2, 24) == Split(train_end=776, valid_start=800)
+    assert chronological_split(1000, 24, 0.2, 24) == Split(train_end=776, valid_start=800, valid_end=1000)
     assert chronological_split(1000, 24, 0.0, 24) == Split(1000, None)
     assert chronological_split(80, 24, 0.2, 24) == Split(80, None)  # too short
     assert chronological_split(200, 48, 0.3, 24) == Split(200, None)  # would leave less than two horizons to learn
+
+
+def test_rows_without_a_target_at_the_end_are_not_those_of_validation():
+    X, y = hourly(28)
+    later = y.where(np.arange(len(y)) < 21 * 24)
+    settings = {"max_epochs": 12, "patience": 3, "residual_of": None, "random_state": 0, "max_missing": 0.6}
+    forecaster = DisturbanceForecaster("mlp", learning_rate=0.02, **settings)
+    whole = forecaster.fit(X, later).repeats_.iloc[0]
+    known = forecaster.fit(X.iloc[: 21 * 24], y.iloc[: 21 * 24]).repeats_.iloc[0]
+    assert whole["best_epoch"] == known["best_epoch"] > 1
+    assert whole["valid_loss"] == pytest.approx(known["valid_loss"], rel=1e-4)
+    early = y.where(np.arange(len(y)) > 14 * 24)
+    with pytest.raises(ValueError, match=r"y contains NaN in all of its first \d+ rows, which train a network"):
+        forecaster.set_params(validation_fraction=0.5).fit(X, early)
+
+
+@pytest.mark.parametrize("validation_fraction", [0.0, 0.2])
+def test_a_training_that_diverges_is_no_model(validation_fraction):
+    X, y = hourly(20)
+    settings = {"max_epochs": 3, "validation_fraction": validation_fraction, "residual_of": None, "random_state": 0}
+    wild = DisturbanceForecaster("mlp", learning_rate=1e15, **settings)
+    with pytest.raises(ValueError, match=r"training diverged with learning_rate=1000000000000000.0; give a lower one"):
+        wild.fit(X, y)
+    found = fit_many([wild, DisturbanceForecaster("mlp", **settings)], X, y, on_error="return")
+    assert isinstance(found[0], ValueError)
+    assert found[1].n_epochs_ == 3
 
 
 @pytest.mark.parametrize(("model", "epochs"), [("mlp", 25), ("cnn", 25), ("rnn", 10), ("lstm", 10)])

@@ -91,6 +91,21 @@ def test_errors_belong_to_their_origin():
     assert not np.array_equal(one, WeatherError(random_state=1).forecast(table, 500, N_LEADS).inputs["T_oa"])
 
 
+def test_errors_belong_to_their_origin_after_a_change_of_clocks():
+    stamps = pd.date_range("2023-03-20", "2023-04-05", freq="1h", tz="Europe/Amsterdam")
+    table = read_table(BaseEstimator(), pd.DataFrame({"T_oa": 5.0}, stamps), reset=True)
+    origin = stamps.get_loc(pd.Timestamp("2023-03-30", tz="Europe/Amsterdam"))
+    whole = WeatherError().forecast(table, origin, 24).inputs["T_oa"][origin:]
+    part = WeatherError().forecast(table.rows(slice(origin, None)), 0, 24).inputs["T_oa"]
+    np.testing.assert_array_equal(whole, part)
+
+
+@pytest.mark.parametrize("seed", [None, -1, 0.5])
+def test_a_seed_of_the_weather_is_an_integer(seed):
+    with pytest.raises(ValueError, match=f"random_state={seed} of a weather error must be an integer"):
+        WeatherError(random_state=seed)
+
+
 def test_an_unknown_level_is_refused(office, models):
     with pytest.raises(ValueError, match="none of 'low', 'medium', 'high'"):
         models["arx"].predict_quantiles(office.X[-96:], weather_error="huge")

@@ -23,7 +23,10 @@ class ForecastSample(NamedTuple):
 
 
 def hourly_sample(n_rows: int, n_leads: int, step: float, first: int) -> ForecastSample:
-    """Scored leads, and origins an hour (or a longer ``step`` [h]) apart from ``first`` on; sooner in a short table."""
+    """Scored leads, and hourly origins from row ``first`` on, or from an earlier one in a short table.
+
+    Where the ``step`` [h] is longer than an hour, every row is an origin.
+    """
     leads = np.unique(np.maximum(np.round(_LEADS * n_leads), 1).astype(np.int64))
     leads = leads[leads <= max(1, n_rows // 2)]
     every = max(1, round(1.0 / step))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
+from numbers import Real
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -141,6 +142,11 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             Zone temperature [degC], NaN where missing.
         like : ARXRegressor, optional
             A fitted one with the same ``objective``, whose penalties are taken in place of choosing them.
+
+        Raises
+        ------
+        ValueError
+            If a parameter is impossible, the table cannot be read, or ``prior`` belongs to other columns or steps.
         """
         self._check_parameters(like)
         table = read_zone(self, X, reset=True)
@@ -169,15 +175,13 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             return
         pairs = self._design.pairs(view)
         self._moments, squares = Moments.of(pairs), float(pairs.d @ pairs.d)
+        given = self.alpha if like is None else like.alpha_
         self._prior = None
         if prior is not None:
-            self._prior = prior.pseudo_rows(self._design, table.step, self._moments, squares, len(pairs.d))
-        given = self.alpha if like is None else like.alpha_
-        if prior is not None:
-            given = 0.0
+            self._prior, given = prior.pseudo_rows(self._design, table.step, self._moments, squares, len(pairs.d)), 0.0
         self.alpha_ = self._choose_alpha(view, pairs) if given is None else float(given)
         self.coef_ = self._moments.ridge(self.alpha_, self._prior)
-        self._noise = float(np.mean((pairs.d - pairs.D @ self.coef_) ** 2)) if len(pairs.d) else 0.0
+        self._noise = pairs.squares(self.coef_) / max(len(pairs.d), 1)
 
     @property
     def evidence_(self) -> ZoneEvidence:
@@ -200,6 +204,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _check_parameters(self, like: Any) -> None:
         if like is not None and (not isinstance(like, ARXRegressor) or like.objective != self.objective):
             raise ValueError(f"like={like!r} must be an ARXRegressor with the same objective; leave it out.")
+        if like is not None:
+            check_is_fitted(like)
         if self.adapt not in (None, "refit"):
             raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
         if self.objective not in ("one_step", "multi_step"):
@@ -208,7 +214,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
                 raise ValueError(f"{name}={value!r} must be an integer of at least 1.")
-        if self.alpha is not None and not self.alpha > 0:
+        if self.alpha is not None and not (isinstance(self.alpha, Real) and 0.0 < self.alpha < np.inf):
             raise ValueError(f"alpha={self.alpha!r} must be a positive penalty.")
         if self.alpha is not None and self.prior is not None:
             raise ValueError(f"alpha={self.alpha!r} does nothing beside prior=, which takes its place; leave one out.")

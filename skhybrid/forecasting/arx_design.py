@@ -19,8 +19,8 @@ from ..filtering import iterate_lags, low_pass
 from .features import irradiance_roles
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
-#: spread of a usual stage [-] and measured heat [kW], the unit of an input that hardly ran: in units of its own spread
-#: an hour of heat would be a thousand times what was learned from
+#: usual spread of a stage [-] and of measured heat [kW], which is the unit of an input that hardly ran: in units of its
+#: own small spread, an hour of heat would be a thousand times what training has seen
 _USUAL_SPREAD = {"u_": 0.4, "Q_": 2.5}
 CONSTANT_PENALTY = 1e-9  # penalty of the constant: none, but where no pair is known the equations must stay regular
 _ROUNDING = 1e-11  # relative penalty that keeps equations of parallel columns regular
@@ -29,7 +29,7 @@ _FILTER_DAYS = 6  # days before an origin from which the filters run
 _FROM_NOON = 4.0  # morning and afternoon irradiance count fully so long before and after noon [h], and fade in as long
 _K_PER_COLUMN = 10.0  # unit of outdoor temperature in the columns by hour [K]
 #: spread of an input that a table holds constant, where a prior knows of its effect
-_UNSEEN_SPREAD = {"u_": 0.4, "Q_": 2.5, "T_": 5.0}
+_UNSEEN_SPREAD = _USUAL_SPREAD | {"T_": 5.0}
 
 
 class ARXData(NamedTuple):
@@ -52,6 +52,10 @@ class Pairs(NamedTuple):
     D: np.ndarray  # (m, p) columns of row k
     d: np.ndarray  # (m,) temperature step T[k + 1] - T[k] [K]
     rows: np.ndarray  # (m,) number of row k
+
+    def squares(self, coef: np.ndarray) -> float:
+        """Sum of squared errors of coefficients (p,) [K2]."""
+        return float(np.sum((self.d - self.D @ coef) ** 2))
 
     def between(self, begin: int, end: int) -> Pairs:
         """The pairs whose row k lies in [begin, end)."""

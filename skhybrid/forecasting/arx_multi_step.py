@@ -11,7 +11,7 @@ import pandas as pd
 from .._table import ZoneTable
 from .._time import rows_per_day, rows_per_hour
 from ..filtering import hourly_sample, iterate_lags, regression_slopes
-from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments
+from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments, Pairs
 from .arx_prior import ARXPrior
 from .features import target_rows
 
@@ -94,6 +94,10 @@ class MultiStepProblem:
         errors = np.where(targets.weights > 0.0, targets.truth - paths[:, self.leads - 1], 0.0)
         return LeadForecasts(coef, targets, paths, errors)
 
+    def trained(self, view: ARXData, coef: np.ndarray, end: int) -> LeadForecasts:
+        """Forecasts by coefficients (p,) of all targets before row ``end``."""
+        return self.forecasts(view, coef, self.targets(view, self.origins(view.first, end), (view.first, end - 1)))
+
     def moments(self, view: ARXData, made: LeadForecasts) -> Moments:
         """The normal equations of the errors linearised at the coefficients of forecasts."""
         coef, origins = made.coef, made.targets.origins
@@ -152,7 +156,7 @@ class MultiStepFit(NamedTuple):
         targets = self.problem.targets(view, meeting, (view.first, view.end))
         meant = self.problem.moments(view, self.problem.forecasts(view, self.coef, targets))
         left = self.moments.added(meant, -1.0)
-        pairs = self.pairs.added(Moments.of(self.problem.design.pairs(view, begin, end)), -1.0)
+        pairs = self.pairs.plus(self.problem.design.pairs(view, begin, end), sign=-1)
         return left.added(pairs, self.one_step).solution(self.problem.penalty(self.knobs))
 
     def improved(self, view: ARXData, end: int, knobs: Knobs, n_steps: int = _STEPS) -> MultiStepFit:
@@ -273,23 +277,25 @@ def fit_multi_step(
     """
     problem = MultiStepProblem.of_training(design, table, n_leads)
     if prior is not None:
-        return _with_noise(_under_prior(problem, table.step, view, prior), view)
-    return _with_noise(_penalised(problem, view, n_leads, penalties, refits), view)
+        fit = _under_prior(problem, table.step, view, prior)
+    else:
+        knobs = penalties
+        if not isinstance(knobs, Knobs):
+            knobs = _choose_knobs(problem, view, n_leads, knobs, refits)
+        fit = _start(problem, view, view.end).improved(view, view.end - 1, knobs)
+    pairs = design.pairs(view)
+    noise = _left(fit, view, pairs) / float(problem.weights.sum()) / max(len(pairs.d), 1)
+    return fit._replace(noise=noise)
 
 
-def _penalised(
-    problem: MultiStepProblem, view: ARXData, n_leads: int, penalties: Knobs | float | None, refits: bool
-) -> MultiStepFit:
-    """The fit without a prior."""
-    if isinstance(penalties, Knobs):
-        return _start(problem, view, view.end).improved(view, view.end - 1, penalties)
-    alpha = penalties
-    usual = _USUAL if alpha is None else _USUAL._replace(alpha=float(alpha))
+def _choose_knobs(problem: MultiStepProblem, view: ARXData, n_leads: int, alpha: float | None, refits: bool) -> Knobs:
+    """The penalties that forecast the last third best, the usual ones for a short table; ``alpha`` may be given."""
+    best = _USUAL if alpha is None else _USUAL._replace(alpha=float(alpha))
     split = (2 * view.end) // 3
     if view.end - split <= n_leads:  # no forecast from the last third ends within it
-        return _start(problem, view, view.end).improved(view, view.end - 1, usual)
-    first = _start(problem, view, split).improved(view, split - 1, usual)
-    best, least = usual, _later_squares(first, view, split, n_leads, refits)
+        return best
+    first = _start(problem, view, split).improved(view, split - 1, best)
+    least = _later_squares(first, view, split, n_leads, refits)
     for name, values in _CHOICES.items():
         if name == "alpha" and alpha is not None:
             continue
@@ -298,49 +304,34 @@ def _penalised(
             squares = _later_squares(first.improved(view, split - 1, knobs, 2), view, split, n_leads, refits)
             if squares < least:
                 best, least = knobs, squares
-    return _start(problem, view, view.end).improved(view, view.end - 1, best)
+    return best
 
 
 def _under_prior(problem: MultiStepProblem, step: pd.Timedelta, view: ARXData, prior: ARXPrior) -> MultiStepFit:
     """The fit under a prior, whose size and strength are found from the errors by its mean, and again by the fit."""
     knobs = Knobs(0.0, 0.0, _USUAL.one_step)
-    pairs, coef = problem.design.pairs(view), prior.usual(problem.design)
-    targets = problem.targets(view, problem.origins(view.first, view.end), (view.first, view.end - 1))
-    moments = problem.moments(view, problem.forecasts(view, coef, targets))
-    fit = MultiStepFit(problem, coef, moments, Moments.of(pairs), knobs, 1.0)
-    ratio = _left(fit, view)[0] / max(float(np.sum((pairs.d - pairs.D @ coef) ** 2)), 1e-12)
-    fit = fit._replace(ratio=ratio)
+    pairs, made = problem.design.pairs(view), problem.trained(view, prior.usual(problem.design), view.end)
+    ratio = made.squares / max(pairs.squares(made.coef), 1e-12)
+    fit = MultiStepFit(problem, made.coef, problem.moments(view, made), Moments.of(pairs), knobs, ratio)
     for n_steps in (2, _STEPS):
-        squares, one_step = _left(fit, view)
-        fit = fit.under(prior, step, squares + fit.one_step * one_step, len(pairs.d))
+        fit = fit.under(prior, step, _left(fit, view, pairs), len(pairs.d))
         fit = fit.improved(view, view.end - 1, knobs, n_steps)
     return fit
 
 
-def _left(fit: MultiStepFit, view: ARXData) -> tuple[float, float]:
-    """Squared errors of a fit on its training rows, at all leads and of one step."""
-    problem, pairs = fit.problem, fit.problem.design.pairs(view)
-    targets = problem.targets(view, problem.origins(view.first, view.end), (view.first, view.end - 1))
-    return problem.forecasts(view, fit.coef, targets).squares, float(np.sum((pairs.d - pairs.D @ fit.coef) ** 2))
-
-
-def _with_noise(fit: MultiStepFit, view: ARXData) -> MultiStepFit:
-    """The fit with what it leaves per row."""
-    squares, one_step = _left(fit, view)
-    n = len(fit.problem.design.pairs(view).d)
-    return fit._replace(noise=(squares + fit.one_step * one_step) / float(fit.problem.weights.sum()) / max(n, 1))
+def _left(fit: MultiStepFit, view: ARXData, pairs: Pairs) -> float:
+    """Weighted squared errors of a fit on its training rows, at all leads and of one step."""
+    return fit.problem.trained(view, fit.coef, view.end).squares + fit.one_step * pairs.squares(fit.coef)
 
 
 def _start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:
     """The one-step solution of the rows before ``end``."""
     pairs = problem.design.pairs(view, 0, end - 1)
     sums = Moments.of(pairs)
-    coef = sums.solution(problem.penalty(_USUAL))
-    targets = problem.targets(view, problem.origins(view.first, end), (view.first, end - 1))
-    made = problem.forecasts(view, coef, targets)
-    one_step = float(np.sum((pairs.d - pairs.D @ coef) ** 2))
+    made = problem.trained(view, sums.solution(problem.penalty(_USUAL)), end)
+    one_step = pairs.squares(made.coef)
     ratio = made.squares / one_step if one_step > 0.0 else 1.0
-    return MultiStepFit(problem, coef, problem.moments(view, made), sums, _USUAL, ratio)
+    return MultiStepFit(problem, made.coef, problem.moments(view, made), sums, _USUAL, ratio)
 
 
 def _later_squares(fit: MultiStepFit, view: ARXData, begin: int, n_leads: int, refits: bool) -> float:

@@ -12,7 +12,7 @@ from .._table import ZoneTable
 from .._time import rows_per_day
 from .features import last_same_slot, target_rows
 
-_DAYS_BACK = 14  # that are looked through for a day of the same kind
+SAME_KIND_DAYS = 14  # days before an origin in which the last one of a kind is looked for
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
 
 
@@ -91,7 +91,7 @@ class LastWeek(_WithProfile):
             day = table.day_of_week
             ahead = day[rows_ahead(table, origins, n_leads)]
             for kind in np.unique(ahead):
-                alike = last_same_slot(np.where(day == kind, zeta, np.nan), rows, origins, per_day, _DAYS_BACK)
+                alike = last_same_slot(np.where(day == kind, zeta, np.nan), rows, origins, per_day, SAME_KIND_DAYS)
                 out = np.where(ahead == kind, alike, out)
         out = np.where(np.isnan(out), last_same_slot(zeta, rows, origins, per_day, 7), out)
         return np.where(np.isnan(out), self.profile_.forecast(table, origins, n_leads), out)

@@ -18,7 +18,7 @@ from .._time import hour_of_day, rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor
-from .features import periods_before, span_means, target_rows
+from .features import periods_before, span_means
 from .quantiles import left_out_blocks
 from .reading import read_zone
 
@@ -210,5 +210,5 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             base = self.arx_._forecast(table, origins, n_leads)
         if self.booster_ is None:
             return base
-        leads = target_rows(np.zeros(1, dtype=np.int64), n_leads)[0]
+        leads = np.arange(1, n_leads + 1)
         return base + self.booster_.predict(self._features(table, origins, leads, base)).reshape(base.shape)

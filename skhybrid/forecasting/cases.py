@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
+import numpy as np
 import pandas as pd
 
 #: all features that a case can have
@@ -51,10 +52,9 @@ class ModelCase:
             raise ValueError(f"future of case {self.name!r} has 'zeta', which is not known ahead; put it in past.")
         if not self.past and not self.future:
             raise ValueError(f"case {self.name!r} has no feature; give past or future at least one.")
-        if isinstance(self.pattern_days, bool) or self.pattern_days != int(self.pattern_days) or self.pattern_days < 1:
-            raise ValueError(
-                f"case {self.name!r} has pattern_days={self.pattern_days!r}; give an integer of at least 1."
-            )
+        days = self.pattern_days
+        if isinstance(days, bool) or not isinstance(days, int | np.integer) or days < 1:
+            raise ValueError(f"case {self.name!r} has pattern_days={days!r}; give an integer of at least 1.")
 
     @property
     def features(self) -> tuple[str, ...]:
@@ -136,18 +136,18 @@ RECURRENT_CASES: Mapping[str, ModelCase] = _numbered(
     ]
 )
 
-_ACTIVATIONS = ("relu", "selu", "gelu")
-_RECURRENT_SIZES = {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 40, 60), "activation": _ACTIVATIONS}
+ACTIVATIONS = ("relu", "selu", "gelu")
+_RECURRENT_SIZES = {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 40, 60), "activation": ACTIVATIONS}
 #: the model sizes of paper 3.2, by parameter of ``DisturbanceForecaster``
 SIZES: Mapping[str, Mapping[str, tuple[int | str, ...]]] = {
-    "mlp": {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 50, 100), "activation": _ACTIVATIONS},
+    "mlp": {"n_layers": (1, 2, 4), "hidden_size": (10, 20, 50, 100), "activation": ACTIVATIONS},
     "cnn": {
         "n_layers": (1, 2),
         "hidden_size": (10, 50, 100),
         "n_channels": (10, 50, 100),
         "filter_size": (6, 12),
         "pool_size": (0, 4),
-        "activation": _ACTIVATIONS,
+        "activation": ACTIVATIONS,
     },
     "rnn": _RECURRENT_SIZES,
     "lstm": _RECURRENT_SIZES,
@@ -187,6 +187,12 @@ def list_cases(model: str | None = None) -> pd.DataFrame:
     Parameters
     ----------
     model : {"mlp", "cnn", "rnn", "lstm"}, optional
+        Default: all four.
+
+    Raises
+    ------
+    ValueError
+        If there is no such model.
     """
     names = NETWORKS if model is None else (model,)
     columns = [field.name for field in fields(ModelCase)]
@@ -200,6 +206,11 @@ def list_sizes(model: str) -> dict[str, list[int | str]]:
     Parameters
     ----------
     model : {"mlp", "cnn", "rnn", "lstm"}
+
+    Raises
+    ------
+    ValueError
+        If there is no such model.
     """
     cases_of(model)
     return {name: list(values) for name, values in SIZES[model].items()}

@@ -80,21 +80,28 @@ def known_at(series: np.ndarray, rows: np.ndarray, origins: np.ndarray) -> np.nd
     return np.where(inside, series[np.clip(rows, 0, len(series) - 1)], np.nan)
 
 
+def known_before(series: np.ndarray, rows: np.ndarray, end: int) -> np.ndarray:
+    """Values of ``series`` at ``rows`` of any shape; NaN from row ``end`` on."""
+    return np.where(rows < end, series[np.minimum(rows, len(series) - 1)], np.nan)
+
+
 def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, period: int, n_back: int) -> np.ndarray:
-    """(n_origins, n_leads) last known value of ``n_back`` whole periods [rows] before the origin, NaN if unknown."""
-    # the smallest number of periods that leads to a row at or before the origin
-    first = np.maximum(1, -(-(rows - origins[:, None]) // period))
-    out = np.full(rows.shape, np.nan)
-    for back in range(n_back):
+    """(n_origins, n_leads) value whole periods [rows] before each row, the last known one of ``n_back``; NaN if none.
+
+    The first of them is the last one at or before the origin.
+    """
+    newest = periods_before(rows, rows - origins[:, None], period)
+    out = known_at(series, newest, origins)
+    for back in range(1, n_back):
         missing = np.isnan(out)
         if not missing.any():
             break
-        out = np.where(missing, known_at(series, rows - (first + back) * period, origins), out)
+        out = np.where(missing, known_at(series, newest - back * period, origins), out)
     return out
 
 
 def periods_before(rows: np.ndarray, ahead: np.ndarray, period: int) -> np.ndarray:
-    """Rows whole periods earlier, by the fewest after which a row that is ``ahead`` of the last known one is known."""
+    """Rows moved back by the fewest whole periods that make them known; ``ahead`` counts from the last known row."""
     return np.asarray(rows - period * -(-ahead // period))
 
 

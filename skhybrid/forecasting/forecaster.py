@@ -13,16 +13,17 @@ from sklearn.utils.validation import check_is_fitted
 from .._joining import refuse_unless_following, unmeasured
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
-from .._table import ZoneTable, append_tables, read_target
+from .._table import ZoneTable, append_tables, read_target, refuse_other_clock
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
+from .baselines import SAME_KIND_DAYS
 from .cases import ModelCase, resolve_case
 from .extras import require_networks
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
 from .reading import frame_only, read_weather
-from .training_job import JobResult, TrainingJob, chronological_split, draw_seed, repeat_seeds
+from .training_job import JobResult, TrainingJob, draw_seed, measured_split, repeat_seeds
 
 
 class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator):
@@ -74,7 +75,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     learning_rate, batch_size : float and int, default 0.003 and 128
         Step of Adam, and windows per step.
     validation_fraction : float, default 0.2
-        Share of the training table, at its end, on which training stops; a gap of one horizon lies before it.
+        Share of the rows up to the last measured one, at their end, on whose error training stops; a gap of one horizon
+        lies before them.
     origin_step : timedelta-like, optional
         Distance of origins in ``predict``; default ``horizon``.
     max_missing : float, default 0.5
@@ -86,8 +88,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Of several, the one with the lowest validation error forecasts (paper 4.4 chooses by the test error), or the
         mean of all.
     refit : bool, default False
-        Whether a network, once validation has said how many epochs are best, is trained as long again on all rows, the
-        validation block among them.
+        Whether a network is trained again on all rows, the validation block included, for as many epochs as validation
+        found best.
     device : str, default "cpu"
         Where torch trains networks: ``"cpu"``, ``"cuda"`` (worth while for large networks or hundreds at once, see
         :func:`~skhybrid.forecasting.fit_many`), or ``"auto"``.  Forecasts are computed on the CPU.
@@ -106,7 +108,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         that are kept, their ``best_epoch``, and whether it is ``used``; all before a refit.
     network_weight_ : float
         Share of the network's correction that is used, in [0, 1]: the least-squares one on the validation block, less
-        its standard error.  0 drops the network, also where the table was too short for a validation block.
+        its standard error.  0 drops the network; it is 0 where the table was too short for a validation block.
     regressor_ : regressor
         The fitted clone, where ``model`` is a regressor.
     sampling_time_ : Timedelta
@@ -222,6 +224,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         ------
         ImportError
             If ``model`` is a network and torch or skorch is missing; nothing has been read then.
+        ValueError
+            If a parameter is impossible, the table cannot be read, too much of ``y`` is missing, or a network diverges.
         """
         job = self._begin(X, y, {})
         if job is not None:
@@ -251,7 +255,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         else:
             self._begin_other(table, target, seed)
         self._level = float(np.nanmean(target))
-        days = max(8, self.case_.pattern_days + 1 if self.case_ is not None else 0)
+        days = max(SAME_KIND_DAYS if table.holidays else 8, self.case_.pattern_days + 1 if self.case_ else 0)
         self._tail = table.rows(slice(-(days * rows_per_day(table.step) + self._n_leads), None))
         return job
 
@@ -278,20 +282,20 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
         """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""
-        split = chronological_split(table.n_rows, self._n_leads, self.validation_fraction, rows_per_day(table.step))
-        early, base = slice(0, split.train_end), None
-        if self.residual_of is not None and np.isfinite(target[early]).any():
-            base = self._shared_baseline(table, target, split.train_end, shared)
-        self._base = base if self.residual_of is None else self._shared_baseline(table, target, table.n_rows, shared)
+        split = measured_split(target, self._n_leads, self.validation_fraction, rows_per_day(table.step))
+        base = self._shared_baseline(table, target, split.train_end, shared)
+        self._base = self._shared_baseline(table, target, table.n_rows, shared)
         seeds = repeat_seeds(seed, self.n_repeats)
         return TrainingJob(self, table, target, base, split, self._n_leads, seeds, whole_base=self._base)
 
     def _shared_baseline(self, table: ZoneTable, target: np.ndarray, n_rows: int, shared: dict[Any, Any]) -> Any:
-        """The baseline of the first ``n_rows``, which ``shared`` may have."""
+        """The baseline of the first ``n_rows``, which ``shared`` may have; None where none is corrected."""
+        if self.residual_of is None:
+            return None
         key = ("baseline", id(table), self.residual_of, self._n_leads, n_rows)
         if key not in shared:
             rows = slice(0, n_rows)
-            shared[key] = fit_baseline(str(self.residual_of), table.rows(rows), target[rows], self._n_leads)
+            shared[key] = fit_baseline(self.residual_of, table.rows(rows), target[rows], self._n_leads)
         return shared[key]
 
     def _take(self, result: JobResult) -> None:
@@ -299,6 +303,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self.history_, self.n_epochs_ = result.history, len(result.history)
         self.repeats_ = result.repeats
 
+    @one_blas_thread
     def forecast(self, history: pd.DataFrame | None, future: pd.DataFrame) -> pd.Series:
         """Forecast the rows of ``future`` from the last row of ``history``.
 
@@ -312,18 +317,32 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Returns
         -------
         Series
-            Forecast disturbance at the index of ``future``, named ``zeta``.
+            Forecast disturbance [unit of ``y``] at the index of ``future``, named ``zeta``.
+
+        Raises
+        ------
+        ValueError
+            If ``future`` does not begin one step after ``history``, lacks an input, or only one of them has time
+            stamps; or if ``history`` lacks ``zeta``, which the training table had.
         """
         check_is_fitted(self)
         ahead = unmeasured(self._read_X(frame_only(future)), self._tail)
-        past = self._tail if history is None else self._after_tail(self._read_X(frame_only(history)))[0]
-        if past.utc is not None and ahead.utc is not None:
-            refuse_unless_following(ahead, past)
+        past = self._tail if history is None else self._read_past(history)
+        refuse_other_clock(ahead, past)
         joined = append_tables(past, ahead)
-        if past.utc is None or ahead.utc is None:  # the clock runs on
+        if past.utc is None:  # the clock runs on
             joined = joined.replace(time=pd.date_range(past.time[0], periods=joined.n_rows, freq=past.step))
+        else:
+            refuse_unless_following(ahead, past)
         values = self._forecast(joined, np.array([past.n_rows - 1]), ahead.n_rows)[0]
         return pd.Series(values, index=future.index, name="zeta")
+
+    def _read_past(self, history: pd.DataFrame) -> ZoneTable:
+        """The rows up to an origin, after the end of the training table where they follow it."""
+        table = self._read_X(frame_only(history))
+        past, n_tail = self._after_tail(table)
+        self._refuse_lost_past(table, n_tail)
+        return past
 
     def _read_X(self, X: Any) -> ZoneTable:
         return read_weather(self, X, reset=False)

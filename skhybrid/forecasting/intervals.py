@@ -131,10 +131,10 @@ class LeadIntervals:
         stretches it about its median.
         """
         if further is not None or factor != 1.0:
-            low, middle, high = self.offsets(clock, _SIGMA_LEVELS, recent, now).T
+            both = self.offsets(clock, [*_SIGMA_LEVELS, *quantiles], recent, now)
+            (low, middle, high), own = both[:, :3].T, both[:, 3:]
             sigma = np.maximum(high - low, 1e-9) / 2.0
             wider = factor if further is None else np.hypot(factor, further / sigma)[:, None]
-            own = self.offsets(clock, quantiles, recent, now)
             return np.asarray(middle[:, None] + (own - middle[:, None]) * wider)
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))

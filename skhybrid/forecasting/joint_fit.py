@@ -20,8 +20,9 @@ def fit_many(
 
     Each becomes what ``clone(forecaster).fit(X, y)`` is; networks agree with it to rounding.  What they share is
     computed once: the windows of a case, and the baseline that networks correct.  Networks of equal shape (framework,
-    history, layers and widths; activation, dropout, seed, for an MLP the number of layers, and for RNN and LSTM the
-    case may differ) are trained as one stack, which each leaves when its own early stopping says so.
+    history, layers and widths) are trained as one stack, which each leaves when its own early stopping says so.
+    Activation, dropout and seed may differ within a stack, as may the number of layers of MLPs, and the case of RNNs
+    and LSTMs.
 
     One thread computes.  To keep several cores busy, give each process some of the forecasters, those of equal shape
     to one process.
@@ -43,6 +44,11 @@ def fit_many(
     -------
     list of DisturbanceForecaster
         Fitted clones, in order; exceptions among them where ``on_error="return"``.
+
+    Raises
+    ------
+    ValueError
+        If ``on_error`` is neither.
     """
     if on_error not in ("raise", "return"):
         raise ValueError(f"on_error={on_error!r} is not known; use 'raise' or 'return'.")

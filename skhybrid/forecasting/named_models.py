@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from .._table import ZoneTable
 from .baselines import LastWeek, NoDisturbance, Persistence, WeeklyProfile
-from .cases import NETWORKS
+from .cases import ACTIVATIONS, NETWORKS
 from .features import TIME_ENCODINGS
 from .ridge import RidgeForecaster
 
@@ -19,7 +20,6 @@ BASELINES: dict[str, Any] = {
     "ridge": RidgeForecaster,
     "none": NoDisturbance,
 }
-ACTIVATIONS = ("relu", "selu", "gelu")
 #: the least value of each integer
 _LEAST = dict.fromkeys(("n_layers", "hidden_size", "n_channels", "filter_size"), 1) | {"pool_size": 0}
 _LEAST |= dict.fromkeys(("max_epochs", "patience", "batch_size", "n_repeats"), 1)
@@ -68,7 +68,8 @@ def _check_numbers(forecaster: Any) -> None:
             raise ValueError(f"{name}={value!r} must be an integer of at least {low}.")
     for name in ("dropout", "validation_fraction"):
         value = getattr(forecaster, name)
-        if not 0.0 <= value < 1.0:
+        if not (isinstance(value, Real) and 0.0 <= float(value) < 1.0):
             raise ValueError(f"{name}={value!r} is outside [0, 1).")
-    if not 0.0 < forecaster.learning_rate < np.inf:
-        raise ValueError(f"learning_rate={forecaster.learning_rate!r} is outside (0, inf).")
+    rate = forecaster.learning_rate
+    if not (isinstance(rate, Real) and 0.0 < float(rate) < np.inf):
+        raise ValueError(f"learning_rate={rate!r} is outside (0, inf).")

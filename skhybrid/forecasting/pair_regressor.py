@@ -10,7 +10,7 @@ from sklearn.base import clone
 from .._calendar import clock_hour
 from .._table import ZoneTable
 from .baselines import rows_ahead
-from .features import irradiance_roles, target_rows
+from .features import irradiance_roles, known_before, target_rows
 from .ridge import StaticModel, lag_features, training_origins
 
 
@@ -26,8 +26,7 @@ class PairRegressor:
         self.static_ = StaticModel().fit(table, target)
         origins = training_origins(table.n_rows, n_leads)
         features = self._features(table, self.static_.left_out_, origins, n_leads)
-        rows = target_rows(origins, n_leads)
-        wanted = np.where(rows < table.n_rows, target[np.minimum(rows, table.n_rows - 1)], np.nan)
+        wanted = known_before(target, target_rows(origins, n_leads), table.n_rows)
         use = np.isfinite(wanted)
         self.mean_ = features[use].mean(axis=0)
         self.std_ = np.maximum(features[use].std(axis=0), 1e-12)

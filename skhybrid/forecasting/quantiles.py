@@ -17,7 +17,7 @@ from .._table import ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
-from .features import target_rows
+from .features import known_before, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
 
@@ -61,7 +61,7 @@ class QuantileForecastMixin(RollingForecastMixin):
     def predict_quantiles(
         self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES, *, weather_error: Any = None
     ) -> np.ndarray:
-        """Forecast quantiles of every row from the last origin before it; refused if fitted on too short a table.
+        """Forecast quantiles of every row from the last origin before it.
 
         Parameters
         ----------
@@ -69,13 +69,20 @@ class QuantileForecastMixin(RollingForecastMixin):
             As in :meth:`predict`.  Errors of forecasts before an origin set how wide its intervals are.
         quantiles : sequence of float, default (0.1, 0.5, 0.9)
             In (0, 1), increasing.
-        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default None
             How far the weather in X after an origin may be off, which widens the intervals; None: it was measured.
 
         Returns
         -------
         ndarray of shape (n_samples, n_quantiles), float64
             Increasing along each row.  The median is the forecast, shifted by its recent errors.
+
+        Raises
+        ------
+        ValueError
+            If the quantiles do not increase within (0, 1), or ``weather_error`` is no level.
+        TooFewDaysError
+            If no intervals were learned, because the training table was too short or ``intervals=False``.
         """
         check_is_fitted(self)
         levels = read_quantiles(quantiles)
@@ -108,12 +115,17 @@ class QuantileForecastMixin(RollingForecastMixin):
         origins : sequence of int; row numbers of X
         quantiles : sequence of float, default (0.1, 0.5, 0.9); in (0, 1), increasing
         horizon : timedelta-like, optional
-        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default None
 
         Returns
         -------
         ndarray of shape (n_origins, n_leads, n_quantiles), float64
             Quantiles of the rows ``origin + 1, origin + 2, ...``; NaN after the last row of X.
+
+        Raises
+        ------
+        ValueError, TooFewDaysError
+            As :meth:`predict_quantiles`; also if an origin is no row of X.
         """
         levels = read_quantiles(quantiles)
         paths_of = partial(self._quantile_paths, levels=levels, weather=read_weather_error(weather_error))
@@ -225,8 +237,7 @@ def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock
 
 def measured_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
     """(n_origins, n_leads) measurements of the rows after each origin; NaN where there is none."""
-    rows = target_rows(origins, n_leads)
-    return np.where(rows < table.n_rows, table.measured()[np.minimum(rows, table.n_rows - 1)], np.nan)
+    return known_before(table.measured(), target_rows(origins, n_leads), table.n_rows)
 
 
 def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals:
@@ -256,5 +267,4 @@ def joined(found: Sequence[LeftOut]) -> LeftOut:
 
 def errors_inside(target: np.ndarray, origins: np.ndarray, paths: np.ndarray, end: int) -> np.ndarray:
     """Errors of paths, NaN from the end of their block on: the forecaster was fitted on those rows."""
-    rows = target_rows(origins, paths.shape[1])
-    return np.where(rows < end, target[np.minimum(rows, len(target) - 1)], np.nan) - paths
+    return known_before(target, target_rows(origins, paths.shape[1]), end) - paths

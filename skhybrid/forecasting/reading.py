@@ -14,22 +14,18 @@ _INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
 _WEATHER = re.compile(r"(T_oa|q_sol(_\w+)?)\Z")
 
 
-def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
+def read_weather(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
     """Read weather and history, and the plant where the forecaster's ``case_`` asks for it."""
     case = forecaster.case_
     wanted = set(case.features) if case is not None else set()
     modes = bool(wanted & {"i_heat", "i_cool"})
-    table = read_table(
+    table = _read(
         forecaster,
         X,
-        columns=forecaster.columns,
+        reset=reset,
+        fewest=2,
         required=[role for role in ("T_oa", "q_sol") if role in wanted],
         needed=(_INPUTS if modes else _WEATHER).match,
-        sampling_time=forecaster.sampling_time,
-        reset=reset,
-        min_rows=2 if reset else 1,
-        expected_step=None if reset else forecaster.sampling_time_,
-        holidays=forecaster.holidays,
     )
     if modes and reset and isinstance(X, pd.DataFrame | ZoneTable) and not plant_roles(table.inputs):
         there = X.roles if isinstance(X, ZoneTable) else X.columns
@@ -42,15 +38,21 @@ def read_weather(forecaster: Any, X: Any, reset: bool) -> ZoneTable:
 
 def read_zone(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
     """Read all inputs of a forecaster of the temperature, and its history."""
+    return _read(forecaster, X, reset=reset, fewest=3)
+
+
+def _read(forecaster: Any, X: Any, *, reset: bool, fewest: int, **selected: Any) -> ZoneTable:
+    """Read the selected roles by the forecaster's own settings, of at least ``fewest`` rows in ``fit``."""
     return read_table(
         forecaster,
         X,
         columns=forecaster.columns,
         sampling_time=forecaster.sampling_time,
         reset=reset,
-        min_rows=3 if reset else 1,
+        min_rows=fewest if reset else 1,
         expected_step=None if reset else forecaster.sampling_time_,
         holidays=forecaster.holidays,
+        **selected,
     )
 
 

@@ -17,7 +17,7 @@ from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
 from .._time import rows_per_day
 from .baselines import rows_ahead
-from .features import irradiance_roles, known_at, last_same_slot, target_rows, trailing_mean
+from .features import irradiance_roles, known_at, known_before, last_same_slot, target_rows, trailing_mean
 
 ALPHAS = np.logspace(-1.0, 5.0, 13)
 #: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.
@@ -136,14 +136,13 @@ class RidgeForecaster:
         deviation, wanted = table.measured("zeta") - left, target - left
         origins = training_origins(table.n_rows, n_leads)
         rows = target_rows(origins, n_leads)
-        inside = rows < table.n_rows
-        rows = np.minimum(rows, table.n_rows - 1)
-        use = inside & np.isfinite(wanted[rows])
+        ahead = known_before(wanted, rows, table.n_rows)
+        use = np.isfinite(ahead)
         self.dynamic_ = None
         if use.sum() >= 2:
             L = lag_features(table, deviation, origins, n_leads)[use]
             self.scale_ = np.maximum(np.sqrt((L**2).mean(axis=0)), 1e-12)
-            self.dynamic_, _ = ridge_by_blocks(L / self.scale_, wanted[rows][use], time_blocks(table)[rows][use])
+            self.dynamic_, _ = ridge_by_blocks(L / self.scale_, ahead[use], time_blocks(table)[rows[use]])
         return self
 
     def expected(self, table: ZoneTable) -> np.ndarray:

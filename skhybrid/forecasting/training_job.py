@@ -1,4 +1,4 @@
-"""Training of networks as it is asked for and as it ends: a job of one forecaster, its split, and its result."""
+"""The training job of a forecaster's networks: its split of the rows, its seeds, and its result."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
 
@@ -15,6 +16,7 @@ class Split(NamedTuple):
 
     train_end: int  # targets of training lie before this row
     valid_start: int | None  # targets of validation begin here; None: there is no validation block
+    valid_end: int | None = None  # and lie before this row
 
 
 def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int) -> Split:
@@ -24,7 +26,25 @@ def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int
     train_end = valid_start - n_leads
     if n_valid <= n_leads or train_end < max(2 * per_day, 2 * n_leads):
         return Split(n_rows, None)
-    return Split(train_end, valid_start)
+    return Split(train_end, valid_start, n_rows)
+
+
+def measured_split(target: np.ndarray, n_leads: int, fraction: float, per_day: int) -> Split:
+    """:func:`chronological_split` of the rows up to the last one whose target (n_rows,) is not missing.
+
+    Raises
+    ------
+    ValueError
+        If all targets of the training block are missing.
+    """
+    known = np.flatnonzero(np.isfinite(target))
+    split = chronological_split(int(known[-1]) + 1 if len(known) else len(target), n_leads, fraction, per_day)
+    if not np.isfinite(target[: split.train_end]).any():
+        raise ValueError(
+            f"Input y contains NaN in all of its first {split.train_end} rows, which train a network; choose another "
+            "span, or a smaller validation_fraction."
+        )
+    return split
 
 
 class TrainingJob(NamedTuple):
@@ -47,9 +67,7 @@ class JobResult(NamedTuple):
     network: Any  # FittedNetwork: the network that is used, or all of them, to be averaged
     weight: float  # share in [0, 1] of its correction that is used; 1 where there is no baseline
     history: list[dict[str, float]]  # epochs of the network with the lowest validation error
-    repeats: (
-        pd.DataFrame
-    )  # one row per seed: ``seed``, ``n_epochs``, ``train_loss``, ``valid_loss``, ``best_epoch``, ``used``
+    repeats: pd.DataFrame  # one row per seed, as ``DisturbanceForecaster.repeats_``
 
 
 def draw_seed(random_state: int | np.random.RandomState | None) -> int:
@@ -58,7 +76,7 @@ def draw_seed(random_state: int | np.random.RandomState | None) -> int:
         return int(np.random.default_rng().integers(2**31 - 1))
     if isinstance(random_state, int | np.integer):
         return int(random_state)
-    return int(random_state.randint(2**31 - 1))
+    return int(check_random_state(random_state).randint(2**31 - 1))
 
 
 def repeat_seeds(seed: int, n_repeats: int) -> tuple[int, ...]:

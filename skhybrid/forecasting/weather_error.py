@@ -51,11 +51,16 @@ class WeatherError:
 
     Parameters
     ----------
-    level : {"low", "medium", "high"}, default="medium"
+    level : {"low", "medium", "high"}, default "medium"
         The standard deviation of the temperature goes from 0.6 K one hour ahead to 1.0 K a day ahead at "low", from
         1.2 to 1.6 K at "medium" and from 1.5 to 2.2 K at "high".
-    random_state : int, default=0
+    random_state : int, default 0
         Seed of the errors; those of one origin do not depend on other origins.
+
+    Raises
+    ------
+    ValueError
+        If there is no such level, or the seed is not an integer of at least 0.
 
     Notes
     -----
@@ -76,6 +81,9 @@ class WeatherError:
     def __post_init__(self) -> None:
         if not isinstance(self.level, str) or self.level not in _TEMPERATURE:
             raise ValueError(f"weather_error={self.level!r} is none of 'low', 'medium', 'high'.")
+        seed = self.random_state
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+            raise ValueError(f"random_state={seed!r} of a weather error must be an integer of at least 0.")
 
     def forecast(self, table: ZoneTable, origin: int, n_leads: int, draw: int = 0) -> ZoneTable:
         """Put a weather forecast in the place of what was measured after an origin.
@@ -85,7 +93,7 @@ class WeatherError:
         table : ZoneTable
         origin, n_leads : int
             The row in which the weather forecast is made, and how many rows it has.
-        draw : int, default=0
+        draw : int, default 0
             Number of the draw; 0 is the one that back-tests use.
 
         Returns
@@ -95,7 +103,7 @@ class WeatherError:
         """
         rows = slice(origin + 1, min(origin + 1 + n_leads, table.n_rows))
         leads = np.arange(1, rows.stop - rows.start + 1) * table.step_hours
-        seconds = (table.time[0] + origin * table.step - pd.Timestamp(0)) // pd.Timedelta("1s")
+        seconds = (table.time[origin] - pd.Timestamp(0)) // pd.Timedelta("1s")
         seed = [self.random_state, draw, seconds % 2**32]
         changed = {}
         if "T_oa" in table.inputs:

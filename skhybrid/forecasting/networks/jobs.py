@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -51,35 +51,36 @@ class _Plan(NamedTuple):
 
 def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0, on_error: str = "raise") -> list[Any]:
     """A JobResult of each job, to rounding as if alone; with ``on_error="return"`` an exception if it fails."""
-    plans: dict[int, _Plan] = {}
-    results: dict[int, JobResult | Exception] = {}
     shared: dict[Any, _Data] = {}
+    plans = {i: _attempt(on_error, _plan, job, shared) for i, job in enumerate(jobs)}
+    results: dict[int, Any] = {i: plan for i, plan in plans.items() if isinstance(plan, Exception)}
     groups: dict[tuple[Any, ...], list[int]] = {}
-    for i, job in enumerate(jobs):
-        try:
-            plans[i] = _plan(job, shared)
-        except Exception as error:
-            if on_error == "raise":
-                raise
-            results[i] = error
-        else:
-            groups.setdefault(plans[i].shape, []).append(i)
+    for i, plan in plans.items():
+        if i not in results:
+            groups.setdefault(plan.shape, []).append(i)
     for numbers in groups.values():
-        try:
-            results |= _train_group({i: plans[i] for i in numbers}, verbose)
-        except Exception as error:
-            if on_error == "raise":
-                raise
-            results |= dict.fromkeys(numbers, error)
-    again = {i: made for i in plans if (made := _refit(jobs[i], results[i])) is not None}
+        trained = _attempt(on_error, _train_group, {i: plans[i] for i in numbers}, verbose)
+        failed = isinstance(trained, Exception)
+        results |= {i: trained if failed else _attempt(on_error, _finish, plans[i], trained[i]) for i in numbers}
+    again = {i: made for i, job in enumerate(jobs) if (made := _refit(job, results[i])) is not None}
     if again:
         trained = zip(again, train_networks(list(again.values()), verbose, on_error), strict=True)
         results |= {i: one if isinstance(one, Exception) else _with_network(results[i], one) for i, one in trained}
     return [results[i] for i in range(len(jobs))]
 
 
+def _attempt(on_error: str, function: Callable[..., Any], *args: Any) -> Any:
+    """The result of a function, or its exception where ``on_error="return"``."""
+    try:
+        return function(*args)
+    except Exception as error:
+        if on_error == "raise":
+            raise
+        return error
+
+
 def _refit(job: TrainingJob, result: JobResult | Exception) -> TrainingJob | None:
-    """The same training on all rows, as long as validation found best; None where it is not wanted or was that."""
+    """The same training on all rows for as many epochs as validation found best; None where that is not wanted."""
     if isinstance(result, Exception) or not job.settings.refit or job.split.valid_start is None:
         return None
     used = result.repeats[result.repeats["used"]]
@@ -96,8 +97,8 @@ def _with_network(first: Any, again: JobResult) -> JobResult:
     return first._replace(network=again.network)
 
 
-def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, JobResult | Exception]:
-    """Train plans of one shape in stacks, shallow networks first."""
+def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, list[TrainingResult]]:
+    """Train the networks of plans of one shape in stacks, shallow ones first."""
     ordered = _in_order({i: plan.spec for i, plan in plans.items()})
     networks = [(i, seed) for i in ordered for seed in plans[i].job.seeds]
     found: dict[tuple[int, int], TrainingResult] = {}
@@ -106,7 +107,7 @@ def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, JobResult |
     for part in np.array_split(np.arange(len(networks)), n_stacks):
         chosen = [networks[k] for k in part]
         found.update(zip(chosen, _train([(plans[i], seed) for i, seed in chosen], verbose), strict=True))
-    return {i: _finish(plan, [found[i, seed] for seed in plan.job.seeds]) for i, plan in plans.items()}
+    return {i: [found[i, seed] for seed in plan.job.seeds] for i, plan in plans.items()}
 
 
 def _in_order(specs: dict[int, NetworkSpec]) -> list[int]:
@@ -160,12 +161,12 @@ def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
 
 def _data(job: TrainingJob) -> _Data:
     """Z-scores of the training block, and all windows in them."""
-    settings, split, n_leads, n_rows = job.settings, job.split, job.n_leads, job.table.n_rows
+    settings, split, n_leads = job.settings, job.split, job.n_leads
     case: ModelCase = settings.case_
     past, future = columns_of(job.table, case, settings.model, settings.time_encoding)
     early = slice(0, split.train_end)
     scaler = Scaler.of(job.target[early], past[early], future[early])
-    n_past = int(case.pattern_days) * rows_per_day(job.table.step)
+    n_past = case.pattern_days * rows_per_day(job.table.step)
     expected = None if job.base is None else job.base.expected(job.table)
     views = scaled_views(job.table, (past, future), scaler, expected, n_past, n_leads, after=n_leads)
     ahead = np.append((job.target - scaler.zeta_mean) / scaler.zeta_std, np.full(n_leads, np.nan))
@@ -173,11 +174,11 @@ def _data(job: TrainingJob) -> _Data:
     table = WindowTable(settings.model, "zeta" in case.past, views, _base_windows(job, scaler), targets)
     # A window whose past is mostly padding teaches little: it is used only where windows are few.
     first = min(n_past - 1, split.train_end // 4)
-    last = n_rows - 1 if split.valid_start is None else split.train_end - n_leads
+    last = split.train_end - (1 if split.valid_start is None else n_leads)
     train = Windows([table], torch.arange(first, max(last, first + 1)))
     valid = None
-    if split.valid_start is not None:
-        valid = Windows([table], torch.arange(split.valid_start - 1, n_rows - n_leads))
+    if split.valid_start is not None and split.valid_end is not None:
+        valid = Windows([table], torch.arange(split.valid_start - 1, split.valid_end - n_leads))
     return _Data(scaler, n_past, (past.shape[1], future.shape[1]), train, valid)
 
 
@@ -200,11 +201,14 @@ def _spec_of(job: TrainingJob, data: _Data) -> NetworkSpec:
 
 def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
     """Choose among the repeats, or average them, and find how much of the correction to use."""
+    settings = plan.job.settings
     losses = np.array([one.valid_loss for one in found])
     best = 0 if np.isnan(losses).all() else int(np.nanargmin(losses))
-    used = list(range(len(found))) if plan.job.settings.repeats == "mean" else [best]
+    used = list(range(len(found))) if settings.repeats == "mean" else [best]
+    last = np.array([one.history[-1]["train_loss"] for one in found])
+    if not np.isfinite((last if plan.data.valid is None else losses)[used]).all():
+        raise ValueError(f"training diverged with learning_rate={settings.learning_rate!r}; give a lower one.")
     weights = {name: torch.stack([found[i].weights[name] for i in used]).numpy() for name in found[0].weights}
-    settings = plan.job.settings
     network = FittedNetwork(plan.spec, settings.case_, settings.time_encoding, plan.data.scaler, weights)
     weight = 1.0
     if plan.job.base is not None:
@@ -213,7 +217,7 @@ def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
         {
             "seed": plan.job.seeds,
             "n_epochs": [len(one.history) for one in found],
-            "train_loss": [one.history[-1]["train_loss"] for one in found],
+            "train_loss": last,
             "valid_loss": losses,
             "best_epoch": [_best_epoch(one) for one in found],
             "used": [i in used for i in range(len(found))],

@@ -11,7 +11,7 @@ from torch import Tensor
 #: gates of a cell
 N_GATES = {"rnn": 1, "lstm": 4}
 #: Weights and dropout of hidden and output values are drawn for widths rounded up to a multiple of this.  Those beyond
-#: the width are not used; they keep the sequence of draws, and so the network of a seed, as it always was.
+#: the width are dropped; another sequence of draws would give every seed another network.
 _DRAWN_IN = 4
 
 
@@ -90,7 +90,7 @@ def rounded_up(width: int) -> int:
 
 
 def _kept(*widths: int) -> Tensor:
-    """Of values that are drawn for rounded widths, one part after the other: those that are kept."""
+    """Whether each value is kept (bool) of those that are drawn for rounded widths, part after part."""
     return torch.cat([torch.arange(rounded_up(width)) < width for width in widths])
 
 

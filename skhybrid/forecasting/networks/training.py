@@ -36,7 +36,7 @@ class TrainingSettings(NamedTuple):
 
 
 class WindowBatches:
-    """Slices of a data set for a stack: shuffled and with dropout if there are generators, one per network's number."""
+    """Batches of a data set for a stack; with ``generators``, one per network, they are shuffled and have dropout."""
 
     def __init__(
         self, windows: Windows, size: int, stack: NetworkStack, generators: Sequence[torch.Generator] | None = None
