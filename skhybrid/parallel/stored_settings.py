@@ -23,6 +23,8 @@ def as_plain(value: Any) -> str:
         return f"{name_of(type(value))}({inside})"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, set | frozenset):  # its order differs between processes
+        return "{" + ", ".join(sorted(map(as_plain, value))) + "}"
     if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
         return "[" + ", ".join(map(as_plain, value)) + "]"
     if isinstance(value, np.generic):

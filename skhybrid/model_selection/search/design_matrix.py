@@ -246,7 +246,7 @@ def _check_sizes(models: Mapping[str, Any], sizes: Mapping[str, Mapping[str, lis
         for key, values in sizes[name].items():
             if key not in known:
                 raise ValueError(
-                    f"size {key!r} of {name!r} is not one of its parameters; it has {', '.join(sorted(known))}."
+                    f"size {key!r} of {name!r} is not one of its parameters; it has {', '.join(sorted(known)) or 'none'}."
                 )
             if not len(values):
                 raise ValueError(f"size {key!r} of {name!r} has no values.")
