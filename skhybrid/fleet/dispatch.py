@@ -15,6 +15,9 @@ from ..parallel.workers import Workers
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # what every further zone would meet too
 #: classes of the errors by which engines tell that a worker died: those of joblib, Dask and Ray
 _DEATHS = {"BrokenExecutor", "KilledWorker", "RayActorError", "WorkerCrashedError", "OutOfMemoryError"}
+_DIED = (
+    "the worker died at this zone, twice, as where memory runs out; give workers more memory, or the zone fewer rows."
+)
 
 
 class Outcome(NamedTuple):
@@ -69,11 +72,6 @@ def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs:
                 del waiting[first]
                 yield Outcome(first, error=_DIED)
             suspects |= begun
-
-
-_DIED = (
-    "the worker died at this zone, twice, as where memory runs out; give workers more memory, or the zone fewer rows."
-)
 
 
 def _tasks(batch: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], begun: set[str]) -> Iterator[Any]:
