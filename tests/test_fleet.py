@@ -306,7 +306,7 @@ def test_files_of_a_zone_are_joined_by_their_stamps(tmp_path):
     folder.mkdir()
     X = ZONES["a"]
     X[:100].to_parquet(folder / "1.parquet")
-    X[90:TRAIN.stop].to_parquet(folder / "2.parquet")
+    X[90 : TRAIN.stop].to_parquet(folder / "2.parquet")
     pd.testing.assert_frame_equal(read_rows(folder), X[TRAIN], check_freq=False)
     X[:100].set_axis(X.index[:100].where(np.arange(100) != 50), axis=0).to_parquet(folder / "1.parquet")
     assert read_rows(folder).index.isna().sum() == 1  # for the estimator to refuse

@@ -234,7 +234,7 @@ def test_a_forecast_of_nan_fails_its_candidate(office):
             return np.where(np.arange(len(X)) < self.from_rows, np.nan, 20.0)
 
     matrix = {"message": ["a", "b"], "from_rows": [300]}
-    with pytest.raises(ValueError, match="every candidate failed.*Silent predicts NaN in measured rows"):
+    with pytest.raises(ValueError, match=r"every candidate failed.*Silent predicts NaN in measured rows"):
         DesignMatrixSearchCV(Silent(), matrix, cv=CV, verbose=0).fit(office.X, office.y)
 
 

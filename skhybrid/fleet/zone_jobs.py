@@ -125,7 +125,7 @@ def _refuse_known(journal: Journal, X: pd.DataFrame) -> None:
     if X.empty:
         raise ValueError("there are no rows; give those after the known ones.")
     if isinstance(X.index, pd.DatetimeIndex) != (until is not None):
-        raise ValueError("the rows have time stamps and the known ones have none, or the reverse; give both or neither.")
+        raise ValueError("these rows or the known ones have time stamps, but not both; give both or neither.")
     if until is not None and not X.index[0] > _in_clock_of(until, X.index):
         raise ValueError(f"the rows begin at {X.index[0]}, but the last known one is {until}; give those after it.")
 

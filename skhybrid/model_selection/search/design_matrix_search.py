@@ -141,7 +141,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         Raises
         ------
         ValueError
-            If y is missing, the store was made with other data or settings, a setting is unknown, or every candidate fails.
+            If y is missing, the store was made with other data or settings, a setting is unknown, or every candidate
+            fails.
         """
         if y is None:
             raise ValueError("DesignMatrixSearchCV requires y to be passed, but the target y is None.")
