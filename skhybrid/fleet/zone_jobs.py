@@ -82,7 +82,7 @@ def backtest_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[st
 
 
 def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
-    """Take in rows, unless they were the last that the zone has taken in."""
+    """Take in rows, unless they are those of the last update."""
     models = ModelStore(store)
     rows = read_rows(paths[0])
     mark = fingerprint(rows)
@@ -182,7 +182,7 @@ def _first_forecasts(known: pd.DataFrame, found: pd.DataFrame, now: pd.Timestamp
 
 
 def _after_known(model: Any, journal: Journal, X: pd.DataFrame) -> pd.DataFrame:
-    """Rows after those that an estimator without ``update`` cannot take in, where they follow."""
+    """The rows of the journal and X as one table, for a model without ``update``; X alone where it is not later."""
     rows = journal.rows
     if hasattr(model, "update") or not len(rows) or not len(X) or not X.index[0] > rows.index[-1]:
         return X

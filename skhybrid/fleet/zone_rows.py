@@ -1,4 +1,4 @@
-"""Rows of each zone as files, which workers read themselves."""
+"""Rows of each zone as files, for workers to read."""
 
 from __future__ import annotations
 
@@ -133,7 +133,13 @@ def _in_dataset(path: Path, key: str) -> ZoneFiles:
 
 
 def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
-    """The rows of a zone, from its file or the Parquet files of its folder, of which later names replace rows."""
+    """The rows of a zone, from its file or the Parquet files of its folder; rows of later names replace earlier ones.
+
+    Raises
+    ------
+    ValueError
+        If there is no Parquet file, one cannot be read, or one of several has no time stamps.
+    """
     where = Path(path)
     if where.suffix == ".pickle":  # a temporary file of this process
         return pd.read_pickle(where)

@@ -45,7 +45,7 @@ class ForecastRow(BaseModel):
 
 
 class _Latest(BaseModel):
-    """What the latest forecast of a zone and that of a building have in common."""
+    """Fields of the latest forecast of a zone or of a building."""
 
     name: str = Field(description="name of the zone or the building")
     origin: str = Field(description="time of the last measurement that the forecast knows, ISO 8601")
@@ -98,7 +98,7 @@ class Judged(BaseModel):
 
 
 class _Head(BaseModel):
-    """What the status of a zone and that of a building have in common."""
+    """Fields of the status of a zone or of a building."""
 
     name: str = Field(description="name of the zone or the building")
     last_row: str | None = Field(alias="last row", description="time of the last measurement")

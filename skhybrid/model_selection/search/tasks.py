@@ -111,7 +111,7 @@ class Problem:
 class IdentifiedNetwork(NamedTuple):
     """A thermal network that candidates share, or why there is none."""
 
-    fitted: Any  # the estimator, with the forecaster that is fitted soonest
+    fitted: Any  # the estimator, with a forecaster that takes no time to fit; None after an error
     error: str | None
 
 
