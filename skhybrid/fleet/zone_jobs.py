@@ -124,9 +124,10 @@ def _refuse_known(journal: Journal, X: pd.DataFrame) -> None:
     until = journal.facts["until"]
     if X.empty:
         raise ValueError("there are no rows; give those after the known ones.")
-    if isinstance(X.index, pd.DatetimeIndex) != (until is not None):
+    stamps = X.index if isinstance(X.index, pd.DatetimeIndex) else None
+    if (stamps is None) != (until is None):
         raise ValueError("these rows or the known ones have time stamps, but not both; give both or neither.")
-    if until is not None and not X.index[0] > _in_clock_of(until, X.index):
+    if stamps is not None and not stamps[0] > _in_clock_of(until, stamps):
         raise ValueError(f"the rows begin at {X.index[0]}, but the last known one is {until}; give those after it.")
 
 

@@ -247,8 +247,8 @@ def _first_row(stamps: pd.Index, start: Any) -> int:
         if stamps.tz is not None and stamp.tz is None:
             stamp = stamp.tz_localize(stamps.tz)
     except (TypeError, ValueError):
-        stamp = pd.NaT
-    if stamp is pd.NaT:
+        raise ValueError(f"start={start!r} is not a time stamp; {such}") from None
+    if pd.isna(stamp):
         raise ValueError(f"start={start!r} is not a time stamp; {such}")
     if stamps.tz is None and stamp.tz is not None:
         raise ValueError(f"start={start!r} has a time zone, but X has none; {such}")
