@@ -257,5 +257,9 @@ def test_wrong_settings_are_refused(office):
         compare_models([GrayBoxRC(), GrayBoxRC()], office.X, office.y)
     with pytest.raises(ValueError, match="purpose='fun' is neither"):
         compare_models([GrayBoxRC()], office.X, office.y, purpose="fun")
+    with pytest.raises(ValueError, match="level=5 is not between 0 and 1"):
+        compare_models([GrayBoxRC()], office.X, office.y, level=5)
+    with pytest.raises(ValueError, match=r"X has no time stamps, by which test blocks are cut; .* pass cv=."):
+        compare_models([GrayBoxRC(sampling_time="15min")], office.X.to_numpy(), office.y)
     with pytest.raises(ValueError, match=r"no model could be fitted.*9R9C"):
         compare_models([PeriodicDisturbanceID("9R9C")], office.X, office.y)

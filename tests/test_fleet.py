@@ -27,6 +27,7 @@ from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import FleetFolder, FleetPrior, ZoneFleet, dispatch, zone_jobs
 from skhybrid.fleet.fleet_folder import EXAMPLE
 from skhybrid.fleet.model_store import ModelStore
+from skhybrid.fleet.zone_rows import read_rows
 from skhybrid.model_selection import backtest
 from skhybrid.study.data import TRAINING_DAYS
 
@@ -128,6 +129,10 @@ def test_its_prior_is_that_of_its_models(alone, fleet):
     assert fleet.prior().n_zones == 3
     with pytest.raises(ValueError, match=r"zone 'd', of which the store has no model"):
         fleet.prior({"d": 6.0})
+    with pytest.raises(ValueError, match="models holds 0 fitted zones"):
+        fleet.prior({})
+    numbered = ZoneFleet(ARX).fit(dict(enumerate(X[TRAIN] for X in ZONES.values())))
+    assert numbered.prior({0: 3.0, 2: 4.0}).n_zones == 2
 
 
 def test_a_long_update_is_saved_with_the_model(monkeypatch, alone, fleet):
@@ -216,6 +221,37 @@ def test_a_bad_zone_says_what_it_says_alone_and_the_others_go_on(tmp_path):
     assert status["reasons"]["c"].startswith(f"its last fit failed ({said.value}); ")
 
 
+def test_a_fit_that_fails_for_all_zones_leaves_the_fleet_as_it_was():
+    fleet = ZoneFleet(ARX).fit({"a": ZONES["a"][TRAIN]})
+    before = fleet.predict({"a": ZONES["a"][NEW]})
+    with pytest.raises(ValueError, match="no zone succeeded"):
+        fleet.fit({"a": ZONES["a"][TRAIN].assign(T_oa=np.nan)})
+    with pytest.raises(ValueError, match="X is a int"):
+        fleet.fit(3)
+    assert fleet.errors_ == {}
+    pd.testing.assert_frame_equal(fleet.predict({"a": ZONES["a"][NEW]}), before, check_exact=True)
+
+
+@pytest.mark.parametrize(
+    ("X", "said"),
+    [
+        (ZONES["a"][NEW], "the rows begin at 2024-01-15 00:00:00, but the last known one is 2024-01-15 23:00:00; "),
+        (ZONES["a"][slice(7 * DAY + 6, 9 * DAY)], "the rows begin at 2024-01-15 06:00:00, but the last known one is "),
+        (ZONES["a"][AHEAD].tz_localize("UTC"), "give both a time zone."),
+        (ZONES["a"][AHEAD].reset_index(drop=True), "give both or neither."),
+        (ZONES["a"][:0], "there are no rows; give those after the known ones."),
+    ],
+)
+def test_rows_that_do_not_follow_are_refused_for_an_estimator_without_update(X, said):
+    fleet = ZoneFleet(ARX).fit({"a": ZONES["a"][TRAIN]}).update({"a": ZONES["a"][NEW].assign(q_sol=0.0)})
+    ahead = {"a": ZONES["a"][AHEAD].drop(columns="T_za")}
+    before = fleet.forecast(None, ahead)
+    with pytest.raises(ValueError) as error:
+        fleet.update({"a": X})
+    assert said in str(error.value)
+    pd.testing.assert_frame_equal(fleet.forecast(None, ahead), before, check_exact=True)
+
+
 def test_a_fallback_takes_over(tmp_path):
     class Failing(HybridPredictor):
         def _read(self, X, *args, **named):
@@ -237,6 +273,7 @@ def test_a_fallback_takes_over(tmp_path):
         (ZONES["a"], "X needs one column 'zone' with the name of each row's zone; it has T_oa, "),
         (rows(TRAIN).assign(zone=None), "column 'zone' names no zone in 504 rows, the first at 2024-01-08"),
         (rows(slice(0, 0)), "there is no zone; give a table with rows."),
+        ({"": ZONES["a"]}, "a zone has an empty name; name it, or leave its rows out."),
         ([1], "X holds a int; give tables, or pairs"),
         ("nowhere", "nowhere is not a folder; give a Parquet dataset with one folder per zone, as zone=kitchen."),
     ],
@@ -262,6 +299,20 @@ def test_faults_of_a_dataset_cost_their_zones_alone(tmp_path):
     assert fleet.errors_["empty"].endswith(
         "zone=empty holds no Parquet file; write the rows of the zone there, or remove the folder."
     )
+
+
+def test_files_of_a_zone_are_joined_by_their_stamps(tmp_path):
+    folder = tmp_path / "zone=a"
+    folder.mkdir()
+    X = ZONES["a"]
+    X[:100].to_parquet(folder / "1.parquet")
+    X[90 : TRAIN.stop].to_parquet(folder / "2.parquet")
+    pd.testing.assert_frame_equal(read_rows(folder), X[TRAIN], check_freq=False)
+    X[:100].set_axis(X.index[:100].where(np.arange(100) != 50), axis=0).to_parquet(folder / "1.parquet")
+    assert read_rows(folder).index.isna().sum() == 1  # for the estimator to refuse
+    X[:100].reset_index(drop=True).to_parquet(folder / "1.parquet")
+    with pytest.raises(ValueError, match=r"1\.parquet has no time stamps, by which the files of a zone are joined"):
+        read_rows(folder)
 
 
 def test_a_zone_without_rows_or_with_a_stamp_twice_is_refused_as_alone():
@@ -580,6 +631,9 @@ def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
         ("zones = 3", "zones in "),
         ("[estimator]\nnetwork = '1R1C'\nepochs = 3", "estimator.epochs in "),
         ("days = true", "days = True in "),
+        ("days = inf", "days = inf in "),
+        ("days = -3", "is not a number up to 36500; correct it."),
+        ("key = ''", "is not a name in quotes; correct it."),
         ("estimator = 3", "must be a table; write its parameters below [estimator]."),
     ],
 )

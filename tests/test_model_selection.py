@@ -207,6 +207,34 @@ def test_a_backtest_that_cannot_be_made_says_why():
         backtest(model, X, y, origin_step="90min")
 
 
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        ("NaT", "start='NaT' is not a time stamp; give one, such as '2024-01-01 00:00:00'."),
+        ("noon", "start='noon' is not a time stamp; "),
+        ("2024-01-02 00:00+01:00", "has a time zone, but X has none; "),
+        ("2024-02-01", "start='2024-02-01' comes after the last row of X; "),
+        ("2024-01-04 01:00", "X has no local midnight (from start on), from which origins are counted; "),
+    ],
+)
+def test_a_start_that_is_no_row_says_why(start, said):
+    X, y = _table(4)
+    with pytest.raises(ValueError) as error:
+        backtest(CountsFromOrigin().fit(X, y), X, y, start=start)
+    assert said in str(error.value)
+
+
+def test_stamps_beside_midnight_are_named():
+    X, y = _table(4, start="2024-01-01 00:07")
+    model = CountsFromOrigin().fit(X, y)
+    with pytest.raises(ValueError, match="X has no local midnight"):
+        backtest(model, X, y)
+    assert backtest(model, X, y, origin_step="25h")["origin"].iloc[0] == X.index[0]
+    model = CountsFromOrigin().fit(X.to_numpy(), y.to_numpy())
+    with pytest.raises(ValueError, match="start='2024' is not a row number, but X has no time stamps"):
+        backtest(model, X.to_numpy(), y.to_numpy(), start="2024")
+
+
 def test_errors_are_those_of_their_definition():
     lead = pd.to_timedelta([1, 2, 1, 2], unit="h")
     frame = pd.DataFrame({"origin": [0, 0, 1, 1], "lead": lead, "y_true": [0.0] * 4, "y_pred": [3.0, -4.0, 0.0, 1.0]})

@@ -11,6 +11,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import trapezoid
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import ModelCase
@@ -311,6 +312,12 @@ def test_the_cases_indistinguishable_from_the_best(comparison):
     assert comparison.probability_[comparison.best_] == 0.5
     assert comparison.probability_below("case03", 0.47) == pytest.approx(0.5, abs=0.15)
     assert comparison.probability_below("case03", 5.0) > 0.999
+    with pytest.raises(ValueError, match="case 'case99' is not one of those compared: 'case01', "):
+        comparison.probability_below("case99", 0.4)
+    with pytest.raises(ValueError, match=r"error=-0.4 is not a positive number \[K\]"):
+        comparison.probability_below("case03", -0.4)
+    with pytest.raises(NotFittedError):
+        RobustnessComparison().probability_below("case03", 0.4)
     assert (comparison.difference_["q_0.5"].drop(comparison.best_) < 0.0).all()
     assert comparison.summary_["n_sizes"].to_dict()["case05"] == 4
 

@@ -220,6 +220,41 @@ def test_a_failure_ends_the_search_when_asked(office, estimator):
         DesignMatrixSearchCV(estimator, matrix, cv=CV, verbose=0).fit(office.X, office.y)
 
 
+def test_a_stored_failure_is_raised_when_asked(office, tmp_path):
+    given = {"matrix": {"from_rows": [0, 10**6]}, "cv": CV, "store": tmp_path / "store.sqlite", "verbose": 0}
+    with pytest.warns(FitFailedWarning):
+        DesignMatrixSearchCV(Breaks(), **given).fit(office.X, office.y)
+    with pytest.raises(RuntimeError, match="no luck"):
+        DesignMatrixSearchCV(Breaks(), **given, error_score="raise").fit(office.X, office.y)
+
+
+def test_a_forecast_of_nan_fails_its_candidate(office):
+    class Silent(Breaks):
+        def predict(self, X):
+            return np.where(np.arange(len(X)) < self.from_rows, np.nan, 20.0)
+
+    matrix = {"message": ["a", "b"], "from_rows": [300]}
+    with pytest.raises(ValueError, match=r"every candidate failed.*Silent predicts NaN in measured rows"):
+        DesignMatrixSearchCV(Silent(), matrix, cv=CV, verbose=0).fit(office.X, office.y)
+
+
+def test_a_target_in_one_column_is_scored_as_a_vector(office):
+    given = {"matrix": {"from_rows": [10**6]}, "cv": CV, "verbose": 0, "refit": False}
+    scores = [
+        DesignMatrixSearchCV(Breaks(), **given).fit(office.X, y).best_score_
+        for y in (office.y.to_numpy(), office.y.to_numpy()[:, None])
+    ]
+    assert scores[0] == scores[1]
+
+
+def test_halving_ends_with_one_network_left(office, estimator, count):
+    matrix = design_matrix(["mlp"], ["case01"], "output", {"hidden_size": [1]})
+    estimator = clone(estimator).set_params(forecaster__max_epochs=9)
+    search = DesignMatrixSearchCV(estimator, matrix, cv=CV, refit=False, verbose=0, halving=1)
+    assert search.fit(office.X, office.y).halving_.empty
+    assert count["tasks"] == 2
+
+
 def test_a_network_that_cannot_be_identified_fails_its_candidates(office, estimator):
     grid = {"gray_box__network": ["2R2C", "9R9C"], "forecaster__model": ["ridge", "profile"]}
     with pytest.warns(FitFailedWarning, match="2 of 4 candidates failed"):
@@ -322,6 +357,8 @@ def test_a_progress_bar_tells_rate_and_time_left(office, estimator, capsys):
         ({"matrix": {"alpha": []}}, "alpha|empty"),
         ({"halving": 0}, "halving"),
         ({"halving": (5, 1)}, "halving"),
+        ({"halving": True}, "halving"),
+        ({"halving": (5, 3, 3)}, "halving"),
     ],
 )
 def test_what_cannot_be_searched_is_refused(changed, said, office, estimator):

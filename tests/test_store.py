@@ -41,6 +41,14 @@ def test_results_come_back_to_the_bit(path):
     assert set(found) == {TASKS[0], TASKS[2]}
 
 
+def test_scores_without_a_finite_value_come_back_from_the_file(path):
+    scores = {"undefined": float("nan"), "worst": float("-inf"), "good": 0.1 + 0.2}
+    with ResultStore(path, {}) as store:
+        store.finish({TASKS[0]: GOOD._replace(scores=scores)})
+    with ResultStore(path, {}) as store:
+        assert repr(store.results()[TASKS[0]].scores) == repr(scores)
+
+
 def test_two_stores_share_out_the_tasks(path):
     with ResultStore(path, {}) as one, ResultStore(path, {}) as other:
         assert one.claim(TASKS[:2]) == TASKS[:2]
@@ -244,12 +252,14 @@ def test_the_fingerprint_names_what_differs():
 
 def test_values_in_words_are_the_same_in_another_process():
     values = [Ridge(alpha=np.float64(0.5)), {"a": (1, None)}, np.arange(2000.0), pd.Timedelta("1D"), mean_squared_error]
+    values.append({f"2024-12-{day}" for day in range(10, 30)})
     program = (
         "import numpy as np, pandas as pd\nfrom sklearn.linear_model import Ridge\n"
         "from sklearn.metrics import mean_squared_error\n"
         "from skhybrid.model_selection.search.fingerprint import candidate_id\n"
         "values = [Ridge(alpha=0.5), {'a': [1, None]}, np.arange(2000.0),"
-        " pd.Timedelta('1D'), mean_squared_error]\nprint(candidate_id({'values': values}))"
+        " pd.Timedelta('1D'), mean_squared_error, {f'2024-12-{day}' for day in range(10, 30)}]\n"
+        "print(candidate_id({'values': values}))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == candidate_id({"values": values})

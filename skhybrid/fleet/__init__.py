@@ -1,4 +1,4 @@
-"""Many zones: one model each, fitted, updated and watched on joblib, Dask or Ray, and what they say of a new one."""
+"""Fleets of zones: a model per zone, fitted, updated and watched in parallel, and a prior for new zones."""
 
 from .fleet_folder import FleetFolder, FleetTick
 from .prior import FleetPrior

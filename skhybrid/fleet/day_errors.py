@@ -31,7 +31,7 @@ def scored_days(
     """The last rows with their forecasts, and the errors by day, after new rows ``y_true``, ``y_pred`` and quantiles.
 
     A day has its date, root-mean-square errors of the forecast and of the temperature a day before [K], the number
-    of forecasts compared, and the share of measurements inside of the interval.
+    of forecasts compared, and the share of measurements inside the interval [-].
     """
     rows = pd.concat([known[~known.index.isin(new.index)], new]) if len(known) else new
     stamps = pd.DatetimeIndex(rows.index)

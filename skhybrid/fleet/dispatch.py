@@ -1,4 +1,4 @@
-"""Calls per zone on joblib's workers, here or on a cluster: a zone that fails costs itself alone."""
+"""Calls per zone on joblib's workers, here or on a cluster; a zone that fails does not stop the others."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from joblib import delayed
 from .._threads import one_blas_thread
 from ..parallel.workers import Workers
 
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # what every further zone would meet too
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # errors that every further zone would meet as well
 #: classes of the errors by which engines tell that a worker died: those of joblib, Dask and Ray
 _DEATHS = {"BrokenExecutor", "KilledWorker", "RayActorError", "WorkerCrashedError", "OutOfMemoryError"}
+_DIED = (
+    "the worker died at this zone, twice, as where memory runs out; give workers more memory, or the zone fewer rows."
+)
 
 
 class Outcome(NamedTuple):
@@ -69,11 +72,6 @@ def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs:
                 del waiting[first]
                 yield Outcome(first, error=_DIED)
             suspects |= begun
-
-
-_DIED = (
-    "the worker died at this zone, twice, as where memory runs out; give workers more memory, or the zone fewer rows."
-)
 
 
 def _tasks(batch: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], begun: set[str]) -> Iterator[Any]:

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from .._files import atomic_path
-from .._time import positive_duration
 from ..forecasting import ARXRegressor
 from ..hybrid import HybridPredictor
 from ..study.data import TRAINING_DAYS
 from .zone_fleet import ZoneFleet
 
 _KEYS = {"key", "days", "fallback", "estimator"}
+_MOST_DAYS = 36_500  # a century
 EXAMPLE = """# skhybrid fleet: data/ holds a folder per zone, such as data/zone=kitchen/*.parquet
 key = "zone"       # name of these folders
 days = 56          # of training, at the end of the data
@@ -107,16 +107,17 @@ class FleetFolder:
             given = tomllib.loads(self.config.read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"{self.config} cannot be read ({error}); correct it.") from None
-        self._refuse_unknown(given)
+        self._check(given)
         params = given.get("estimator", {})
         fallback = ARXRegressor(columns=params.get("columns")) if given.get("fallback", True) else None
-        days = positive_duration(pd.Timedelta(days=given.get("days", TRAINING_DAYS)), "days")
+        days = pd.Timedelta(days=given.get("days", TRAINING_DAYS))
         fleet = ZoneFleet(
             HybridPredictor(**params), given.get("key", "zone"), store=self.store, fallback=fallback, n_jobs=self.n_jobs
         )
         return fleet, days
 
-    def _refuse_unknown(self, given: dict[str, Any]) -> None:
+    def _check(self, given: dict[str, Any]) -> None:
+        """Refuse names that are unknown and values that cannot be used."""
         known = HybridPredictor().get_params(deep=False)
         tables = [("", given, _KEYS), ("estimator.", given.get("estimator", {}), known)]
         for where, table, names in tables:
@@ -127,7 +128,12 @@ class FleetFolder:
                     raise ValueError(
                         f"{where}{name} in {self.config} is unknown; use one of {', '.join(sorted(names))}."
                     )
-        kinds = {"key": str, "days": int | float, "fallback": bool}
-        for name, kind in kinds.items():
-            if name in given and (not isinstance(given[name], kind) or (name == "days" and given[name] is True)):
-                raise ValueError(f"{name} = {given[name]!r} in {self.config} is of the wrong type; see its example.")
+        key, days, fallback = given.get("key", "zone"), given.get("days", TRAINING_DAYS), given.get("fallback", True)
+        wanted = {
+            "key": ("a name in quotes", isinstance(key, str) and key != ""),
+            "days": (f"a number up to {_MOST_DAYS}", type(days) in (int, float) and 0 < days <= _MOST_DAYS),
+            "fallback": ("true or false", isinstance(fallback, bool)),
+        }
+        for name, (what, right) in wanted.items():
+            if not right:
+                raise ValueError(f"{name} = {given[name]!r} in {self.config} is not {what}; correct it.")

@@ -18,7 +18,7 @@ from ..persistence import load_model, save_model
 from .journal import Journal
 
 _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
-_MOST_ROWS = 4000  # taken in since the model was saved, from which on it is saved with them
+_MOST_ROWS = 4000  # of a journal; above it the model is saved with them
 
 
 class ModelStore:

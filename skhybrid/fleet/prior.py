@@ -36,17 +36,19 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         Coefficients of ARX by objective.
     resistances : NetworkPrior or None
         Parameters and coefficients of the network per nameplate.
-    ratio, nameplates : tuple of float
-        Mean and standard deviation of the logarithm of size by nameplate, and of that of nameplates.
+    ratio : tuple of (float, float)
+        Mean and standard deviation of log(size / nameplate).
+    nameplates : tuple of (float, float)
+        Mean and standard deviation of log(nameplate).
     nameplate : float or None
         Nameplate of the zone that it is meant for [kW].
     """
 
     n_zones: int
-    regressions: dict[str, ARXPrior]  # by objective
-    resistances: NetworkPrior | None  # per nameplate
-    ratio: tuple[float, float]  # mean and standard deviation of the logarithm of size by nameplate
-    nameplates: tuple[float, float]  # mean and standard deviation of their logarithm
+    regressions: dict[str, ARXPrior]
+    resistances: NetworkPrior | None
+    ratio: tuple[float, float]
+    nameplates: tuple[float, float]
     nameplate: float | None = None
 
     @classmethod

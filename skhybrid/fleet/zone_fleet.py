@@ -16,6 +16,7 @@ from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
 
 from .. import __version__
+from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import VERSION, as_plain
@@ -99,6 +100,7 @@ class ZoneFleet(BaseEstimator):
         self.fallback = fallback
         self.n_jobs = n_jobs
 
+    @unchanged_on_failure
     def fit(self, X: Any, y: Any = None, *, last: Any = None) -> Self:
         """Fit a clone per zone; zones that the store holds with the same rows and parameters are left as they are.
 
@@ -282,12 +284,14 @@ class ZoneFleet(BaseEstimator):
             If ``sizes`` names a zone without a model, or as :meth:`FleetPrior.learn`.
         """
         models = self._models
-        unknown = [zone for zone in sizes or () if not models.has(zone)]
+        plates = None if sizes is None else {str(zone): size for zone, size in sizes.items()}
+        zones = models.zones() if plates is None else list(plates)
+        unknown = [zone for zone in zones if not models.has(zone)]
         if unknown:
             raise ValueError(f"sizes names zone {unknown[0]!r}, of which the store has no model; leave it out.")
-        zones = [zone for zone in sizes or self.zones_ if models.journal(zone).facts["fallback"] is None]
+        zones = [zone for zone in zones if models.journal(zone).facts["fallback"] is None]
         fitted = (models.load(zone)[0] for zone in zones)
-        return FleetPrior.learn(fitted, None if sizes is None else [sizes[zone] for zone in zones])
+        return FleetPrior.learn(fitted, None if plates is None else [plates[zone] for zone in zones])
 
     @property
     def zones_(self) -> list[str]:

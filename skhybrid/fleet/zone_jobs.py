@@ -53,19 +53,17 @@ def fit_zone(
 
 
 def predict_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
-    """One-column table of what ``predict`` gives; several columns of a building."""
+    """The forecast of ``predict``, as a table with the column ``T_za`` [degC]."""
     model, journal = ModelStore(store).load(zone)
-    X = read_rows(paths[0]).drop(columns=TARGET, errors="ignore")
+    X = read_rows(paths[0])
     table = _after_known(model, journal, X)
-    values = np.asarray(model.predict(table))[len(table) - len(X) :]
-    names = ["T_za"] if values.ndim == 1 else [f"T_za_{name}" for name in getattr(model, "zones_", range(99))]
-    return pd.DataFrame(values, index=X.index, columns=names[: values.reshape(len(X), -1).shape[1]])
+    return pd.DataFrame({"T_za": np.asarray(model.predict(table))[len(table) - len(X) :]}, index=X.index)
 
 
 def forecast_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
-    """The table that ``forecast`` gives; ``paths`` are of the rows ahead and, where it is given, of the history."""
+    """The table of ``forecast``; ``paths`` are those of the rows ahead and, where it is given, of the history."""
     model, journal = ModelStore(store).load(zone)
-    future, *history = (read_rows(path).drop(columns=TARGET, errors="ignore") for path in paths)
+    future, *history = map(read_rows, paths)
     return _forecast(model, journal, history[0] if history else None, future, given)
 
 
@@ -84,14 +82,17 @@ def backtest_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[st
 
 
 def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
-    """Take in rows, unless they were the last that the zone has taken in."""
+    """Take in rows, unless they are those of the last update."""
     models = ModelStore(store)
     rows = read_rows(paths[0])
     mark = fingerprint(rows)
     if models.journal(zone).facts["updated"] == mark:
         return
     model, journal = models.load(zone)
-    _take_in(model, journal, *_with_target(rows, model), mark)
+    X, y = _with_target(rows, model)
+    if not hasattr(model, "update"):  # which would refuse them itself
+        _refuse_known(journal, X)
+    _take_in(model, journal, X, y, mark)
     models.keep(zone, model, journal)
 
 
@@ -116,6 +117,18 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame | Non
     if new.any() or ahead.any():
         models.keep(zone, model, journal)
     return found
+
+
+def _refuse_known(journal: Journal, X: pd.DataFrame) -> None:
+    """Refuse rows that do not come after the known ones: a journal with both could not be read any more."""
+    until = journal.facts["until"]
+    if X.empty:
+        raise ValueError("there are no rows; give those after the known ones.")
+    stamps = X.index if isinstance(X.index, pd.DatetimeIndex) else None
+    if (stamps is None) != (until is None):
+        raise ValueError("these rows or the known ones have time stamps, but not both; give both or neither.")
+    if stamps is not None and not stamps[0] > _in_clock_of(until, stamps):
+        raise ValueError(f"the rows begin at {X.index[0]}, but the last known one is {until}; give those after it.")
 
 
 def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: str) -> None:
@@ -170,7 +183,7 @@ def _first_forecasts(known: pd.DataFrame, found: pd.DataFrame, now: pd.Timestamp
 
 
 def _after_known(model: Any, journal: Journal, X: pd.DataFrame) -> pd.DataFrame:
-    """Rows after those that an estimator without ``update`` cannot take in, where they follow."""
+    """The rows of the journal and X as one table, for a model without ``update``; X alone where it is not later."""
     rows = journal.rows
     if hasattr(model, "update") or not len(rows) or not len(X) or not X.index[0] > rows.index[-1]:
         return X

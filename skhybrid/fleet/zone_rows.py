@@ -1,4 +1,4 @@
-"""Rows of each zone as files, which workers read themselves."""
+"""Rows of each zone as files, for workers to read."""
 
 from __future__ import annotations
 
@@ -27,6 +27,15 @@ class ZoneFiles(NamedTuple):
     paths: dict[str, str]
     labels: dict[str, Any]  # the key as the caller gave it
 
+    def add(self, label: Any, path: str) -> None:
+        """Add the file of a zone; an empty or a repeated name is refused."""
+        name = str(label)
+        if not name:
+            raise ValueError("a zone has an empty name; name it, or leave its rows out.")
+        if name in self.paths:
+            raise ValueError(f"zone {name!r} comes twice; join its rows in one table.")
+        self.paths[name], self.labels[name] = path, label
+
     @property
     def by_zone(self) -> dict[str, tuple[str, ...]]:
         """The file of each zone as the files of a call."""
@@ -45,11 +54,7 @@ def zone_files(X: Any, y: Any, key: str) -> Iterator[ZoneFiles]:
         found = ZoneFiles({}, {})
         with named_in_errors(folder):
             for label, rows in _tables(X, y, key):
-                name = str(label)
-                if name in found.paths:
-                    raise ValueError(f"zone {name!r} comes twice; join its rows in one table.")
-                found.paths[name] = _write(rows, Path(folder) / str(len(found.paths)))
-                found.labels[name] = label
+                found.add(label, _write(rows, Path(folder) / str(len(found.paths))))
         if not found.paths:
             raise ValueError("there is no zone; give a table with rows.")
         yield found
@@ -121,17 +126,20 @@ def _in_dataset(path: Path, key: str) -> ZoneFiles:
         raise ValueError(f"{path} is not a folder; give a Parquet dataset with one folder per zone, as {key}=kitchen.")
     found = ZoneFiles({}, {})
     for folder in sorted(path.glob(f"{escape(key)}=*/")):
-        name = unquote(folder.name.partition("=")[2])
-        if name in found.paths:
-            raise ValueError(f"{path} has two folders of zone {name!r}; join their files in one.")
-        found.paths[name], found.labels[name] = str(folder), name
+        found.add(unquote(folder.name.partition("=")[2]), str(folder))
     if not found.paths:
         raise ValueError(f"{path} has no folder {key}=...; give a Parquet dataset partitioned by {key!r}.")
     return found
 
 
 def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
-    """The rows of a zone, from its file or the Parquet files of its folder, of which later names replace rows."""
+    """The rows of a zone, from its file or the Parquet files of its folder; rows of later names replace earlier ones.
+
+    Raises
+    ------
+    ValueError
+        If there is no Parquet file, one cannot be read, or one of several has no time stamps.
+    """
     where = Path(path)
     if where.suffix == ".pickle":  # a temporary file of this process
         return pd.read_pickle(where)
@@ -143,8 +151,11 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
     frames = [_read_file(file) for file in files]
     if len(frames) == 1:
         return frames[0]
+    bare = [file for file, frame in zip(files, frames, strict=True) if not isinstance(frame.index, pd.DatetimeIndex)]
+    if bare:
+        raise ValueError(f"{bare[0]} has no time stamps, by which the files of a zone are joined; add the column time.")
     rows, numbers = pd.concat(frames), np.repeat(np.arange(len(frames)), list(map(len, frames)))
-    last = pd.Series(numbers).groupby(rows.index.to_numpy()).transform("max").to_numpy()
+    last = pd.Series(numbers).groupby(rows.index.to_numpy(), dropna=False).transform("max").to_numpy()
     return rows[numbers == last].sort_index(kind="stable")
 
 

@@ -70,8 +70,8 @@ def backtest(
     Raises
     ------
     ValueError
-        If the lengths of X and y differ, a duration is not a multiple of the sampling time, X is too short for a
-        forecast, or the estimator forecasts no quantiles.
+        If the lengths of X and y differ, a duration is not a multiple of the sampling time, ``start`` is not of the
+        kind of the rows, X is too short for a forecast or has no midnight, or the estimator forecasts no quantiles.
     """
     check_is_fitted(estimator)
     forecaster, table = _unwrap(estimator, X, quantiles)
@@ -80,17 +80,12 @@ def backtest(
     stamps, wall, sampling = _clock(forecaster, X)
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
-    origins = origins[origins + (n_leads if whole else 1) < len(wall)]
-    if not len(origins):
-        raise ValueError(
-            f"X is too short to be forecast: its {len(wall)} rows cover {spell(len(wall) * sampling)}, and the first "
-            f"forecast over {spell(n_leads * sampling)} does not end within them; give more rows."
-        )
+    origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
     ahead = origins[:, None] + np.arange(1, n_leads + 1)
     rows, there = np.minimum(ahead, len(wall) - 1), (ahead < len(wall)).ravel()
-    if quantiles is not None and takes_tables(forecaster):
-        table = read_once(table, **reading_of(forecaster), fits=False)
     weather, bands = read_weather_error(weather_error), None
+    if (quantiles is not None or weather is not None) and takes_tables(forecaster):
+        table = read_once(table, **reading_of(forecaster), fits=False)
     if weather is not None:
         if len(zones) > 1:
             raise ValueError("weather_error is for one zone; back-test the zones' own_ estimators with it.")
@@ -104,15 +99,13 @@ def backtest(
     frame = pd.DataFrame({"origin": stamps[np.repeat(origins, n_leads)]})
     frame["lead"] = pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling)
     frame["time"] = stamps[rows.ravel()]
-    by_zone = [np.asarray(v).reshape(rows.size, len(zones), -1) for v in (truth[rows], paths, bands) if v is not None]
-    out = []
-    for k, zone in enumerate(zones):
-        measured, forecast, *found = (values[:, k] for values in by_zone)
-        made = frame.assign(y_true=measured[:, 0], y_pred=forecast[:, 0])
-        if found and quantiles is not None:
-            made = made.assign(**dict(zip(quantile_columns(quantiles), found[0].T, strict=True)))
-        out.append((made.assign(zone=zone) if len(zones) > 1 else made)[there])
-    return pd.concat(out, ignore_index=True)
+    names = ["y_true", "y_pred", *(() if quantiles is None else quantile_columns(quantiles))]
+    parts = [np.asarray(v).reshape(rows.size, len(zones), -1) for v in (truth[rows], paths, bands) if v is not None]
+    values = np.concatenate(parts, axis=2)
+    by_zone = [frame.assign(**dict(zip(names, values[:, k].T, strict=True)))[there] for k in range(len(zones))]
+    if len(zones) > 1:
+        by_zone = [made.assign(zone=zone) for made, zone in zip(by_zone, zones, strict=True)]
+    return pd.concat(by_zone, ignore_index=True)
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:
@@ -238,20 +231,46 @@ def _n_rows(X: Any) -> int:
 
 
 def _first_row(stamps: pd.Index, start: Any) -> int:
+    """Number of the first row that is not before ``start``."""
     if start is None:
         return 0
-    if isinstance(stamps, pd.DatetimeIndex):
-        if isinstance(start, int | float | np.number):
-            raise ValueError(
-                f"start={start!r} is a number, but X has time stamps; give one, such as {str(stamps[0])!r}."
-            )
-        try:
-            start = pd.Timestamp(start).as_unit(stamps.unit)
-        except (TypeError, ValueError):
-            raise ValueError(f"start={start!r} is not a time stamp; give one, such as {str(stamps[0])!r}.") from None
-        if stamps.tz is not None and start.tz is None:
-            start = start.tz_localize(stamps.tz)
-    return int(stamps.searchsorted(start))
+    is_number = isinstance(start, int | float | np.number)
+    if not isinstance(stamps, pd.DatetimeIndex):
+        if not is_number:
+            raise ValueError(f"start={start!r} is not a row number, but X has no time stamps; give a number.")
+        return int(stamps.searchsorted(start))
+    such = f"give one, such as {str(stamps[0])!r}."
+    if is_number:
+        raise ValueError(f"start={start!r} is a number, but X has time stamps; {such}")
+    try:
+        stamp = pd.Timestamp(start)
+        if stamps.tz is not None and stamp.tz is None:
+            stamp = stamp.tz_localize(stamps.tz)
+    except (TypeError, ValueError):
+        raise ValueError(f"start={start!r} is not a time stamp; {such}") from None
+    if pd.isna(stamp):
+        raise ValueError(f"start={start!r} is not a time stamp; {such}")
+    if stamps.tz is None and stamp.tz is not None:
+        raise ValueError(f"start={start!r} has a time zone, but X has none; {such}")
+    if stamp > stamps[-1]:
+        raise ValueError(f"start={start!r} comes after the last row of X; {such}")
+    return int(stamps.searchsorted(stamp.as_unit(stamps.unit)))
+
+
+def _with_leads(origins: np.ndarray, n_leads: int, n_rows: int, sampling: pd.Timedelta) -> np.ndarray:
+    """The origins that ``n_leads`` rows follow; refused where there are none."""
+    if not len(origins):
+        raise ValueError(
+            "X has no local midnight (from start on), from which origins are counted; give more rows, or stamps that "
+            "fall on midnight (skhybrid.datasets.regularize)."
+        )
+    found = origins[origins + n_leads < n_rows]
+    if not len(found):
+        raise ValueError(
+            f"X is too short to be forecast: its {n_rows} rows cover {spell(n_rows * sampling)}, and the first "
+            f"forecast over {spell(n_leads * sampling)} does not end within them; give more rows."
+        )
+    return found
 
 
 def _origins(wall: pd.DatetimeIndex, sampling: pd.Timedelta, origin_step: Any, first: int) -> np.ndarray:

@@ -17,8 +17,6 @@ from .assessment import assess
 from .recommendation import FORMATS, comparison_table, likelihood_ratio_tests, ranked, recommend
 from .splitters import default_split
 
-_PURPOSES = ("parameters", "forecast")
-
 
 @dataclass(frozen=True)
 class ModelComparison:
@@ -34,7 +32,7 @@ class ModelComparison:
         sensitivity, ``at_bound``, ``flat`` and ``not_excited`` parameters; ``seconds`` of the fit.
     tests : DataFrame
         One row per nested pair: ``smaller``, ``larger``, ``extra`` parameters, ``statistic``, ``distribution`` and
-        ``p_value`` of the likelihood ratio, and whether the errors of both are ``white``, as it presumes.
+        ``p_value`` of the likelihood ratio, and whether the errors of at least one are ``white``, as it presumes.
     recommended : str
         Name of the recommended model.
     reason : str, why it is recommended
@@ -106,10 +104,16 @@ def compare_models(
     n_jobs : int, optional
         Number of models assessed in parallel; it changes nothing but ``seconds``.
 
+    Returns
+    -------
+    ModelComparison
+        The table, the tests, the recommended model and the reason.
+
     Raises
     ------
     ValueError
-        If there is no estimator, two have the same name, ``purpose`` is unknown, or no model can be fitted.
+        If there is no estimator, two have the same name, ``purpose`` is unknown, ``level`` is not between 0 and 1, X
+        has no time stamps and ``cv`` is not given, or no model can be fitted.
 
     Notes
     -----
@@ -137,8 +141,10 @@ def compare_models(
     '2R2C'
     """
     candidates = _named(estimators)
-    if purpose not in _PURPOSES:
+    if purpose not in ("parameters", "forecast"):
         raise ValueError(f"purpose={purpose!r} is neither 'parameters' nor 'forecast'.")
+    if not 0.0 < level < 1.0:
+        raise ValueError(f"level={level!r} is not between 0 and 1.")
     splitter = default_split(X, horizon) if cv is None else cv
     splits = [] if splitter is None else list(splitter.split(X))
     found = Parallel(n_jobs=n_jobs)(

@@ -74,24 +74,29 @@ class RollingOriginSplit(BaseCrossValidator):
         Raises
         ------
         ValueError
-            If X is too short, or a length is not a positive multiple of the sampling time.
+            If X is too short, a length is not a positive multiple of the sampling time, or ``n_splits`` is below 1.
         """
         n_train, n_test, n_gap, n_step = self._lengths(X)
-        for first in self._first_rows(X) * n_step:
+        for first in self._used_splits(X) * n_step:
             end = first + n_train
             begin = end + n_gap
             yield np.arange(0 if self.expanding else first, end), np.arange(begin, begin + n_test)
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """The number of splits; it needs X unless ``n_splits`` was given.
+        """The number of splits.
 
         Parameters
         ----------
         X, y, groups : optional
-            Only the length of X counts.
+            Only X counts; it is needed unless ``n_splits`` was given.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`split`, or if X and ``n_splits`` are missing.
         """
         if X is not None:
-            return len(self._first_rows(X))
+            return len(self._used_splits(X))
         if self.n_splits is None:
             raise ValueError("the number of splits depends on the length of X: pass X, or give n_splits=.")
         return int(self.n_splits)
@@ -103,8 +108,8 @@ class RollingOriginSplit(BaseCrossValidator):
         n_step = n_test if self.step is None else _rows(self.step, sampling, "step")
         return _rows(self.train, sampling, "train"), n_test, _rows(self.gap, sampling, "gap", least=0), n_step
 
-    def _first_rows(self, X: Any) -> np.ndarray:
-        """Numbers, from 0, of the splits that are used."""
+    def _used_splits(self, X: Any) -> np.ndarray:
+        """Numbers of the splits that are used, counted from the first that fits."""
         n_train, n_test, n_gap, n_step = self._lengths(X)
         wanted = 1 if self.n_splits is None else int(self.n_splits)
         if wanted < 1:
@@ -153,7 +158,9 @@ def default_split(X: Any, horizon: Any) -> RollingOriginSplit | None:
     None where the table is too short for test blocks of a day and a horizon and two days of training.
     """
     sampling, n_rows = _sampling_time(X, None), _num_samples(X)
-    day = _rows("1D", sampling, "test")
-    n_test = max(n_rows // 6 // day * day, day + _rows(horizon, sampling, "horizon"))
+    if sampling is None:
+        raise ValueError("X has no time stamps, by which test blocks are cut; give it a DatetimeIndex, or pass cv=.")
+    day = rows_of("1D", sampling, "the test block")
+    n_test = max(n_rows // 6 // day * day, day + rows_of(horizon, sampling))
     n_train = n_rows - 2 * n_test
     return RollingOriginSplit(train=n_train, test=n_test, n_splits=2, expanding=True) if n_train >= 2 * day else None

@@ -12,7 +12,7 @@ import pandas as pd
 from .._table import ZoneTable
 from ..forecasting import WeatherError
 from ..forecasting.quantiles import quantile_columns
-from .single_reading import read_once, reading_of, takes_tables
+from .single_reading import takes_tables
 
 
 class WeatherPaths(NamedTuple):
@@ -24,19 +24,18 @@ class WeatherPaths(NamedTuple):
 
 def paths_under(
     forecaster: Any,
-    X: Any,
+    table: Any,
     origins: np.ndarray,
     n_leads: int,
     quantiles: Sequence[float] | None,
     weather: WeatherError,
 ) -> WeatherPaths:
-    """Forecasts from increasing origins, whose intervals know how far the weather may be off.
+    """Forecasts from increasing origins of a table, with intervals that allow for errors of the weather forecast.
 
     An estimator with ``update`` goes through rows that follow its training; any other sees the whole table, origin by
     origin.
     """
-    table = read_once(X, **reading_of(forecaster), fits=False) if takes_tables(forecaster) else None
-    if not isinstance(table, ZoneTable):
+    if not takes_tables(forecaster) or not isinstance(table, ZoneTable):
         raise ValueError(
             "weather_error needs an estimator of this package without preprocess=, and X as a DataFrame with time "
             "stamps; leave weather_error=None."
@@ -60,7 +59,7 @@ def paths_under(
         ahead = seen.rows(slice(origin + 1, origin + 1 + there))
         found = walker.forecast(None, ahead, **bands_asked)
         paths[i, :there] = found["T_za"]
-        if bands is not None and quantiles is not None:
+        if quantiles is not None and bands is not None:
             bands[i, :there] = found[quantile_columns(quantiles)]
     return WeatherPaths(paths, bands)
 

@@ -1,1 +1,1 @@
-"""Work on joblib's processes, Dask or Ray, and the settings by which what was stored is known again."""
+"""Workers on joblib, Dask or Ray, and the settings by which a store is compared with a new run."""

@@ -1,4 +1,4 @@
-"""Settings as text that is the same in every process, and their comparison with those that a store was made with."""
+"""Settings as text that is the same in every process, and their comparison with those of a store."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ def as_plain(value: Any) -> str:
         return f"{name_of(type(value))}({inside})"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, set | frozenset):  # its order differs between processes
+        return "{" + ", ".join(sorted(map(as_plain, value))) + "}"
     if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
         return "[" + ", ".join(map(as_plain, value)) + "]"
     if isinstance(value, np.generic):
@@ -36,10 +38,12 @@ def as_plain(value: Any) -> str:
 
 
 def is_estimator(value: Any) -> bool:
+    """Whether a value is an estimator, not the class of one."""
     return hasattr(value, "get_params") and not inspect.isclass(value)
 
 
 def name_of(thing: Any) -> str:
+    """Module and qualified name of a class or function."""
     return f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', thing)}"
 
 

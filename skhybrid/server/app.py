@@ -1,4 +1,4 @@
-"""The routes: rows in; forecast, status, their description and one page out."""
+"""The routes of the server: rows in; forecast, status, their description and a page out."""
 
 from __future__ import annotations
 
@@ -23,18 +23,11 @@ from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
 from .page import docs_page, zone_page
 from .schemas import ROWS, BuildingForecast, BuildingStatus, Forecast, Posted, Refusal, Row, Status
-from .zone_view import plain_rows, view_zones
+from .zone_view import QUANTITIES, plain_rows, view_zones
 from .zones_page import building_page
 
 _MOST_BYTES = 8 * 2**20  # of a body: months of rows
-_UNITS = {
-    "T_za": "degC",
-    "T_za_low": "degC",
-    "T_za_high": "degC",
-    "Q_hvac": "kW",
-    "Q_hvac_low": "kW",
-    "Q_hvac_high": "kW",
-}
+_UNITS = {name: "degC" if name.startswith("T_") else "kW" for name in QUANTITIES.values()}
 _BODY = {
     "required": True,
     "content": {
@@ -92,7 +85,6 @@ def make_app(
 def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
     drawing = threading.Lock()  # matplotlib is not made for several threads
     drawn: dict[tuple[int, ...], str] = {}  # the page, by what it shows
-
     several = bool(zone.zones)
 
     @app.get("/forecast", response_model=BuildingForecast if several else Forecast, responses=_REFUSALS | _NOTHING)

@@ -14,39 +14,48 @@ from .zone_view import ZoneView, compared
 
 REFRESH = '<meta http-equiv="refresh" content="300">\n'
 SPANS = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of past days in a figure
+LINKS = '<p class="soft">{}</p>'.format(
+    " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
+)
+NO_FORECAST = "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
+NO_PAST = "<h2>Forecast and measured</h2>\n<p>No forecast has run out yet.</p>"
+UNSCALED = " The heat has no certain scale: no capacity is known."
 _OLD = pd.Timedelta(days=1)
 
 
 def zone_page(view: ZoneView, status: dict[str, Any]) -> str:
     """The page of a zone: verdict, tomorrow, yesterday, and the last week."""
     head = f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(view.name)}</h1>\n'
-    links = " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
     sections = [
         head + verdict_boxes([Verdict(**one) for one in status["verdicts"]]),
         _tomorrow(view),
         _yesterday(view),
         _week(view),
         _state(status),
-        f'<p class="soft">{links}</p>',
+        LINKS,
     ]
     return html_page(f"{view.name}: forecast", sections, REFRESH)
 
 
 def _tomorrow(view: ZoneView) -> str:
     if view.origin is None:
-        return "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
+        return NO_FORECAST
     rows = view.forecast
     low, high = rows["T_za"].min(), rows["T_za"].max()
     cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", "room temperature in the day to come")]
     if view.scaled:
-        cards += [(value, text.replace("that day", "in that time")) for value, text in day_energy(rows)]
-    old = age_words(view.origin)
-    scale = "" if view.scaled or "Q_hvac" not in rows else " The heat has no certain scale: no capacity is known."
+        cards += energy_cards(rows)
+    scale = "" if view.scaled or "Q_hvac" not in rows else UNSCALED
     return (
         f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {stamp_words(view.origin)}; the band is meant "
-        f"to hold 80 % of the measurements.{scale}{old}</p>\n"
+        f"to hold 80 % of the measurements.{scale}{age_words(view.origin)}</p>\n"
         + in_two_widths(lambda width: day_figure(rows, width), "Forecast of temperature and heat.", "day")
     )
+
+
+def energy_cards(rows: pd.DataFrame) -> list[tuple[str, str]]:
+    """Energies of a forecast as cards; it need not cover a day."""
+    return [(value, text.replace("that day", "in that time")) for value, text in day_energy(rows)]
 
 
 def age_words(origin: pd.Timestamp) -> str:
@@ -58,7 +67,7 @@ def age_words(origin: pd.Timestamp) -> str:
 
 def _yesterday(view: ZoneView) -> str:
     if view.past.empty:
-        return "<h2>Forecast and measured</h2>\n<p>No forecast has run out yet.</p>"
+        return NO_PAST
     origin, rows = last_past(view)
     return (
         "<h2>Forecast and measured</h2>\n<p>The last forecast that has run out, from "

@@ -44,16 +44,21 @@ class ForecastRow(BaseModel):
     Q_hvac_high: float | None = Field(description="90 % quantile of the heat [kW]")
 
 
-class Forecast(BaseModel):
-    """The latest forecast of a zone."""
+class _Latest(BaseModel):
+    """Fields of the latest forecast of a zone or of a building."""
 
-    name: str = Field(description="name of the zone")
+    name: str = Field(description="name of the zone or the building")
     origin: str = Field(description="time of the last measurement that the forecast knows, ISO 8601")
     timezone: str | None = Field(description="time zone of the stamps; null where the log has none")
     step_minutes: float = Field(description="length of a step [min]")
     interval: float = Field(description="share of the measurements that lies between low and high [-]")
-    scaled: bool = Field(description="whether the log fixes what a kW is; if not, heats are relative")
+    scaled: bool = Field(description="whether the log fixes what a kW is, in every zone; if not, heats are relative")
     units: dict[str, str] = Field(description="unit of each quantity")
+
+
+class Forecast(_Latest):
+    """The latest forecast of a zone."""
+
     rows: list[ForecastRow] = Field(description="steps after the origin, in the order of time")
 
 
@@ -92,17 +97,26 @@ class Judged(BaseModel):
     reasons: list[str] = Field(description="reasons in plain words")
 
 
-class Status(BaseModel):
-    """State of the zone, and errors of its forecasts."""
+class _Head(BaseModel):
+    """Fields of the status of a zone or of a building."""
 
-    name: str = Field(description="name of the zone")
+    name: str = Field(description="name of the zone or the building")
     last_row: str | None = Field(alias="last row", description="time of the last measurement")
     last_forecast: str | None = Field(alias="last forecast from", description="origin of the last forecast")
     learned_until: str = Field(alias="learned until", description="last row that the model learned from")
+
+
+class ZoneState(BaseModel):
+    """Errors of the forecasts of a zone."""
+
     drift: Drift = Field(description="drift of the errors")
     verdicts: list[Judged] = Field(description="as skhybrid zone status prints; empty before a forecast has run out")
     yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that has run out")
     four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ran out in four weeks")
+
+
+class Status(ZoneState, _Head):
+    """State of the zone, and errors of its forecasts."""
 
 
 class ZonesRow(BaseModel):
@@ -113,36 +127,16 @@ class ZonesRow(BaseModel):
     time: str = Field(description="start of the step, ISO 8601, with an offset where the log has a time zone")
 
 
-class BuildingForecast(BaseModel):
+class BuildingForecast(_Latest):
     """The latest forecast of several zones."""
 
-    name: str = Field(description="name of the building")
     zones: list[str] = Field(description="names of the zones, with which names of quantities end")
-    origin: str = Field(description="time of the last measurement that the forecast knows, ISO 8601")
-    timezone: str | None = Field(description="time zone of the stamps; null where the log has none")
-    step_minutes: float = Field(description="length of a step [min]")
-    interval: float = Field(description="share of the measurements that lies between low and high [-]")
-    scaled: bool = Field(description="whether the log fixes what a kW is in every zone; if not, heats are relative")
-    units: dict[str, str] = Field(description="unit of each quantity")
     rows: list[ZonesRow] = Field(description="steps after the origin, in the order of time")
 
 
-class ZoneState(BaseModel):
-    """Errors of the forecasts of one of several zones."""
-
-    drift: Drift = Field(description="drift of the errors")
-    verdicts: list[Judged] = Field(description="as skhybrid zone status prints; empty before a forecast has run out")
-    yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that has run out")
-    four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ran out in four weeks")
-
-
-class BuildingStatus(BaseModel):
+class BuildingStatus(_Head):
     """State of several zones, and errors of their forecasts."""
 
-    name: str = Field(description="name of the building")
-    last_row: str | None = Field(alias="last row", description="time of the last measurement")
-    last_forecast: str | None = Field(alias="last forecast from", description="origin of the last forecast")
-    learned_until: str = Field(alias="learned until", description="last row that the model learned from")
     zones: dict[str, ZoneState] = Field(description="state of each zone, that with the worst verdict first")
 
 

@@ -1,4 +1,4 @@
-"""Tomorrow and past forecasts of a zone folder, in the time zone of its log."""
+"""The latest and the past forecasts of a zone folder, in the time zone of its log."""
 
 from __future__ import annotations
 
@@ -53,23 +53,21 @@ def _view(archive: Any, zone: ZoneModel) -> ZoneView:
     last = archive.last_measured()
     since = pd.Timestamp(0) if last is None else last - _PAST
     past, origin, forecast = archive.finished(since), archive.last_origin(), archive.latest()
-    past = past.assign(
-        **{name: _local(pd.DatetimeIndex(pd.to_datetime(past[name])), tz) for name in ("origin", "time")}
-    )
+    past = past.assign(**{name: _local(pd.to_datetime(past[name]), tz) for name in ("origin", "time")})
     forecast = forecast.set_axis(_local(forecast.index, tz), axis=0)
     return ZoneView(
         zone.settings.name,
         None if tz is None else str(tz),
         pd.Timedelta(zone.settings.step),
         scaled,
-        None if origin is None else _local(pd.DatetimeIndex([origin]), tz)[0],
+        None if origin is None else _local([origin], tz)[0],
         forecast.dropna(axis=1, how="all"),
         past,
     )
 
 
-def _local(index: Any, tz: Any) -> pd.DatetimeIndex:
-    index = pd.DatetimeIndex(index)
+def _local(stamps: Any, tz: Any) -> pd.DatetimeIndex:
+    index = pd.DatetimeIndex(stamps)
     return index if index.tz is None or tz is None else index.tz_convert(tz)
 
 

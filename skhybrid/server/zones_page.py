@@ -10,9 +10,22 @@ import pandas as pd
 
 from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes, zones_in_words
 from ..study.report.figures import days_figure, in_two_widths, weeks_figure
-from ..study.report.html import day_energy, html_cards, html_page, number
+from ..study.report.html import html_cards, html_page, number
 from ..study.verdict import Verdict
-from .page import REFRESH, SPANS, age_words, drift_words, last_past, rows_words, stamp_words
+from .page import (
+    LINKS,
+    NO_FORECAST,
+    NO_PAST,
+    REFRESH,
+    SPANS,
+    UNSCALED,
+    age_words,
+    drift_words,
+    energy_cards,
+    last_past,
+    rows_words,
+    stamp_words,
+)
 from .zone_view import ZoneView, compared
 
 _T = "temperature [K]"  # the name of its errors in a status
@@ -22,14 +35,13 @@ def building_page(name: str, views: Mapping[str, ZoneView], status: dict[str, An
     """The page of several zones: verdicts, tomorrow, yesterday, and the last week."""
     judged = {zone: [Verdict(**one) for one in state["verdicts"]] for zone, state in status["zones"].items()}
     head = f'<p class="soft">skhybrid: day-ahead forecast of {len(views)} zones</p><h1>{escape(name)}</h1>\n'
-    links = " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
     sections = [
         head + _verdicts(judged),
         _tomorrow(views),
         _yesterday(views),
         _week(views),
         _state(status),
-        f'<p class="soft">{links}</p>',
+        LINKS,
     ]
     return html_page(f"{name}: forecast", sections, REFRESH + ZONE_STYLE)
 
@@ -45,17 +57,14 @@ def _tomorrow(views: Mapping[str, ZoneView]) -> str:
     rows = {zone: view.forecast for zone, view in views.items() if "T_za" in view.forecast}
     origin = next(iter(views.values())).origin
     if origin is None or not rows:
-        return "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
+        return NO_FORECAST
     low, high = min(frame["T_za"].min() for frame in rows.values()), max(frame["T_za"].max() for frame in rows.values())
     cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", "temperature of all zones in the day to come")]
-    scaled, loads = (
-        all(view.scaled for view in views.values()),
-        [frame["Q_hvac"] for frame in rows.values() if "Q_hvac" in frame],
-    )
+    scaled = all(view.scaled for view in views.values())
+    loads = [frame["Q_hvac"] for frame in rows.values() if "Q_hvac" in frame]
     if scaled and loads:
-        total = pd.DataFrame({"Q_hvac": sum(loads[1:], loads[0])})
-        cards += [(value, text.replace("that day", "in that time")) for value, text in day_energy(total)]
-    scale = "" if scaled or not loads else " The heat has no certain scale: no capacity is known."
+        cards += energy_cards(pd.DataFrame({"Q_hvac": sum(loads[1:], loads[0])}))
+    scale = "" if scaled or not loads else UNSCALED
     power = "kW" if scaled else "relative"
     return (
         f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {stamp_words(origin)}; the bands are meant to "
@@ -69,7 +78,7 @@ def _tomorrow(views: Mapping[str, ZoneView]) -> str:
 def _yesterday(views: Mapping[str, ZoneView]) -> str:
     past = {zone: last_past(view) for zone, view in views.items() if len(view.past) and view.past["T_za"].notna().any()}
     if not past:
-        return "<h2>Forecast and measured</h2>\n<p>No forecast has run out yet.</p>"
+        return NO_PAST
     rows = {zone: frame for zone, (_, frame) in past.items()}
     origin = next(iter(past.values()))[0]
     return (

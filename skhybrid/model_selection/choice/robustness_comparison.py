@@ -9,7 +9,9 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtr
 from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
 
+from ..._table import listed
 from ..._transaction import unchanged_on_failure
 from ...forecasting.quantiles import quantile_columns
 from ...identification.uncertainty import posterior
@@ -116,9 +118,19 @@ class RobustnessComparison(BaseEstimator):
 
         Parameters
         ----------
-        case : str
+        case : str, one of those in ``median_``
         error : float, such as that of a baseline without sizes [K]
+
+        Raises
+        ------
+        ValueError
+            If the case is unknown, or the error is not a positive number.
         """
+        check_is_fitted(self)
+        if case not in self.median_.index:
+            raise ValueError(f"case {case!r} is not one of those compared: {listed(self.median_.index)}.")
+        if not 0.0 < error < np.inf:
+            raise ValueError(f"error={error!r} is not a positive number [K].")
         mu, sigma = (self.draws_[name][case].to_numpy() for name in ("mu", "sigma"))
         return float(ndtr((np.log(error) - mu) / sigma).mean())
 

@@ -245,8 +245,7 @@ def _check_sizes(models: Mapping[str, Any], sizes: Mapping[str, Mapping[str, lis
         known = owner.get_params() if hasattr(owner, "get_params") else {}
         for key, values in sizes[name].items():
             if key not in known:
-                raise ValueError(
-                    f"size {key!r} of {name!r} is not one of its parameters; it has {', '.join(sorted(known))}."
-                )
+                names = ", ".join(sorted(known)) or "none"
+                raise ValueError(f"size {key!r} of {name!r} is not one of its parameters; it has {names}.")
             if not len(values):
                 raise ValueError(f"size {key!r} of {name!r} has no values.")

@@ -22,7 +22,7 @@ from ...forecasting.extras import require_networks
 from ...forecasting.named_models import is_network
 from ...parallel.workers import Workers
 from ..splitters import default_split
-from .candidates import BASELINE, forecaster_prefix, model_of
+from .candidates import BASELINE, forecaster_prefix, last_step, model_of
 from .design_matrix import IDENTITY, DesignMatrix
 from .fingerprint import settings_of
 from .halving import Outcome, check_halving, run_all, run_halving
@@ -58,7 +58,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
     refit : bool, str or callable, default True
         As in ``GridSearchCV``.
     error_score : float or "raise", default NaN
-        Score of a candidate that fails, whose error is in ``results_``; ``"raise"`` ends the search.
+        Score of a candidate that fails, whose error is in ``results_``; ``"raise"`` ends the search, and tries again
+        what failed in an earlier run with this store.
     halving : int or tuple of (int, int), optional
         Stop hopeless networks early: all are trained for this many epochs, the best third by RMSE (or 1 / the second
         number) for three times as many, and so on up to ``max_epochs``.  See ``halving_``; none of those that were
@@ -140,8 +141,11 @@ class DesignMatrixSearchCV(BaseSearchCV):
         Raises
         ------
         ValueError
-            If the store was made with other data or settings, a setting is unknown, or every candidate fails.
+            If y is missing, the store was made with other data or settings, a setting is unknown, or every candidate
+            fails.
         """
+        if y is None:
+            raise ValueError("DesignMatrixSearchCV requires y to be passed, but the target y is None.")
         scorer, metric = self._get_scorers()
         X, y = indexable(X, y)
         candidates = self._candidates()
@@ -172,7 +176,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def _splits(self, X: Any, y: Any) -> list[tuple[np.ndarray, np.ndarray]]:
         cv = self.cv
         if cv is None:
-            cv = default_split(X, getattr(self.estimator, "horizon", None) or "1D")
+            cv = default_split(X, getattr(last_step(self.estimator), "horizon", None) or "1D")
             if cv is None:
                 raise ValueError("X is too short for two test blocks of one day and a training of two; pass cv=.")
         splits = list(check_cv(cv, y, classifier=False).split(X, y))
@@ -190,11 +194,11 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> tuple[Outcome, Outcome | None]:
         """Results of the candidates, and of the baselines."""
         settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
-        rule = None if self.halving is None else check_halving(*np.atleast_1d(self.halving).tolist())
+        rule = None if self.halving is None else check_halving(self.halving)
         with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
-            if self.retry_failed:
-                store.forget_failed()
             catch_errors = not (isinstance(self.error_score, str) and self.error_score == "raise")
+            if self.retry_failed or not catch_errors:  # a stored error cannot be raised again
+                store.forget_failed()
             runner = Runner(problem, store, workers, self.chunk_size, catch_errors, self.verbose > 0)
             baselines = None
             if self.baselines:

@@ -25,11 +25,15 @@ class Outcome(NamedTuple):
     rungs: pd.DataFrame
 
 
-def check_halving(first: Any, factor: Any = 3) -> tuple[int, int]:
-    """Epochs of the first rung and the factor, as integers."""
-    if any(not isinstance(n, int | np.integer) or n < least for n, least in ((first, 1), (factor, 2))):
-        raise ValueError(f"halving=({first!r}, {factor!r}) must be integers of at least 1 and 2.")
-    return int(first), int(factor)
+def check_halving(halving: Any) -> tuple[int, int]:
+    """Epochs of the first rung and the factor, which is 3 unless it is given."""
+    given = halving if isinstance(halving, tuple | list) else (halving, 3)
+    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in given)
+    if not whole or len(given) != 2 or given[0] < 1 or given[1] < 2:
+        raise ValueError(
+            f"halving={halving!r} must be a number of epochs from 1 on, or a pair of it and a factor from 2 on."
+        )
+    return int(given[0]), int(given[1])
 
 
 def run_halving(run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]], first: int, factor: int) -> Outcome:
@@ -42,7 +46,7 @@ def run_halving(run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any
     prefix = forecaster_prefix(estimator)
     left, limits = _networks(estimator, candidates, prefix)
     rungs, epochs = [], first
-    while len(limits) and epochs < limits.min():  # fewer than the shortest training of any candidate
+    while len(left) > 1 and epochs < limits.min():  # fewer than the shortest training of any candidate
         found = run([{**candidates[i], f"{prefix}max_epochs": epochs} for i in left], f"{epochs} epochs")
         rmse = np.array([np.mean([one.rmse for one in row]) for row in found])  # NaN of a failed one sorts last
         order = np.argsort(rmse, kind="stable")

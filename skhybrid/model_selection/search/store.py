@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import sqlite3
@@ -208,7 +209,7 @@ class ResultStore:
     def finish(self, results: Mapping[Task, Result]) -> None:
         """Store results, except for tasks that another process has finished first."""
         now = time.time()
-        rows = [(*task, json.dumps(one.scores), *one[1:], now) for task, one in results.items()]
+        rows = [(*task, _as_json(one.scores), *one[1:], now) for task, one in results.items()]
         with self._transaction() as db:
             db.executemany("INSERT OR IGNORE INTO result VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
             db.executemany("DELETE FROM claim WHERE candidate = ? AND split = ?", list(results))
@@ -220,7 +221,7 @@ class ResultStore:
         with self._lock, self._explained():
             rows = self._db.execute(query).fetchall()
         return {  # SQLite stores NaN as NULL
-            Task(candidate, split): Result(json.loads(scores), float("nan") if rmse is None else rmse, *rest)
+            Task(candidate, split): Result(_scores_of(scores), float("nan") if rmse is None else rmse, *rest)
             for candidate, split, scores, rmse, *rest in rows
             if wanted is None or candidate in wanted
         }
@@ -229,6 +230,15 @@ class ResultStore:
         """Delete results that are errors, so that they are computed again; return how many there were."""
         with self._transaction() as db:
             return db.execute("DELETE FROM result WHERE error IS NOT NULL").rowcount
+
+
+def _as_json(scores: Mapping[str, float]) -> str:
+    """Scores as strict JSON, which knows neither NaN nor infinity: these are text."""
+    return json.dumps({name: one if math.isfinite(one) else str(one) for name, one in scores.items()})
+
+
+def _scores_of(text: str) -> dict[str, float]:
+    return {name: float(one) for name, one in json.loads(text).items()}
 
 
 def _refuse_other_kinds(path: str) -> None:

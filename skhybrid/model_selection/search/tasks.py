@@ -38,8 +38,11 @@ class MeasuredRmse:
         refuse_huge(measured, "y")
         if not np.isfinite(measured).any():
             raise ValueError("y holds no measurement to score against; choose rows in which T_za was measured.")
-        error = np.asarray(estimator.predict(X), dtype=np.float64) - measured
-        return self.sign * float(np.sqrt(np.nanmean(error**2)))
+        predicted = np.asarray(estimator.predict(X), dtype=np.float64)
+        measured = measured.reshape(predicted.shape)
+        if np.isnan(predicted[np.isfinite(measured)]).any():
+            raise ValueError(f"{type(estimator).__name__} predicts NaN in measured rows, so that it has no score.")
+        return self.sign * float(np.sqrt(np.nanmean((predicted - measured) ** 2)))
 
 
 _PASS_ON = (MeasuredRmse, type(get_scorer("r2")))  # scorers that only pass X on to ``predict``
@@ -81,7 +84,7 @@ class Problem:
 
     def _rows(self, chosen: np.ndarray, read: _SplitTable | None) -> tuple[Any, Any]:
         X = _safe_indexing(self.X, chosen) if read is None else read.rows(chosen)
-        return X, None if self.y is None else _safe_indexing(self.y, chosen)
+        return X, _safe_indexing(self.y, chosen)
 
     def _split_table(self, split: int, models: Sequence[Any]) -> _SplitTable | None:
         """The split as it was read for the first task; None where a model must read its rows itself."""
@@ -108,7 +111,7 @@ class Problem:
 class IdentifiedNetwork(NamedTuple):
     """A thermal network that candidates share, or why there is none."""
 
-    fitted: Any  # the estimator, with the forecaster that is fitted soonest
+    fitted: Any  # the estimator, with a forecaster that takes no time to fit; None after an error
     error: str | None
 
 
