@@ -115,10 +115,14 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         check_is_fitted(self)
         table = self._read_X(X)
         predicted = self.predict(table)
-        measured = read_targets(y, table, self._past_roles(), max_missing=1.0)
+        measured = self._read_target(y, table)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+
+    def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
+        """(n_rows,) or (n_rows, n_measured) measured values, of which any may be missing."""
+        return read_targets(y, table, self._past_roles(), max_missing=1.0)
 
     def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()

@@ -76,6 +76,8 @@ def test_a_score_finds_the_rooms_by_name(rooms):
     expected = model.score(X, X[OUTPUTS])
     assert model.score(X, X[OUTPUTS[::-1]]) == expected
     assert model.score(X, X[OUTPUTS].to_numpy()) == expected
+    by_node = X[OUTPUTS].set_axis(list(model.network_.measured_names), axis=1)
+    assert model.score(X, by_node.iloc[:, ::-1]) == expected
     with pytest.raises(ValueError, match="several temperatures are measured"):
         model.score(X, X[OUTPUTS].to_numpy().T)
     with pytest.raises(ValueError, match="different time stamps"):

@@ -69,6 +69,9 @@ class ForecastAheadMixin(RollingForecastMixin):
     def _zeta_names(self, kind: str = "input") -> list[str]:
         raise NotImplementedError
 
+    def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
+        return read_outputs(y, table, self.network_, max_missing=1.0)
+
     @unchanged_on_failure
     @one_blas_thread
     def update(self, X: Any, y: Any = None) -> Self:
@@ -91,7 +94,7 @@ class ForecastAheadMixin(RollingForecastMixin):
         refuse_gap(table)
         self._refuse_apart(table)
         if y is not None:
-            target = read_outputs(y, table, self.network_, max_missing=1.0)
+            target = self._read_target(y, table)
             table = table.replace(history=dict(zip(roles, np.atleast_2d(target.T), strict=True)))
         absent = [self._column_of(role) for role in roles if role not in table.history]
         if absent:
