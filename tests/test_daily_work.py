@@ -344,6 +344,7 @@ def test_what_a_user_is_told_of_weather_that_training_did_not_have():
         covered=lambda: {"T_oa": (0.0, 10.0), "u_heat": (0.0, 1.0)},
         scaled=True,
         learned_until=pd.Timestamp("2024-01-01"),
+        known_until=pd.Timestamp("2024-01-02"),
     )
     history = pd.DataFrame({"T_za": 20.0}, [pd.Timestamp("2024-01-02")])
     ahead = pd.DataFrame({"T_oa": np.r_[np.full(8, 5.0), 10.6, 10.6]})

@@ -106,7 +106,7 @@ class _Line:
         self.design = rng.normal(size=(n, 3))
         self.target = rng.normal(size=n) + np.repeat(rng.normal(size=n_days), 4) * self.design[:, 1]
         self.searched = (A, B, C)
-        self.experiment = SimpleNamespace(y=self.target, hours=6.0)
+        self.experiment = SimpleNamespace(y=self.target, outputs=self.target[:, None], hours=6.0)
 
     def linearised(self, free):
         return self.design @ free - self.target, self.design
@@ -398,7 +398,7 @@ def test_an_exact_fit_has_a_finite_deviance_and_finite_errors():
     assert np.isfinite(PredictionErrorProblem.minimum_near(exact, np.zeros(0))[1])
     problem = SimpleNamespace(
         searched=(A,),
-        experiment=SimpleNamespace(y=np.zeros(96), hours=1.0),
+        experiment=SimpleNamespace(y=np.zeros(96), outputs=np.zeros((96, 1)), hours=1.0),
         linearised=lambda _: (np.zeros(96), np.full((96, 1), 1e5)),
     )
     found = least_squares_uncertainty(problem, np.zeros(1), 0.0, ["A"], None, 0)

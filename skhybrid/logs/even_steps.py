@@ -105,9 +105,9 @@ def regularize(
     -----
     An input (anything but a temperature) becomes its time-weighted mean over the step: a row holds until the next one,
     or for one source step before a gap, and a step that is less than half covered is missing.  A boundary temperature
-    (``T_...``) is interpolated linearly.  History (``T_za``, ``T_za_<zone>``, ``zeta``) takes the measurement nearest to
-    the stamp and is never filled, so no later measurement leaks into it.  A held temperature is the last value at the
-    stamp.
+    (``T_...``) is interpolated linearly.  History (``T_za``, ``T_za_<zone>``, ``zeta``) takes the measurement nearest
+    to the stamp and is never filled, so no later measurement leaks into it.  A held temperature is the last value at
+    the stamp.
     """
     _check_frame(frame)
     _check_held(frame, held)

@@ -31,9 +31,9 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     Notes
     -----
     Interpolation uses the value after the gap.  That is no leak for inputs, which a forecast may know in advance, but
-    it would be one for history: ``T_za``, ``T_za_<zone>`` and ``zeta`` are never filled (filters skip missing values).  Gaps at
-    either end of the table and in columns that are not numeric stay missing.  Rows that are absent altogether are
-    restored by :func:`skhybrid.datasets.regularize`.
+    it would be one for history: ``T_za``, ``T_za_<zone>`` and ``zeta`` are never filled (filters skip missing values).
+    Gaps at either end of the table and in columns that are not numeric stay missing.  Rows that are absent altogether
+    are restored by :func:`skhybrid.datasets.regularize`.
 
     Examples
     --------

@@ -120,7 +120,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
         X = self._prepared(X)
         T = read_temperatures(y, X)
-        self._single = np.ndim(y) == 1
+        self._single = np.asanyarray(y).ndim == 1
         self._columns = ZoneColumns.of(X, tuple(T.columns), template.columns)
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
