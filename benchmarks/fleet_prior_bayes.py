@@ -65,7 +65,9 @@ def full_bayes(fleet: Sequence[ARXRegressor], log_plates: np.ndarray, empirical:
         left_open = pm.Normal("left_open", shape=(n, p))
         coef = own + (known * left_open[:, None, :]).sum(axis=-1)
         pm.Potential("zones", pm.logp(pm.Normal.dist(mean, spread), coef).sum())
-        draws = pm.sample(n_draws, tune=n_draws, chains=2, cores=1, random_seed=0, progressbar=False)
+        draws = pm.sample(
+            n_draws, tune=n_draws, chains=2, cores=1, random_seed=0, progressbar=False, target_accept=0.98
+        )
     means, spreads = (draws.posterior[name].to_numpy().reshape(-1, p) for name in ("mean", "spread"))
     predictive = np.diag((spreads**2).mean(axis=0)) + np.cov(means.T)
     r_hat = max(float(arviz.rhat(draws.posterior[name])[name].max()) for name in ("mean", "spread"))
