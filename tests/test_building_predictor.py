@@ -75,8 +75,9 @@ def test_a_preprocess_is_applied_to_the_whole_table(rooms, later):
     for frame in (X, filled):
         frame.iloc[80:82, frame.columns.get_loc(T_OF[0])] = np.nan
     y.iloc[80:82, 0] = np.nan
-    model = BuildingPredictor(HybridPredictor(preprocess=GapFiller("2h")), adjacency=DOORS).fit(X, y)
-    plain = BuildingPredictor(adjacency=DOORS).fit(filled, y)
+    quick = {"network": "1R1C", "intervals": False}
+    model = BuildingPredictor(HybridPredictor(preprocess=GapFiller("2h"), **quick), adjacency=DOORS).fit(X, y)
+    plain = BuildingPredictor(HybridPredictor(**quick), adjacency=DOORS).fit(filled, y)
     pd.testing.assert_frame_equal(model.predict(X), plain.predict(filled))
     for one in (model, plain):
         one.update(later[:DAY])
@@ -523,6 +524,6 @@ def test_set_points_of_a_zone_hold_in_place_of_shared_ones(rooms):
     columns = ZoneColumns.of(X, ZONES, None)
     assert columns.of_zone("hall")["T_heat_set"] == "T_heat_set_hall"
     assert columns.of_zone("study")["T_heat_set"] == "T_heat_set"
-    model = by_themselves(intervals=False).fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    model = by_themselves(intervals=False).fit(X[: 6 * DAY], rooms[1][: 6 * DAY])
     held = {zone: one._scheme.rows.training.history["T_heat_set"][0] for zone, one in model.own_.items()}
     assert held == {"kitchen": 19.0, "hall": 21.0, "study": 19.0}
