@@ -78,7 +78,7 @@ def in_two_widths(draw: Callable[[float], Any], caption: str, name: str) -> str:
         f'<div class="{kind}">{as_svg(draw(width), text, f"{name}-{kind}")}</div>'
         for kind, width in (("wide-figure", WIDE), ("narrow-figure", NARROW))
     )
-    return f"<figure>{drawn}<figcaption>{text}</figcaption></figure>\n"
+    return f'<figure tabindex="0">{drawn}<figcaption>{text}</figcaption></figure>\n'
 
 
 def day_figure(forecast: pd.DataFrame, width: float = WIDE) -> Any:

@@ -171,9 +171,9 @@ def html_page(title: str, sections: Iterable[str], head: str = "") -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"{head}<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"{head}<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
         + "\n".join(s for s in sections if s)
-        + "\n</body>\n</html>\n"
+        + "\n</main>\n</body>\n</html>\n"
     )
 
 
@@ -374,12 +374,12 @@ def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int
     if of_models:
         body = body.replace("<tr>", '<tr class="best">', 1)
     wide = "wide models" if of_models else "wide"
-    return f'<div class="{wide}"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
+    return f'<div class="{wide}" tabindex="0"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
 
 
 def _figure(image: str, caption: str) -> str:
     text = escape(caption, quote=True)
-    return f'<figure><img src="{image}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
+    return f'<figure tabindex="0"><img src="{image}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
 
 
 def number(value: Any, digits: int) -> str:
