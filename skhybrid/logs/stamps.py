@@ -106,6 +106,8 @@ def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
 
 def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form: str, where: str) -> pd.DatetimeIndex:
     """Stamps of a block of rows; ``form`` is the first stamp of the log."""
+    if _has_named_zone(form):  # pandas before 3 drops the name
+        raise ValueError(f"{where} {_ZONE_BY_NAME}")
     known = text.mask(absent)
     guess = guess_datetime_format(form, dayfirst=day_first)
     parsed = _to_stamps(known, utc, guess or "mixed", day_first, where)
@@ -116,7 +118,7 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form
     failed = parsed.isna().to_numpy()
     if failed.any():
         row = int(np.argmax(failed))
-        if not absent[row] and re.search(r"\d\s*[A-Z]{3,5}$", text.iloc[row]):
+        if not absent[row] and _has_named_zone(text.iloc[row]):
             raise ValueError(f"{where} {_ZONE_BY_NAME}")
         found = "is empty" if absent[row] else f"{cell(text.iloc[row])} is not a date and time"
         raise ValueError(
@@ -131,6 +133,11 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form
             f"{stamps[row].year}; write it as 2024-01-31 13:45."
         )
     return stamps
+
+
+def _has_named_zone(stamp: str) -> bool:
+    """Whether a stamp ends with a zone such as CET, which says no offset for certain."""
+    return re.search(r":\d{2}\s*(?!UTC|GMT)[A-Z]{3,5}$", stamp) is not None
 
 
 def _to_stamps(text: pd.Series, utc: bool, form: str, day_first: bool, where: str) -> pd.Series:
