@@ -374,7 +374,8 @@ def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int
     if of_models:
         body = body.replace("<tr>", '<tr class="best">', 1)
     wide = "wide models" if of_models else "wide"
-    return f'<div class="{wide}" tabindex="0"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f'<div class="{wide}" tabindex="0">{table}</div>\n'
 
 
 def _figure(image: str, caption: str) -> str:
