@@ -80,7 +80,7 @@ class ZoneColumns:
 
     def measured(self, zone: str) -> Any:
         """The column of a zone's measured temperature."""
-        return self.of_zone(zone).get("T_za", MEASURED + zone)
+        return self.columns.get(MEASURED + zone, self.columns.get("T_za", MEASURED + zone))
 
     def input_of(self, role: str) -> list[tuple[str, str]]:
         """The zones that a plant's role acts on, and the role as each of them has it."""
