@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -15,13 +15,19 @@ from ...thermal import RCNetwork
 _FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of heat from one day to the next
 
 
+def fixing_scale(network: RCNetwork, inputs: Mapping[str, np.ndarray], known: Iterable[str]) -> set[str]:
+    """The ``known`` parameters that fix the scale of a network: those of its own whose input is not 0 in all rows."""
+    names = {p.name for p in network.parameters(inputs)}
+    idle = {s.parameter for s in network.sources(inputs) if not np.any(inputs[s.role])}
+    return {name for name in {*known} & names - idle if name[0] in "CRAQ"}
+
+
 def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
     """Warn where nothing fixes the scale of the network (design ruling 3)."""
-    names = [p.name for p in network.parameters(table.inputs)]
-    idle = {s.parameter for s in network.sources(table.inputs) if not np.any(table.inputs[s.role])}
     measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
-    if measured_heat or any(name[0] in "CRAQ" for name in {*known} & {*names} - idle):
+    if measured_heat or fixing_scale(network, table.inputs, known):
         return
+    names = [p.name for p in network.parameters(table.inputs)]
     up, down = (", ".join(n for n in names if n[0] in kinds) for kinds in ("CAQ", "R"))
     direction = f"{up} together, {down} inversely"
     warn_user(

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ...thermal import Parameter
+from ..fitting.excitation import fixing_scale
 from .identifiability import held_subspace
 from .standard_errors import (
     FEW_DAYS,
@@ -69,10 +70,8 @@ def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Para
     """The information less that of the gain's prior on the scale, where neither rows nor known values fix the scale."""
     experiment = problem.experiment
     columns = dict(zip(problem.network.inputs(experiment.roles), experiment.inputs.T, strict=False))
-    idle = {s.parameter for s in problem.network.sources(experiment.roles) if not np.any(columns[s.role])}
-    names = {p.name for p in problem.network.parameters(experiment.roles)}
-    fixes = [name for name in {*problem.fixed} & names - idle if name[0] in "CRAQ"]
-    if fixes or any(role.startswith("Q_") and np.any(columns[role]) for role in columns):
+    heat_is_measured = any(role.startswith("Q_") and np.any(columns[role]) for role in columns)
+    if heat_is_measured or fixing_scale(problem.network, columns, problem.fixed):
         return information
     way = np.array([-1.0 if p.name[0] == "R" else 1.0 if p.name[0] in "CAQ" else 0.0 for p in decided])
     way /= max(float(np.linalg.norm(way)), 1.0)
