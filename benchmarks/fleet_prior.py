@@ -22,6 +22,7 @@ import pandas as pd
 from _fleet_zones import Zone, between, zones
 from _forecast_store import STORE
 from _report import RESULTS, write_table
+from sklearn.base import BaseEstimator
 
 from skhybrid import HybridPredictor
 from skhybrid.fleet import FleetPrior
@@ -48,15 +49,14 @@ def fitted(fleet: Sequence[Zone]) -> dict[str, HybridPredictor]:
     return models
 
 
-def error(zone: Zone, date: str, days: int, prior: FleetPrior | None) -> float | None:
-    """Error of a zone that is new on a date [K]; None where the log begins too late."""
+def error(zone: Zone, date: str, days: int, model: BaseEstimator) -> float | None:
+    """Error of a model of a zone that is new on a date [K]; None where the log begins too late."""
     rows, day = zone.load(), pd.Timestamp(date)
     first, end = day - pd.Timedelta(days, unit="D"), day + pd.Timedelta(TEST_DAYS, unit="D")
     train, test = between(rows, first, day), between(rows, day, end)
     if len(train) < 96 * days - 8:
         return None
-    model = HybridPredictor(prior=prior, intervals=False).fit(train, train["T_za"])
-    frame = backtest(model, test, test["T_za"], origin_step="7h")
+    frame = backtest(model.fit(train, train["T_za"]), test, test["T_za"], origin_step="7h")
     return float(np.sqrt(np.nanmean((frame["y_pred"] - frame["y_true"]) ** 2)))
 
 
@@ -75,7 +75,7 @@ def fill(fleet: Sequence[Zone], part: tuple[int, int], store: Path) -> None:
             key = (zone.building, zone.name, date, days, model)
             if tuple(map(str, key)) in done or (model == PLAIN and days == DAYS[-1]):
                 continue
-            rmse = error(zone, date, days, given[model])
+            rmse = error(zone, date, days, HybridPredictor(prior=given[model], intervals=False))
             if rmse is not None:
                 with store.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(dict(zip([*KEYS, "rmse"], [*key, rmse], strict=True))) + "\n")

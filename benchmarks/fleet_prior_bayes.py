@@ -21,15 +21,16 @@ import arviz
 import numpy as np
 import pandas as pd
 import pymc as pm
-from _fleet_zones import Zone, between, simulated_zones
+from _fleet_zones import simulated_zones
 from _report import write_table
+from fleet_prior import error
 
 from skhybrid import ARXRegressor
 from skhybrid.fleet import FleetPrior
 from skhybrid.forecasting.arx_prior import ARXPrior, shared_sums
-from skhybrid.model_selection import backtest
 
-DAYS, TEST_DAYS, NEW_AT_ONCE = (1, 3, 7), 14, 2
+DAYS, NEW_AT_ONCE = (1, 3, 7), 2
+FIRST = 7  # days of a zone's log before its first data as a new zone
 NONE, EMPIRICAL, FULL = "no prior", "empirical Bayes", "full Bayes"
 SETTINGS = {"n_lags": 4, "n_input_lags": 2, "calendar": False, "intervals": False}
 
@@ -80,15 +81,6 @@ def full_bayes(fleet: Sequence[ARXRegressor], log_plates: np.ndarray, empirical:
     return Posterior(prior, r_hat, divergences, time.perf_counter() - begun)
 
 
-def error(zone: Zone, days: int, prior: FleetPrior | ARXPrior | None) -> float:
-    """Day-ahead error of a new zone [K]: of the two weeks after its first days."""
-    first = pd.Timestamp(zone.start) + pd.Timedelta("7D")
-    day = first + pd.Timedelta(days, unit="D")
-    train, test = between(zone.load(), first, day), between(zone.load(), day, day + pd.Timedelta(TEST_DAYS, unit="D"))
-    frame = backtest(arx(prior).fit(train, train["T_za"]), test, test["T_za"], origin_step="7h")
-    return float(np.sqrt(np.nanmean((frame["y_pred"] - frame["y_true"]) ** 2)))
-
-
 def run(n_draws: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of new zones by prior, and what became of each prior."""
     zones = simulated_zones()
@@ -118,9 +110,10 @@ def run(n_draws: int) -> tuple[pd.DataFrame, pd.DataFrame]:
         for i in new:
             for days in DAYS:
                 row = {"zone": zones[i].name, "days": days}
+                date = str(pd.Timestamp(zones[i].start) + pd.Timedelta(FIRST + days, unit="D"))
                 for name, prior in sd.items():
                     sized = None if prior is None else prior.sized(float(np.log(plates[i])), 0.0)
-                    row[name] = error(zones[i], days, sized)
+                    row[name] = error(zones[i], date, days, arx(sized))
                 errors.append(row)
         print(priors[-1], flush=True)
     return pd.DataFrame(errors), pd.DataFrame(priors).set_index("new zones")
