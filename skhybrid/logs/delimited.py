@@ -40,9 +40,8 @@ class TextTable(NamedTuple):
             "encoding_errors": "replace",
             "header": None,
             "names": list(self.layout.names),
-            "usecols": read
-            if len(read) < len(self.layout.names)
-            else None,  # with None, pandas refuses rows that are too wide
+            # with None, pandas refuses rows that are too wide
+            "usecols": read if len(read) < len(self.layout.names) else None,
             "dtype": dict.fromkeys([*stamps, *text], str),
             "skiprows": self.layout.first,
             "skipinitialspace": True,
@@ -61,11 +60,8 @@ class TextTable(NamedTuple):
                     if piece is None:
                         return
                     yield piece
-        except (
-            pd.errors.ParserError,
-            pd.errors.ParserWarning,
-            IndexError,
-        ) as error:  # IndexError where the first row is too wide
+        except (pd.errors.ParserError, pd.errors.ParserWarning, IndexError) as error:
+            # IndexError where the first row is too wide
             raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
         except (EOFError, OSError) as error:
             raise ValueError(f"{where} cannot be read to its end ({error}); copy it again.") from error
