@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..study.settings import is_scaled
 from ..zone import ZoneFolder, ZoneModel
 from ..zone.forecast_archive import open_archive
 from ..zone.zone_state import archives_of
@@ -49,7 +48,6 @@ def view_zones(folder: ZoneFolder, zone: ZoneModel) -> dict[str, ZoneView]:
 
 def _view(archive: Any, zone: ZoneModel) -> ZoneView:
     tz = zone.learned_until.tz
-    scaled = is_scaled(zone.covered(), zone.settings.capacities)
     last = archive.last_measured()
     since = pd.Timestamp(0) if last is None else last - _PAST
     past, origin, forecast = archive.finished(since), archive.last_origin(), archive.latest()
@@ -59,7 +57,7 @@ def _view(archive: Any, zone: ZoneModel) -> ZoneView:
         zone.settings.name,
         None if tz is None else str(tz),
         pd.Timedelta(zone.settings.step),
-        scaled,
+        zone.scaled,
         None if origin is None else _local([origin], tz)[0],
         forecast.dropna(axis=1, how="all"),
         past,
