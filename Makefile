@@ -1,7 +1,7 @@
 # Each target makes what it needs: a virtual environment in $(VENV), with the versions of constraints.txt.
 PYTHON ?= python3
 VENV ?= .venv
-PYTEST_ARGS ?= -n auto --maxprocesses 4
+PYTEST_ARGS ?= -n auto --maxprocesses 4 --dist worksteal
 FUZZ_TABLES ?= 100000
 FUZZ_SECONDS ?= 1800
 

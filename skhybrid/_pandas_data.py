@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date, datetime
+from datetime import date, datetime, timezone, tzinfo
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,25 @@ import pandas as pd
 _MOST_ROWS, _MOST_STAMPS = 10**8, 10**6  # of an index that is not written out, in which stamps take memory
 
 
+def zone_name(tz: tzinfo | None) -> str | None:
+    """The name from which pandas makes a time zone again, refused where there is none."""
+    offset = None if tz is None else tz.utcoffset(None)  # of a fixed one
+    name = None if tz is None else str(tz if offset is None else timezone(offset))
+    try:
+        pd.DatetimeIndex([], tz=name)
+    except (KeyError, ValueError):
+        raise ValueError(
+            f"the time zone {name} cannot be saved; give stamps one by its name, such as tz_convert('Europe/Berlin')."
+        ) from None
+    return name
+
+
 def _datetimes_to_data(value: pd.DatetimeIndex) -> dict[str, Any]:
     freq = None if value.freq is None else value.freq.freqstr
     ns: Any = value.as_unit("ns").asi8
     if 2 < len(ns) <= _MOST_STAMPS and len(steps := np.unique(np.diff(ns))) == 1 and steps[0] > 0:
         ns = pd.RangeIndex(ns[0], ns[-1] + 1, steps[0])
-    return {"ns": ns, "unit": value.unit, "tz": value.tz and str(value.tz), "freq": freq, "name": value.name}
+    return {"ns": ns, "unit": value.unit, "tz": zone_name(value.tz), "freq": freq, "name": value.name}
 
 
 def _data_to_datetimes(ns: Any, unit: Any, tz: str | None, freq: Any, name: Any) -> pd.DatetimeIndex:
@@ -70,7 +83,7 @@ PANDAS_KINDS: dict[str, tuple[Any, Any, Any]] = {
     "Timedelta": (pd.Timedelta, lambda v: {"ns": v.as_unit("ns").value}, lambda ns: pd.Timedelta(ns, unit="ns")),
     "Timestamp": (
         pd.Timestamp,
-        lambda v: {"ns": v.as_unit("ns").value, "tz": v.tz and str(v.tz)},
+        lambda v: {"ns": v.as_unit("ns").value, "tz": zone_name(v.tz)},
         lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
     ),
     "date": (date, lambda v: {"text": v.isoformat()}, _data_to_date),  # after Timestamp, which is one

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import BaseEstimator
 from sklearn.linear_model import Ridge
 
+from skhybrid._table import read_table
 from skhybrid.forecasting import DisturbanceForecaster
-from skhybrid.forecasting.ridge import ALPHAS, _solve, ridge_by_blocks
+from skhybrid.forecasting.ridge import ALPHAS, _solve, lag_features, ridge_by_blocks
 
 
 def _weeks(n_days, seed=0):
@@ -162,15 +162,16 @@ def test_ridge_finds_calendar_and_weather_and_corrects_by_what_is_known():
     assert np.sqrt((warm**2).mean()) < np.sqrt((cold**2).mean())
 
 
-def test_ridge_is_fast():
-    X, y, _ = _regular(56)
-    table, cut = X.assign(zeta=y), 42 * 24
-    began = time.process_time()
-    model = DisturbanceForecaster("ridge").fit(table.iloc[:cut], y.iloc[:cut])
-    fitted = time.process_time()
-    model.predict_from(table.iloc[cut:], np.arange(0, 300, 5))
-    assert fitted - began < 1.0
-    assert time.process_time() - fitted < 0.1
+def test_a_day_ahead_is_compared_with_the_kind_of_the_day_that_is_known():
+    """From a Friday on, all of the weekend is compared with Friday, Monday to Friday too, and Saturday week apart."""
+    X, zeta = _weeks(14)
+    table = read_table(BaseEstimator(), X, reset=True)
+    friday = np.array([5 * 24 - 1])  # its last row
+    same, unlike = lag_features(table, zeta.to_numpy(), friday, 8 * 24)[0, :, 6:8].T
+    known = np.tile(zeta.to_numpy()[4 * 24 : 5 * 24], 8)
+    weekend = np.repeat([True, True, False, False, False, False, False, True], 24)
+    np.testing.assert_array_equal(same, np.where(weekend, 0.0, known))
+    np.testing.assert_array_equal(unlike, np.where(weekend, known, 0.0))
 
 
 def test_a_regressor_is_cloned_seeded_and_near_the_linear_one():

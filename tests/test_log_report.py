@@ -18,6 +18,7 @@ from skhybrid.logs.log_findings import (
     without_standstills,
 )
 from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
+from skhybrid.study import propose_settings
 
 
 @pytest.fixture
@@ -140,6 +141,19 @@ def test_a_meter_that_hardly_moves_is_a_counter(frame):
     assert report.frame["Q_heat"].sum() == pytest.approx(4 * 4.0)  # four times 1 kWh in a quarter of an hour
     starts = np.where(np.arange(960) > 950, 2.0, 0.0)  # heat per row of a plant that starts at the end
     assert LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": starts})).frame["Q_heat"].iloc[-1] == pytest.approx(8.0)
+
+
+def test_a_counter_stays_one_in_rows_that_do_not_show_it(frame):
+    """A proposal names it, so that the meaning of a column does not change with the rows at hand."""
+    meter = pd.Series(17000.0 + np.arange(960.0), index=frame.index, name="Heat (kWh)")
+    report = LogReport(frame.iloc[:, :1].assign(**{meter.name: meter}))
+    assert report.columns.loc[meter.name, "unit"] == "kWh counter"
+    assert 'Q_heat = "kWh counter"' in propose_settings("log.csv", report)
+    few, standing = meter[:4], pd.Series(17000.0, frame.index, name=meter.name)
+    for rows, power in ((few, [4.0, 4.0, 4.0]), (standing, np.zeros(959))):
+        raw = RawLog(rows.to_frame(), "csv", {meter.name: "kWh"})
+        channels = channels_of(raw, {"Q_heat": meter.name}, {"Q_heat": "kWh counter"}, {})
+        np.testing.assert_allclose(to_roles(raw, channels)["Q_heat"][:-1], power)
 
 
 def test_a_column_with_fewer_rows_than_others_has_a_step_of_its_own(frame):

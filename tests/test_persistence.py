@@ -8,13 +8,16 @@ import os
 import pickle
 import resource
 import zipfile
+from datetime import timedelta, timezone
 from pathlib import Path
 from typing import NamedTuple
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
 import pytest
 import skops.io
+from dateutil.tz import gettz, tzoffset, tzutc
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import Ridge
@@ -150,6 +153,19 @@ def test_what_cannot_be_written_as_data_is_refused(tmp_path):
     with pytest.raises(NotFittedError):
         save_model(Ridge(), tmp_path / "m")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_time_zones_come_back_by_name_or_are_refused(tmp_path):
+    X, y = _data()
+    model = Ridge().fit(X, y)
+    kept = [ZoneInfo("Europe/Berlin"), timezone(timedelta(hours=-5)), tzoffset(None, 3600), tzutc()]
+    model.index_ = [pd.date_range("2024-03-30", periods=5, freq="12h", tz=zone) for zone in kept]
+    save_model(model, tmp_path / "m")
+    for before, after in zip(model.index_, load_model(tmp_path / "m").index_, strict=True):
+        assert [str(stamp) for stamp in before] == [str(stamp) for stamp in after]
+    model.index_ = pd.date_range("2024", periods=3, tz=gettz("Europe/Berlin"))
+    with pytest.raises(ValueError, match=r"time zone tzfile.* cannot be saved; give stamps one by its name"):
+        save_model(model, tmp_path / "m")
 
 
 # ------------------------------------------------------------------------------------------------------ refused files

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._files import atomic_path
+from .._pandas_data import zone_name
 
 _FRAMES = ("rows", "ahead", "scored")
 
@@ -57,7 +58,7 @@ def _kind_of(frame: pd.DataFrame) -> dict[str, Any]:
     index = frame.index
     kind: dict[str, Any] = {"columns": [str(column) for column in frame], "name": index.name}
     if isinstance(index, pd.DatetimeIndex):
-        kind |= {"unit": index.unit, "tz": None if index.tz is None else str(index.tz)}
+        kind |= {"unit": index.unit, "tz": zone_name(index.tz)}
     return kind
 
 

@@ -17,7 +17,15 @@ from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
 from .._time import rows_per_day
 from .baselines import rows_ahead
-from .features import irradiance_roles, known_at, known_before, last_same_slot, target_rows, trailing_mean
+from .features import (
+    irradiance_roles,
+    known_at,
+    known_before,
+    last_same_slot,
+    periods_before,
+    target_rows,
+    trailing_mean,
+)
 
 ALPHAS = np.logspace(-1.0, 5.0, 13)
 #: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.
@@ -183,8 +191,8 @@ def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n
     same = last_same_slot(deviation, rows, origins, per_day, 1)
     week = last_same_slot(deviation, rows, origins, 7 * per_day, 1)
     weekend = table.weekend
-    ends = np.minimum(rows, table.n_rows - 1)
-    alike = weekend[ends] == weekend[np.maximum(ends - per_day, 0)]
+    before = np.maximum(periods_before(rows, rows - origins[:, None], per_day), 0)  # of `same`
+    alike = weekend[np.minimum(rows, table.n_rows - 1)] == weekend[before]
     flat = np.ones((1, n_leads))
     features = [now[0] * fade[0], now[0] * fade[1], now[1] * fade[1], now[2] * fade[2], now[2] * flat, now[3] * flat]
     features += [same * alike, same * ~alike, week]

@@ -11,7 +11,7 @@ import pandas as pd
 from .._table import listed, role_of
 from ..preprocessing._units import CONTRACT_UNIT, UNITS, conversion_of, convert
 from .raw_log import RawLog
-from .unit_names import ENERGY
+from .unit_names import COUNTERS, ENERGY
 
 #: times that a plant ran in each row, in seconds
 TIMES = {"s": 1.0, "min": 60.0}
@@ -76,8 +76,13 @@ def channels_of(
 
 def fitting_unit(unit: str | None, role: str) -> str | None:
     """The unit, where it can be that of the role: only a power is logged as an energy, only a stage as a time."""
-    prefix = "Q_" if unit in ENERGY else "u_" if unit in TIMES else ""
+    prefix = "Q_" if is_energy(unit) else "u_" if unit in TIMES else ""
     return unit if role.startswith(prefix) else None
+
+
+def is_energy(unit: str | None) -> bool:
+    """Whether values in a unit become powers by the rows around them."""
+    return unit in ENERGY or unit in COUNTERS
 
 
 def to_roles(raw: RawLog, channels: list[Channel], label: str = "left") -> pd.DataFrame:
@@ -97,8 +102,11 @@ def to_roles(raw: RawLog, channels: list[Channel], label: str = "left") -> pd.Da
 
 def _converted(raw: RawLog, channel: Channel, label: str) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
-    if unit in ENERGY and channel.role.startswith("Q_"):
-        values = ENERGY[unit] * _mean_power(series, label)
+    if channel.role.startswith("Q_") and unit in COUNTERS:
+        values = COUNTERS[unit] * _power_of_counter(series, label)
+    elif channel.role.startswith("Q_") and unit in ENERGY:
+        power = _power_of_counter(series, label) if is_counter(series) else series.to_numpy(float) / row_hours(series)
+        values = ENERGY[unit] * power
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
@@ -120,16 +128,14 @@ def is_counter(values: pd.Series) -> bool:
     return bool(slow or ((steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS))
 
 
-def _mean_power(energy: pd.Series, label: str) -> np.ndarray:
-    """Energy per row, or a counter, as mean power over each row: energy unit per hour."""
-    if not is_counter(energy):
-        return energy.to_numpy(dtype=np.float64) / row_hours(energy)
-    known = energy.dropna()
+def _power_of_counter(readings: pd.Series, label: str) -> np.ndarray:
+    """Readings of a counter as mean power over each row: energy unit per hour."""
+    known = readings.dropna()
     used = np.append(np.diff(known.to_numpy(dtype=np.float64)), np.nan)
     hours = np.append(_hours_between(known), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         power = pd.Series(np.where(used < 0.0, np.nan, used / hours), index=known.index)
-    power = power[~power.index.duplicated()].reindex(energy.index)
+    power = power[~power.index.duplicated()].reindex(readings.index)
     return (power.shift() if label == "right" else power).to_numpy()
 
 

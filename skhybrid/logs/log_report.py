@@ -19,6 +19,7 @@ from .log_findings import Finding, clock_findings, gaps_of, guessed_label, senso
 from .log_report_html import report_html
 from .naming import NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
+from .unit_names import ENERGY
 from .zone_names import zone_guesses, zone_roles, zones_of
 
 _SHOWN_ROWS = 3
@@ -204,6 +205,8 @@ class LogReport:
         unit, factor = units.get(role, fitting_unit(stated, role)), scale.get(role, raw.scale.get(name, 1.0))
         if unit is None:
             unit, factor = self._assume(raw.frame[name], role, factor, guess.reason == NAMED_BY_ROLE)
+        if unit in ENERGY and role not in units and role.startswith("Q_") and is_counter(raw.frame[name]):
+            unit = f"{unit} counter"
         return Channel(role, name, unit, factor)
 
     def _assume(self, values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float]:

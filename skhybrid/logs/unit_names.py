@@ -20,8 +20,10 @@ _SPELLINGS = {
     "kBtu/h": ("kbtu/h", "kbtu/hr", "kbtuh", "mbh"),
 }
 _UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
-#: units of energy [kWh]: per row, or a counter that only rises; they become kW once the step is known
+#: units of energy [kWh]: per row, or a counter where the readings only rise; they become kW once the step is known
 ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6}
+#: units of a counter [kWh], also where a few rows or a standing meter do not show that it is one
+COUNTERS = {f"{unit} counter": factor for unit, factor in ENERGY.items()}
 _ENERGIES = {name.lower(): name for name in ENERGY}
 #: units that a unit line may hold and no channel is converted from
 _OTHERS = (

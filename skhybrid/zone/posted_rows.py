@@ -11,8 +11,7 @@ import pandas as pd
 
 from .._ranges import check_range
 from .._table import refuse_infinite_columns, role_of
-from ..logs.conversion import TIMES, Channel
-from ..logs.naming import ENERGY
+from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.zone_csv import to_left_label
 from ..study.data import on_even_steps, read_by_role
 from ..study.settings import Settings
@@ -57,7 +56,7 @@ def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = 
 
 def _refuse_sums(channel: Channel) -> None:
     """Refuse what is read with the help of the rows around it."""
-    if channel.unit in ENERGY or (channel.unit in TIMES and channel.scale == 1.0):
+    if is_energy(channel.unit) or (channel.unit in TIMES and channel.scale == 1.0):
         raise ValueError(
             f"{channel.role} is logged in {channel.unit}, which a posted row alone does not determine; let skhybrid "
             "zone tick read the log."
