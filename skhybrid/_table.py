@@ -42,8 +42,9 @@ from ._columns import role_of as role_of
 from ._columns import unmasked as unmasked
 from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
+from ._target import UNLIMITED as UNLIMITED
+from ._target import refuse_missing, refuse_other_quantity, refuse_target_among
 from ._target import refuse_order as refuse_order
-from ._target import refuse_other_quantity, refuse_target_among
 from ._time import Stamps, clock_of_training, joined_stamps, read_index, spell
 
 #: full-load hours below which a plant hardly ran
@@ -331,12 +332,12 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
     return table.replace(inputs=inputs, history=history)
 
 
-def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str | None = None) -> np.ndarray:
+def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str | None = None) -> np.ndarray:
     """(n_samples,) float64 target, NaN where missing, never infinite.
 
-    Refused where it is None, has another length or other stamps than the table, or more than ``max_missing`` of it is
-    missing.  With a ``role``, values beyond its range are refused, as are a history of that role in X that is not y,
-    and an input that is y.
+    Refused where it is None, has another length or other stamps than the table, or all or more than ``max_missing`` of
+    it is missing.  With a ``role``, values beyond its range are refused, as are a history of that role in X that is not
+    y, and an input that is y.
     """
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
@@ -348,12 +349,8 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: float = 0.5, role: str
     if isinstance(y, pd.Series | pd.DataFrame):
         refuse_order(y.index, table.index)
     refuse_infinite(target, "y", table.index)
-    missing = float(np.isnan(target).mean()) if len(target) else 1.0
-    if missing > max_missing:
-        raise ValueError(
-            f"Input y contains NaN in {missing:.0%} of its rows, more than max_missing={max_missing:.0%}; "
-            "choose a span with more measurements."
-        )
+    if max_missing is not UNLIMITED:
+        refuse_missing(target, max_missing)
     if role is not None:
         check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history)
         if role in table.history:
@@ -380,7 +377,7 @@ def _numbers(y: Any) -> np.ndarray:
         raise ValueError(f"y is not numeric ({error}); convert it to float first.") from None
 
 
-def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: float = 0.5) -> np.ndarray:
+def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: Any = 0.5) -> np.ndarray:
     """(n_samples,) target of one role or (n_samples, n_roles), by role from a frame; see :func:`read_target`."""
     if len(roles) == 1 or y is None:
         return read_target(y, table, max_missing=max_missing, role=roles[0])

@@ -1,12 +1,16 @@
-"""Comparison of a target with its table: the same rows, the same quantity, and not among the inputs."""
+"""Checks of a target: enough of it, the rows of its table, the same quantity, and not among the inputs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Real
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+#: ``max_missing`` of a target that is not learned from
+UNLIMITED: Any = object()
 #: largest usual difference between the history in X and y [degC]: two sensors of one zone
 _MOST_APART = 5.0
 #: rows from which on it is no coincidence how alike two columns are
@@ -102,3 +106,21 @@ def _scaled(values: np.ndarray, wanted: np.ndarray) -> bool:
     v, w = values - values.mean(), wanted - wanted.mean()
     scale = (v @ w) / (w @ w)
     return bool(scale and np.abs(v - scale * w).max() <= 1e-6 * np.abs(v).max())
+
+
+def read_max_missing(most: Any) -> float:
+    """Share of the rows of a target that may be missing."""
+    if isinstance(most, bool) or not isinstance(most, Real) or not 0.0 <= float(most) <= 1.0:
+        raise ValueError(f"max_missing={most!r} must be a share of the rows, from 0 to 1.")
+    return float(most)
+
+
+def refuse_missing(target: np.ndarray, max_missing: Any) -> None:
+    """Refuse a target of which all, or more than ``max_missing``, is missing."""
+    most = read_max_missing(max_missing)
+    missing = float(np.isnan(target).mean()) if len(target) else 1.0
+    if missing == 1.0 or missing > most:
+        allowed = "" if missing == 1.0 else f", more than max_missing={most:.0%}"
+        raise ValueError(
+            f"Input y contains NaN in {missing:.0%} of its rows{allowed}; choose a span with more measurements."
+        )

@@ -15,7 +15,16 @@ from sklearn.impute import SimpleImputer
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-from skhybrid import ARXRegressor, DisturbanceForecaster, GrayBoxRC, HybridPredictor, SchedulePredictor, _table
+from skhybrid import (
+    ARXRegressor,
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    PeriodicDisturbanceID,
+    SchedulePredictor,
+    TwoStagePredictor,
+    _table,
+)
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
 from skhybrid._time import ASSUMED_START, Stamps, joined_stamps, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
@@ -271,6 +280,35 @@ def test_target_may_be_missing_up_to_a_share(office):
     assert np.isfinite(gray_box(office, y=y, max_missing=0.6).loss_)
     with pytest.raises(ValueError, match="more than max_missing=10%"):
         gray_box(office, y=y, max_missing=0.1)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        GrayBoxRC(n_starts=1),
+        PeriodicDisturbanceID(n_starts=1),
+        ARXRegressor(),
+        DisturbanceForecaster("ridge"),
+        SchedulePredictor(),
+        TwoStagePredictor(),
+    ],
+    ids=lambda model: type(model).__name__,
+)
+def test_a_target_needs_a_measured_value_and_a_share(office, model):
+    nothing = office.y * np.nan
+    with pytest.raises(ValueError, match=r"^Input y contains NaN in 100% of its rows; choose a span"):
+        clone(model).set_params(max_missing=1.0).fit(office.X, nothing)
+    for share in (1.5, "a", None, True):
+        with pytest.raises(ValueError, match=rf"^max_missing={share!r} must be a share of the rows, from 0 to 1.$"):
+            clone(model).set_params(max_missing=share).fit(office.X, office.y)
+
+
+def test_parts_accept_what_the_whole_does(office):
+    y = office.y.where(np.arange(len(office.y)) % 5 > 2)  # three of five are missing
+    parts = {"gray_box": GrayBoxRC(n_starts=1), "forecaster": DisturbanceForecaster("none"), "intervals": False}
+    with pytest.raises(ValueError, match=r"NaN in 60% of its rows, more than max_missing=50%"):
+        TwoStagePredictor(**parts).fit(office.X, y)
+    assert np.isfinite(TwoStagePredictor(max_missing=0.7, **parts).fit(office.X, y).predict(office.X)).all()
 
 
 def test_bad_targets(office):

@@ -15,6 +15,7 @@ from .._summary import TrainingRecord, network_tables
 from .._table import (
     HISTORY_ROLES,
     SETPOINT_ROLES,
+    UNLIMITED,
     ZoneTable,
     append_tables,
     read_table,
@@ -295,7 +296,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         rows = self._scheme.rows
         rows.refuse_unless_following(table)
         if y is not None:
-            target = read_target(rows.in_own_zone(y), table, max_missing=1.0, role="T_za")
+            target = read_target(rows.in_own_zone(y), table, max_missing=UNLIMITED, role="T_za")
         elif "T_za" in table.history:
             target = table.history["T_za"]
         else:

@@ -9,6 +9,7 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from .._target import read_max_missing
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
 from ..identification import PeriodicDisturbanceID
@@ -138,6 +139,8 @@ class BaseTwoStage(BaseHybrid):
         wanted = {name: value for name, value in passed.items() if name in params and params[name] is None}
         if self.verbose and not params.get("verbose", True):
             wanted["verbose"] = self.verbose
+        if "max_missing" in params:  # what this estimator accepts its parts do
+            wanted["max_missing"] = max(params["max_missing"], read_max_missing(self.max_missing))
         part.set_params(**wanted)
         return part  # FrozenEstimator.set_params returns nothing
 

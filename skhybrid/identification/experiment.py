@@ -54,7 +54,7 @@ class Experiment(NamedTuple):
         return self._replace(breaks=(0,), **each)
 
 
-def read_outputs(y: Any, table: ZoneTable, network: RCNetwork, *, max_missing: float) -> np.ndarray:
+def read_outputs(y: Any, table: ZoneTable, network: RCNetwork, *, max_missing: Any) -> np.ndarray:
     """(N,) measured temperature, or (N, o) by the names of roles or nodes from a frame, by order from an array."""
     roles = network.history_roles
     if isinstance(y, pd.DataFrame) and len(roles) > 1 and any(isinstance(column, str) for column in y.columns):

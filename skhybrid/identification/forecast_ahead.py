@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._joining import join_frames, join_tables, read_now, refuse_no_frames, with_measured
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, append_tables, refuse_gap
+from .._table import UNLIMITED, ZoneTable, append_tables, refuse_gap
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
@@ -70,7 +70,7 @@ class ForecastAheadMixin(RollingForecastMixin):
         raise NotImplementedError
 
     def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
-        return read_outputs(y, table, self.network_, max_missing=1.0)
+        return read_outputs(y, table, self.network_, max_missing=UNLIMITED)
 
     @unchanged_on_failure
     @one_blas_thread
