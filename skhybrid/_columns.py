@@ -254,4 +254,4 @@ def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
 def listed(names: Iterable[object], most: int = 12) -> str:
     """Names as text; only the first ``most`` of them, and only the beginning of long ones."""
     shown = [repr(n if len(n) <= _LONGEST_NAME else n[: _LONGEST_NAME - 3] + "...") for n in map(str, names)]
-    return "no columns" if not shown else ", ".join(shown[:most]) + (", ..." if len(shown) > most else "")
+    return "none" if not shown else ", ".join(shown[:most]) + (", ..." if len(shown) > most else "")

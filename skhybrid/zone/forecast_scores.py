@@ -10,7 +10,6 @@ import pandas as pd
 
 from ..study.doubts import OUTSIDE, at_ends, drifted
 from ..study.judgement import NO_SCALE, load_of, plant_roles
-from ..study.settings import is_scaled
 from ..study.verdict import Verdict, compare_errors, judge
 from .forecast_archive import BEYOND
 from .zone_model import ZoneModel
@@ -60,7 +59,7 @@ def verdicts_of(archive: Any, zone: ZoneModel, rows: pd.DataFrame, days: pd.Data
     roles = [role for role in plant_roles(measured) if role in rows and measured[role].notna().any()]
     loads = [load_of(frame, zone.settings, roles) for frame in (rows, measured, before)]
     if loads[0] is not None and loads[0].values.notna().any():
-        scale = [] if is_scaled(zone.settings.columns, zone.settings.capacities) else [NO_SCALE]
+        scale = [] if zone.scaled else [NO_SCALE]
         doubts = [*scale, *drifted(days, "its temperature errors"), *doubts]
         out.append(_verdict("load", rows, [load.values for load in loads if load is not None], doubts))
     return out
