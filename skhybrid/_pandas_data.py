@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from datetime import date, datetime, timezone, tzinfo
+from datetime import date, datetime
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ._time import zone_name
+
 _MOST_ROWS, _MOST_STAMPS = 10**8, 10**6  # of an index that is not written out, in which stamps take memory
-
-
-def zone_name(tz: tzinfo | None) -> str | None:
-    """The name from which pandas makes a time zone again, refused where there is none."""
-    offset = None if tz is None else tz.utcoffset(None)  # of a fixed one
-    name = None if tz is None else str(tz if offset is None else timezone(offset))
-    try:
-        pd.DatetimeIndex([], tz=name)
-    except (KeyError, ValueError):
-        raise ValueError(
-            f"the time zone {name} cannot be saved; give stamps one by its name, such as tz_convert('Europe/Berlin')."
-        ) from None
-    return name
 
 
 def _datetimes_to_data(value: pd.DatetimeIndex) -> dict[str, Any]:

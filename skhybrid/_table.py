@@ -43,6 +43,7 @@ from ._columns import unmasked as unmasked
 from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import UNLIMITED as UNLIMITED
+from ._target import read_max_missing as read_max_missing
 from ._target import refuse_missing, refuse_other_quantity, refuse_target_among
 from ._target import refuse_order as refuse_order
 from ._time import Stamps, clock_of_training, joined_stamps, read_index, spell

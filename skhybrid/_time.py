@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import OrderedDict
 from collections.abc import Hashable, Sequence
+from datetime import timezone, tzinfo
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,6 +56,19 @@ def read_index(
             "resample with skhybrid.datasets.regularize."
         )
     return step, wall_clock(index), utc, breaks
+
+
+def zone_name(tz: tzinfo | None) -> str | None:
+    """The name from which pandas makes a time zone again, refused where there is none."""
+    offset = None if tz is None else tz.utcoffset(None)  # of a fixed one
+    name = None if tz is None else str(tz if offset is None else timezone(offset))
+    try:
+        pd.DatetimeIndex([], tz=name)
+    except (KeyError, ValueError):
+        raise ValueError(
+            f"the time zone {name} cannot be saved; give stamps one by its name, such as tz_convert('Europe/Berlin')."
+        ) from None
+    return name
 
 
 def wall_clock(index: pd.DatetimeIndex) -> pd.DatetimeIndex:

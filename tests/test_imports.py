@@ -17,7 +17,7 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_calendar", "_docs", "_files", "_holidays", "_joining", "_last_known", "_ranges", "_rolling", "_sqlite",
+    "_calendar", "_docs", "_files", "_holidays", "_joining", "_json", "_last_known", "_ranges", "_rolling", "_sqlite",
     "_summary", "_table", "_threads", "_time", "_transaction", "_warnings", "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
@@ -57,6 +57,7 @@ STRICT = {
     "_docs": set(),
     "_files": set(),
     "_holidays": {"_time"},
+    "_json": set(),
     "_last_known": set(),
     "_warnings": {"exceptions"},
     "_sqlite": set(),
@@ -66,7 +67,7 @@ STRICT = {
     "_archive": set(),
     "_folded": set(),
     "_packed": set(),
-    "_pandas_data": set(),
+    "_pandas_data": {"_time"},
     "_skops": set(),
     "_ranges": {"_warnings", "exceptions"},
     "_target": set(),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 import click
 
+from .._json import strict_json
 from ._output import DONE, FAILED, Progress, one_line
 
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
@@ -92,17 +92,7 @@ def _epilog(example: str) -> str:
 
 def print_json(content: Any) -> None:
     """Write plain values to stdout as JSON; a NaN is null."""
-    print(json.dumps(_plain(content), indent=2, default=str, allow_nan=False, ensure_ascii=False))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(v) for key, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
-        value = value.item()
-    return None if isinstance(value, float) and not abs(value) < float("inf") else value
+    print(strict_json(content))
 
 
 def settings_at(config: Path | None, *, several: bool = False) -> Any:

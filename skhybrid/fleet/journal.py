@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._files import atomic_path
-from .._pandas_data import zone_name
+from .._time import zone_name
 
 _FRAMES = ("rows", "ahead", "scored")
 

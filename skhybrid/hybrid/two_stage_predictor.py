@@ -9,7 +9,7 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from .._target import read_max_missing
+from .._table import read_max_missing
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
 from ..identification import PeriodicDisturbanceID

@@ -11,12 +11,13 @@ import pandas as pd
 
 from .. import __version__
 from .._files import atomic_path
+from .._json import strict_json
 from ..inspection.zone_panels import weeks_figure
 from ..persistence import save_model
 from .building_study import BuildingResult
 from .compared_models import HYBRID
 from .identified_building import identified_only
-from .outputs import NAMES, json_text, staged_files, write_csv
+from .outputs import NAMES, staged_files, write_csv
 from .report import verdict
 from .report.building_page import write_building_report, zones_in_words
 from .scores import coverage_of, side_by_side
@@ -73,7 +74,7 @@ def building_metrics(result: BuildingResult) -> str:
         "warnings": result.warnings,
         "settings": result.settings.as_dict(),
     }
-    return json_text(content)
+    return strict_json(content)
 
 
 def verdicts_by_zone(result: BuildingResult) -> list[Verdict]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ import pandas as pd
 
 from .. import __version__
 from .._files import named_in_errors
+from .._json import strict_json
 from ..persistence import save_model
 from .compared_models import HYBRID
 from .identified_building import identified_only
@@ -157,20 +157,7 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
 
 def metrics_text(result: StudyResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
-    return json_text(_metrics(result))
-
-
-def json_text(content: dict[str, Any]) -> str:
-    """Plain values as strict JSON, in which a number that is not finite is null."""
-    return json.dumps(_finite(content), indent=2, allow_nan=False, default=str)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    return strict_json(_metrics(result))
 
 
 def _cost(result: StudyResult) -> Cost | None:
