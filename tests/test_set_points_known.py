@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid import InputDisturbanceID, SchedulePredictor, TwoStagePredictor
+from skhybrid import InputDisturbanceID, OutputDisturbanceID, SchedulePredictor, TwoStagePredictor
 from skhybrid.control import Band
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import UnitWarning
@@ -21,6 +21,7 @@ from skhybrid.thermal import RCNetwork
 
 DAY, TRAINED = 24, 21 * 24
 PLANT = ["u_heat", "u_cool"]
+SIDES = ["T_heat_set", "T_cool_set"]
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +124,56 @@ def test_a_plant_gives_no_more_than_its_stages_can(log, model):
         assert found["u_heat"].max() <= 1.0 + 1e-9
         assert found["u_cool"].max() <= 1.0 + 1e-9
         assert found["Q_hvac_0.9"].max() <= 6.0 + 1e-9
+
+
+@pytest.mark.parametrize("learned", [True, False])
+@pytest.mark.parametrize("scheme", [SchedulePredictor, TwoStagePredictor])
+def test_a_forecast_begins_under_the_heat_that_was_delivered(log, scheme, learned):
+    """The heat of the last known row acts until the first row ahead, whatever its set-points."""
+    columns = list(log) if learned else [name for name in log if name not in SIDES]
+    if scheme is TwoStagePredictor:
+        identified = InputDisturbanceID("2R2C", known={"Q_h": 6.0}, n_starts=1)
+        own = TwoStagePredictor(identified, intervals=False, random_state=0)
+    else:
+        own = SchedulePredictor("2R2C", known={"Q_h": 6.0}, intervals=False)
+    own.fit(log[columns][:TRAINED], log["T_za"][:TRAINED])
+    history, future = log[columns][TRAINED : TRAINED + 30], ahead(log[columns], TRAINED + 30)
+    first = []
+    for stage in (0.0, 1.0):
+        known = history.assign(u_cool=0.0, u_heat=np.append(history["u_heat"][:-1], stage))
+        found = own.forecast(known, future, setpoint=(21.0, 25.0))
+        given_back = own.forecast(known, future.assign(**found[PLANT]))
+        assert found["T_za"].iloc[0] == pytest.approx(given_back["T_za"].iloc[0], abs=0.6)
+        first.append(found["T_za"].iloc[0])
+        assert own.forecast(known, future, T_za=20.0, setpoint=(21.0, 25.0))["T_za"].iloc[0] == 20.0
+    assert first[1] - first[0] > 1.0
+
+
+def test_a_side_without_a_set_point_is_free(log, model):
+    """A plant with a learned thermostat does not act on a side that is left free."""
+    future = ahead(log, TRAINED)
+    heated, cooled = (model.forecast(None, future, setpoint=pair) for pair in ((19.0, None), (None, 24.0)))
+    assert (heated["Q_hvac"] >= 0.0).all()
+    assert heated["Q_hvac"].sum() > 0.0
+    assert (cooled["Q_hvac"] <= 0.0).all()
+    high = model.forecast(None, future, setpoint=(19.0, 60.0))
+    np.testing.assert_allclose(heated["T_za"], high["T_za"], atol=1e-9)
+    assert (model.forecast(None, future, setpoint=(None, None))["Q_hvac"] == 0.0).all()
+    assert (model.predict_load(future, (19.0, None))["Q_hvac"] >= 0.0).all()
+
+
+def test_zeta_of_a_load_is_that_of_the_forecast_under_it(log):
+    """The disturbance stands in the row over whose step it acts, whatever its kind."""
+    plain = log.drop(columns=SIDES)
+    for gray_box in (InputDisturbanceID, OutputDisturbanceID):
+        kind = "input" if gray_box is InputDisturbanceID else "output"
+        identified = gray_box("1R1C", known={"Q_h": 6.0}, n_starts=1)
+        model = TwoStagePredictor(identified, disturbance=kind, intervals=False, random_state=0)
+        model.fit(plain[:TRAINED], plain["T_za"][:TRAINED])
+        future = ahead(plain, TRAINED)
+        found = model.forecast(None, future, setpoint=(20.0, 24.0))
+        given_back = model.forecast(None, future.assign(**found[PLANT]))
+        pd.testing.assert_series_equal(found["zeta"], given_back["zeta"])
 
 
 def test_limits_of_a_forecast_reach_its_temperature(log, model):

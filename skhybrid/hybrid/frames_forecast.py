@@ -159,10 +159,12 @@ class FramesForecastMixin(FramesReadingMixin):
             check_setpoints(ahead)
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
+        # the heat of the last known row has been delivered; that of a row whose temperature is now is to be decided
+        delivered = None if now is not None else scheme.plant_heat(table)[origin]
         if self._law is None:
-            return self._ideal(scheme, table, int(origin[0]), levels, limits).iloc[-n_ahead:].set_axis(future.index)
-        # the heat of the origin's own row is forecast too: what was delivered in it is not yet known at its stamp
-        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels, limits)
+            load = self._ideal(scheme, table, int(origin[0]), levels, limits, delivered)
+            return load.iloc[-n_ahead:].set_axis(future.index)
+        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels, limits, delivered)
         if now is not None:
             found = found.after(now)
         heat, temperature, zeta = found.paths
@@ -187,6 +189,7 @@ class FramesForecastMixin(FramesReadingMixin):
         origin: int,
         levels: np.ndarray | None,
         limits: tuple[float, float] | None,
+        delivered: np.ndarray | None,
     ) -> pd.DataFrame:
         """The least heat that keeps the set-points, where no law was learned."""
         if levels is not None:
@@ -196,6 +199,9 @@ class FramesForecastMixin(FramesReadingMixin):
         free = self._plant_limits(table.n_rows - origin)
         if limits is not None:
             free = Limits(np.maximum(free.lower, limits[0]), np.minimum(free.upper, limits[1]))
+        if delivered is not None:
+            for side in free:
+                side[:1] = delivered
         band = Band(*(side[origin:] for side in band_of(table)))
         return _delivered(scheme.required_heat(table, np.array([origin]), band, free))
 

@@ -97,8 +97,7 @@ class ScheduleScheme(Scheme):
         n_leads = rows_of(self.horizon if self.horizon is not None else "1D", measured.step)
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
-        training = self.rows.training
-        per_day = rows_per_day(training.step)
+        training, per_day = self.rows.training, rows_per_day(measured.step)
         young = training.n_rows < _NETWORK_PRIOR_DAYS * per_day
         network_prior = self.prior.network if self.prior is not None and young else None
         self._physics = ScheduleMember(self.network, self.known, self.purpose, network_prior).fit(training, n_leads)
@@ -114,8 +113,7 @@ class ScheduleScheme(Scheme):
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
         priors = first_shares(self._members, has_prior=self.prior is not None)
-        every = rows_per_hour(training.step)
-        n_days, plausible = training.n_rows / per_day, self.rows.plausible
+        every, n_days, plausible = rows_per_hour(training.step), training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
             sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
@@ -243,13 +241,19 @@ class ScheduleScheme(Scheme):
         return view, states
 
     def load_paths(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, setpoint: Band, limits: tuple[float, float]
+        self,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        setpoint: Band,
+        limits: tuple[float, float],
+        delivered: np.ndarray | None = None,
     ) -> LoadPaths:
         """As of every scheme, from increasing origins, in one pass through the rows."""
         rows, moved = self._numbered(table)
         view, states = self._states(rows, origins + moved)
         held = Band(*(np.append(np.full(moved, free), side) for side, free in zip(setpoint, _FREE, strict=True)))
-        return load_paths(self._physics.fit_, view.segment, origins + moved, states, held, limits, n_leads)
+        return load_paths(self._physics.fit_, view.segment, origins + moved, states, held, limits, n_leads, delivered)
 
     def plant_heat(self, table: ZoneTable) -> np.ndarray:
         return plant_heat(self._physics.fit_, table)

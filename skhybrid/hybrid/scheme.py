@@ -151,14 +151,23 @@ class Scheme(ABC):
         """
 
     def load_paths(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, setpoint: Band, limits: tuple[float, float]
+        self,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        setpoint: Band,
+        limits: tuple[float, float],
+        delivered: np.ndarray | None = None,
     ) -> LoadPaths:
-        """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on."""
+        """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on.
+
+        Where the heat ``delivered`` (n_origins,) [kW] in the origins' own rows is given, the plant begins after them.
+        """
         out = LoadPaths(*np.full((3, len(origins), n_leads), np.nan))
         in_history = origins < table.n_history  # rows that are kept: forecast as in a table of their own
         for chosen, rows in ((in_history, table.replace(n_history=0)), (~in_history, table)):
             for group in spans_apart(origins, np.flatnonzero(chosen), n_leads + 1):
-                self._fill(out, group, rows, origins, setpoint, limits)
+                self._fill(out, group, rows, origins, setpoint, limits, delivered)
         return out
 
     def _fill(
@@ -169,6 +178,7 @@ class Scheme(ABC):
         origins: np.ndarray,
         setpoint: Band,
         limits: tuple[float, float],
+        delivered: np.ndarray | None,
     ) -> None:
         """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
         n_leads, n, begin = out.heat.shape[1], table.n_rows, table.n_history
@@ -176,6 +186,9 @@ class Scheme(ABC):
         starts = np.unique(np.concatenate([[begin], between, origins[group]]))
         band = Band(*(side[begin:] for side in setpoint))
         within = Limits(*(np.full(n - begin, limit) for limit in limits))
+        if delivered is not None:
+            for side in within:
+                side[origins[group] - begin] = delivered[group]
         load = self.required_heat(table, starts, band, within)[["Q_hvac", "T_za", "zeta"]].to_numpy().T
         for i in group:
             rows = np.minimum(origins[i] - begin + np.arange(n_leads), n - begin - 1)

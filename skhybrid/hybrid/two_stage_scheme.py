@@ -263,10 +263,11 @@ class TwoStageScheme(Scheme):
         """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. inverseQ2)."""
         here, first = _after_history(table), 0 if self.disturbance == "input" else 1
         counts = np.diff(np.append(origins, table.n_rows))
-        paths = self._disturbance_paths(table, here, origins, int(counts.max()), first)
-        rows = origins - table.n_history
-        load = self.gray_box_.required_heat(here, setpoint, rows, paths, kind=self.disturbance, limits=limits)
-        return self._clipped_load(load, table, origins, setpoint)
+        zeta = self._disturbance_paths(table, here, origins, int(counts.max()) + first, 0)
+        rows, acting = origins - table.n_history, zeta[:, first:]
+        load = self.gray_box_.required_heat(here, setpoint, rows, acting, kind=self.disturbance, limits=limits)
+        of_rows = np.concatenate([path[:count] for path, count in zip(zeta, counts, strict=True)])
+        return self._clipped_load(load.assign(zeta=of_rows), table, origins, setpoint)
 
     def plant_heat(self, table: ZoneTable) -> np.ndarray:
         plant = self.gray_box_.plant

@@ -60,10 +60,12 @@ def load_paths(
     setpoint: Band,
     limits: tuple[float, float],
     n_leads: int,
+    delivered: np.ndarray | None = None,
 ) -> LoadPaths:
     """Least heat that keeps the network within the set-points (N,) of its rows, from each origin on.
 
-    After the last row the values are those of the last one.
+    After the last row the values are those of the last one.  The heat of the origins' own rows may be given as
+    ``delivered`` (n_origins,) [kW].
     """
     out = LoadPaths(*np.empty((3, len(origins), n_leads)))
     for i, (origin, state) in enumerate(zip(origins, states, strict=True)):
@@ -73,6 +75,8 @@ def load_paths(
         system, begin = _system(fit, state, ahead, zeta), np.append(state.nodes, state.emitter)
         band = [side[rows] - fit.reference for side in setpoint]
         within = [np.full(n, limit) for limit in limits]
+        if delivered is not None:
+            within[0][0] = within[1][0] = delivered[i]
         load, path = simulate_inverse(*system, *band, *within, begin, steps_ahead(system.A, system.effect, system.c))
         for part, values in zip(out, (load, path + fit.reference, zeta), strict=True):
             part[i, :n], part[i, n:] = values, values[-1]

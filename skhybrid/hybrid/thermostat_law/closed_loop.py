@@ -120,6 +120,9 @@ class ClosedLoop:
         self._refits, self._tail, self.n_leads, self._capacity = refits, tail, n_leads, capacity
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
         self._per_day = rows_per_day(training.step)
+        self._sides = [
+            bool(np.isfinite(side).any()) for side in band_of(training)
+        ]  # whether heating and cooling had set-points
 
     @classmethod
     def fit(cls, scheme: Scheme, n_leads: int) -> Self | None:
@@ -150,13 +153,15 @@ class ClosedLoop:
         n_leads: int,
         levels: np.ndarray | None = None,
         limits: tuple[float, float] | None = None,
+        delivered: np.ndarray | None = None,
     ) -> ClosedLoopPaths:
         """Forecast load and temperature from increasing origins, with quantiles of the given levels.
 
         The set-points come as history of the table, which begins with the end of the known rows where it follows them.
         Heat is read before an origin only, the temperature up to it.  Column j of the load is the row ``origin + j``,
         of the temperature the end of that row.  Under other ``limits`` of the plant [kW] than those of the training,
-        both are as much lower or higher as the network's ideal ones are.
+        both are as much lower or higher as the network's ideal ones are; so they are where the heat ``delivered``
+        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
@@ -184,12 +189,16 @@ class ClosedLoop:
         errors = _Errors(past, _leads(self.n_leads), values)
         free = ideal.of(origins)
         wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
+        within, begin = self._capacity.range, weeks.zero if table.n_history else weeks.begin
         if limits is not None:
-            within = _within(self._capacity.range, limits)
-            held = scheme.load_paths(table, origins, n_leads, rows.band, within)
-            shift = [a - b[:, :n_leads] for a, b in ((held.heat, free.heat), (held.temperature, free.temperature))]
-            wanted = wanted._replace(shift=np.array(shift), limits=limits)
-        return self._blended(scheme, table, wanted, errors, weeks.zero if table.n_history else weeks.begin, levels)
+            within = _within(within, limits)
+            limited = scheme.load_paths(table, origins, n_leads, rows.band, within)
+            wanted = wanted._replace(shift=_between(limited, free, n_leads), limits=limits)
+        if delivered is not None:
+            expected = self._blended(scheme, table, wanted, errors, begin, None).paths.heat[:, 0]
+            both = [scheme.load_paths(table, origins, n_leads, rows.band, within, q) for q in (delivered, expected)]
+            wanted = wanted._replace(shift=wanted.shift + _between(both[0], both[1], n_leads))
+        return self._blended(scheme, table, wanted, errors, begin, levels)
 
     def rows_back(self, known: KnownRows) -> int:
         """Largest number of known rows that a forecast reads."""
@@ -236,10 +245,17 @@ class ClosedLoop:
                     out[quantity, i, :, 1:] += self._offsets(table, int(origin), n_leads, quantity, missed, levels)
             held = Band(*(side[origin : origin + n_leads] for side in rows.band))
             plausible = ranges.of_row(i).around(held)
-            out[0, i] = np.clip(out[0, i], *_within(self._capacity.after(rows.heat[:origin]), wanted.limits))
+            lowest, highest = _within(self._capacity.after(rows.heat[:origin]), wanted.limits)
+            heats, cools = self._acting(rows.band, np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
+            within = np.where(cools, lowest, max(lowest, 0.0)), np.where(heats, highest, min(highest, 0.0))
+            out[0, i] = np.clip(out[0, i], within[0][:, None], within[1][:, None])
             out[1, i] = plausible.clip(out[1, i])
         paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.zeta)
         return ClosedLoopPaths(paths, *(() if levels is None else (out[0, ..., 1:], out[1, ..., 1:])))
+
+    def _acting(self, band: Band, at: np.ndarray) -> list[np.ndarray]:
+        """Whether the plant may heat, and cool, in some rows: not on a side that had set-points and has none there."""
+        return [np.isfinite(side[at]) | (not learned) for side, learned in zip(band, self._sides, strict=True)]
 
     def _shares(self, known: _Errors, days: float, age: np.ndarray) -> np.ndarray:
         """(2, n_groups, M) weights for load and temperature, so many days after the training."""
@@ -275,6 +291,11 @@ class _Wanted(NamedTuple):
     zeta: np.ndarray  # (O, L)
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
     limits: tuple[float, float] = (-np.inf, np.inf)
+
+
+def _between(paths: LoadPaths, others: LoadPaths, n_leads: int) -> np.ndarray:
+    """(2, O, n_leads) difference of load and temperature."""
+    return np.stack([a[:, :n_leads] - b[:, :n_leads] for a, b in zip(paths[:2], others[:2], strict=True)])
 
 
 def _within(known: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from ...forecasting.features import periods_before, span_means
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]
 _MEANS, _BACK, _AHEAD = (6.0, 24.0), (0.25, 1.0, 4.0), 1.0
+_NEVER = (0.0, 60.0)  # set-points of heating and cooling at which no room is heated or cooled [degC]
 _OTHER_PLAN, _PLAN_HOURS = 0.3, 4.0  # mean difference of set-points [K] over hours, at which a plan is another one
 
 
@@ -100,8 +101,8 @@ def further_features(rows: LawRows, origins: np.ndarray, lead: np.ndarray) -> np
 
 
 def _finite(band: Band) -> tuple[np.ndarray, np.ndarray]:
-    """Set-points, 0 where a side has none."""
-    heating, cooling = (np.where(np.isfinite(side), side, 0.0) for side in band)
+    """Set-points, and where a side has none, one at which the plant never acts."""
+    heating, cooling = (np.where(np.isfinite(s), s, never) for s, never in zip(band, _NEVER, strict=True))
     return heating, cooling
 
 
