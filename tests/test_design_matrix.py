@@ -101,6 +101,11 @@ def test_cases_by_framework():
     assert table.groupby("framework")["case"].nunique().to_dict() == {"lstm": 17, "mlp": 1, "ridge": 0}
 
 
+def test_a_framework_without_cases_passes_over_those_that_there_are():
+    mine = ModelCase("mine", 2, ("zeta", "how"), ("how",))
+    assert design_matrix(["ridge"], ["case01", mine], "input").table["case"].tolist() == [None]
+
+
 def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
     grid = design_matrix(["ridge"]).param_grid("hybrid__forecaster__")
     assert grid == [{"hybrid__forecaster__model": ["ridge"], "hybrid__disturbance": ["input", "output"]}]
@@ -114,6 +119,8 @@ def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
         ({"frameworks": [Ridge()]}, "has no name"),
         ({"cases": ["case99"]}, "'case99' belongs to none"),
         ({"frameworks": ["lstm"], "cases": ["case18"]}, "'case18' belongs to none"),
+        ({"frameworks": ["ridge"], "cases": ["case99"]}, "'case99' belongs to none of mlp, cnn, rnn, lstm"),
+        ({"frameworks": ["ridge"], "cases": ["case01", "case99"]}, "'case99' belongs to none"),
         ({"cases": {"ridge": ["case01"]}}, "not a network"),
         ({"disturbance": "sideways"}, "'sideways'"),
         ({"size": "huge"}, "'huge'"),

@@ -206,8 +206,9 @@ def _cases(models: Mapping[str, Any], cases: Any) -> dict[str, list[str | ModelC
         if isinstance(case, ModelCase) or case in cases_of(net):
             found[name].append(case)
     for case in wanted:
-        if networks and not any(case in of for of in found.values()):
-            raise ValueError(f"case {case!r} belongs to none of {', '.join(networks)}; see list_cases().")
+        of_networks = (found[name] for name in networks) if networks else map(cases_of, NETWORKS)
+        if not any(case in of for of in of_networks) and (networks or not isinstance(case, ModelCase)):
+            raise ValueError(f"case {case!r} belongs to none of {', '.join(networks or NETWORKS)}; see list_cases().")
     return found
 
 
