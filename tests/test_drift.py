@@ -161,6 +161,21 @@ def test_a_shorter_horizon_raises_no_alarms_of_its_own():
     assert not days["drifted"].any()
 
 
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (lambda days: days[days.columns[::-1]], "step 0 of the days is the column 23, but that of fit is 0; "),
+        (lambda days: days.rename(columns={5: "05:00"}), "step 5 of the days is the column '05:00', but that of fit"),
+        (lambda days: days[days.columns[:12]], "the days have 12 steps, but those of fit have 24; "),
+    ],
+)
+def test_days_with_other_columns_than_the_reference_are_refused(changed, said):
+    measured, forecast = _days(40, np.random.default_rng(0))
+    monitor = DriftMonitor().fit(measured[:30], forecast[:30])
+    with pytest.raises(ValueError, match=said):
+        monitor.watch(changed(measured[30:]), changed(forecast[30:]))
+
+
 def test_what_a_monitor_cannot_read_is_refused():
     days = _days(30, np.random.default_rng(0))
     with pytest.raises(NotFittedError, match="call fit first"):

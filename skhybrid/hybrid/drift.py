@@ -108,6 +108,7 @@ class DriftMonitor:
         self.threshold_ = threshold(2.0 * 365.25 / float(rate))  # each sum has half of the alarms
         spread = _range(measured)[~weekend]
         self.range_ = float(np.nanmedian(spread)) if np.isfinite(spread).any() else float("nan")
+        self._steps = measured.columns
         self._bias = np.nanmean(np.where(np.isnan(error).all(axis=0), 0.0, error), axis=0)
         self._square = float(np.nanmean(error**2)) + 1e-12
         recurrence, self._usual = self._recurrence(error, weekend, [None, None])
@@ -122,7 +123,7 @@ class DriftMonitor:
         Parameters
         ----------
         measured, forecast : DataFrame of shape (n_days, n_steps)
-            As in :meth:`fit`, of days in a row.
+            As in :meth:`fit`, of days in a row, with the same columns in the same order.
 
         Returns
         -------
@@ -140,8 +141,7 @@ class DriftMonitor:
         if not hasattr(self, "threshold_"):
             raise NotFittedError("this DriftMonitor has no reference days yet; call fit first.")
         measured, error = _errors(measured, forecast)
-        if error.shape[1] != len(self._bias):
-            raise ValueError(f"the days have {error.shape[1]} steps, but those of fit have {len(self._bias)}.")
+        _refuse_other_steps(measured.columns, self._steps)
         weekend, span = self._weekend(measured), _range(measured)
         excess = (self._score(error) - self.mean_[weekend.astype(int)]) / self.std_ - self.allowance_
         recurrence, _ = self._recurrence(error, weekend, self._usual)
@@ -217,6 +217,18 @@ def _errors(measured: pd.DataFrame, forecast: pd.DataFrame) -> tuple[pd.DataFram
     if not (days.equals(expected.index) and known.columns.equals(expected.columns)):
         raise ValueError("measured and forecast differ in their days or columns; give the same rows of both.")
     return known, (known - expected).to_numpy(dtype=np.float64)
+
+
+def _refuse_other_steps(steps: pd.Index, fitted: pd.Index) -> None:
+    """Refuse days whose steps are not those of the reference, of which each has errors of its own."""
+    if len(steps) != len(fitted):
+        raise ValueError(f"the days have {len(steps)} steps, but those of fit have {len(fitted)}; give the same steps.")
+    for j, (here, there) in enumerate(zip(steps, fitted, strict=True)):
+        if here != there and not steps.equals(fitted):
+            raise ValueError(
+                f"step {j} of the days is the column {here!r}, but that of fit is {there!r}; give the columns of fit "
+                "in their order."
+            )
 
 
 def _rms(error: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ import pandas as pd
 from estimators import ESTIMATORS, NETWORKS, fitted
 from outcomes import Printed
 from sklearn.base import clone
+from zone_tables import COLUMNS
 
 from skhybrid import InputDisturbanceID, OutputDisturbanceID, cli
 from skhybrid.datasets import make_office, regularize, weather_on_steps
@@ -191,7 +192,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "LogReport": lambda X: None if str(LogReport(X)) else "no text",
     "identify_rooms": lambda X, y: identify_rooms(InputDisturbanceID(_PAIR, n_starts=1), X, _of_two_rooms(y)).theta,
 }
-_DAYS = pd.DataFrame(np.random.default_rng(0).normal(21.0, 1.0, (14, 5)), pd.date_range("2024-10-01", periods=14))
+_DAYS = pd.DataFrame(
+    np.random.default_rng(0).normal(21.0, 1.0, (14, 5)), pd.date_range("2024-10-01", periods=14), list(COLUMNS)
+)
 #: functions whose tables are not of a zone, or whose refusals begin later: no value is known to be a lie
 NO_ZONE = (
     "score_", "RollingOriginSplit", "DriftMonitor", "autocorrelation", "cross_correlation", "cumulative_periodogram",
