@@ -80,6 +80,10 @@ def test_an_array_takes_the_given_sampling_time_and_a_table_its_own():
         ({"train": 0}, "train=0 must be at least 1"),
         ({"gap": -1}, "gap=-1"),
         ({"n_splits": 0}, "n_splits=0"),
+        ({"train": "5D", "n_splits": 2.7}, "n_splits=2.7 must be an integer"),
+        ({"train": "5D", "n_splits": "a"}, "n_splits='a' must be an integer"),
+        ({"train": "5D", "n_splits": True}, "n_splits=True must be an integer"),
+        ({"train": "5D", "expanding": "no"}, "expanding='no' must be True or False"),
     ],
 )
 def test_a_split_that_cannot_be_made_says_why(kwargs, message):
@@ -92,6 +96,8 @@ def test_the_number_of_splits_needs_a_table_or_a_number():
     assert RollingOriginSplit(n_splits=3).get_n_splits() == 3
     with pytest.raises(ValueError, match="pass X"):
         RollingOriginSplit().get_n_splits()
+    with pytest.raises(ValueError, match=r"n_splits=2\.7 must be an integer"):
+        RollingOriginSplit(n_splits=2.7).get_n_splits()
 
 
 def test_it_serves_a_grid_search_in_two_processes():

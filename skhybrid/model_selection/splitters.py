@@ -74,8 +74,11 @@ class RollingOriginSplit(BaseCrossValidator):
         Raises
         ------
         ValueError
-            If X is too short, a length is not a positive multiple of the sampling time, or ``n_splits`` is below 1.
+            If X is too short, a length is not a positive multiple of the sampling time, ``n_splits`` is not a positive
+            integer, or ``expanding`` neither True nor False.
         """
+        if not isinstance(self.expanding, bool | np.bool_):
+            raise ValueError(f"expanding={self.expanding!r} must be True or False.")
         n_train, n_test, n_gap, n_step = self._lengths(X)
         for first in self._used_splits(X) * n_step:
             end = first + n_train
@@ -97,9 +100,18 @@ class RollingOriginSplit(BaseCrossValidator):
         """
         if X is not None:
             return len(self._used_splits(X))
-        if self.n_splits is None:
+        if (wanted := self._wanted()) is None:
             raise ValueError("the number of splits depends on the length of X: pass X, or give n_splits=.")
-        return int(self.n_splits)
+        return wanted
+
+    def _wanted(self) -> int | None:
+        """The number of splits that are asked for; None: all that fit."""
+        n: Any = self.n_splits
+        if n is None:
+            return None
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+            raise ValueError(f"n_splits={n!r} must be an integer, at least 1, or None for every split that fits.")
+        return int(n)
 
     def _lengths(self, X: Any) -> tuple[int, int, int, int]:
         """Rows of the training block, the test block and the gap, and from one split to the next."""
@@ -111,9 +123,7 @@ class RollingOriginSplit(BaseCrossValidator):
     def _used_splits(self, X: Any) -> np.ndarray:
         """Numbers of the splits that are used, counted from the first that fits."""
         n_train, n_test, n_gap, n_step = self._lengths(X)
-        wanted = 1 if self.n_splits is None else int(self.n_splits)
-        if wanted < 1:
-            raise ValueError(f"n_splits={self.n_splits!r} must be at least 1.")
+        wanted = self._wanted() or 1
         n_rows = _num_samples(X)
         needed = n_train + n_gap + n_test + (wanted - 1) * n_step
         if n_rows < needed:
