@@ -8,11 +8,12 @@ import pytest
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression, Ridge
-from sklearn.model_selection import GridSearchCV
+from sklearn.model_selection import GridSearchCV, cross_val_score
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 
-from skhybrid.model_selection import RollingOriginSplit, backtest, score_backtest
+from skhybrid import ARXRegressor
+from skhybrid.model_selection import RollingOriginSplit, backtest, day_ahead_scorer, score_backtest
 from skhybrid.model_selection.backtest import _origins
 
 PER_DAY = 24
@@ -181,6 +182,32 @@ def test_a_plain_regressor_gives_its_predictions_at_every_lead():
     X, y = _table(4)
     frame = backtest(LinearRegression().fit(X, y), X, y, horizon="6h", origin_step="6h")
     np.testing.assert_allclose(frame["y_pred"], frame["y_true"])
+
+
+def _room(n_days=6):
+    """A table whose room temperature follows nothing else."""
+    X, _ = _table(n_days)
+    rng = np.random.default_rng(0)
+    X["T_oa"] = 5.0 * rng.normal(size=len(X))
+    X["T_za"] = 20.0 + 0.1 * rng.normal(size=len(X)).cumsum()
+    return X, X["T_za"].rename("y")
+
+
+@pytest.mark.parametrize(
+    "model", [ARXRegressor(), CountsFromOrigin(), LinearRegression()], ids=lambda m: type(m).__name__
+)
+def test_a_target_of_one_column_is_a_target(model):
+    X, y = _room()
+    rows = X[["T_oa"]] if isinstance(model, LinearRegression) else X
+    wanted = backtest(model.fit(rows, y), rows, y)
+    pd.testing.assert_frame_equal(backtest(model, rows, y.to_frame()), wanted)
+    pd.testing.assert_frame_equal(backtest(model.fit(rows, y.to_frame()), rows, y.to_numpy()[:, None]), wanted)
+    with pytest.raises(ValueError, match=r"y has the shape \(144, 2\)"):
+        backtest(model, rows, y.to_frame().assign(twice=y))
+    cv = RollingOriginSplit(train="3D", test="2D")
+    scores = [cross_val_score(model, rows, target, cv=cv, scoring=day_ahead_scorer) for target in (y, y.to_frame())]
+    assert np.isfinite(scores[0]).all()
+    np.testing.assert_array_equal(*scores)
 
 
 def test_missing_measurements_are_kept_and_not_scored():

@@ -42,7 +42,7 @@ def backtest(
         ``best_estimator_``; or any regressor, whose ``predict(X)`` then counts as the forecast from every origin.
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
         Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.
-    y : Series or array-like of shape (n_samples,), or (n_samples, n_zones) for a BuildingPredictor
+    y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for a BuildingPredictor
         Measured zone temperature [degC]; NaN is kept as it is.
     horizon : timedelta-like, default="1D"
     origin_step : timedelta-like, default="1D"
@@ -187,7 +187,7 @@ def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
         names = {str(column).removeprefix("T_za_"): column for column in y}
         y = y[[names[zone] for zone in zones]] if set(zones) <= set(names) else y
     truth, n_rows = as_numbers(y, "y"), _n_rows(X)
-    if truth.shape != ((n_rows,) if len(zones) == 1 else (n_rows, len(zones))):
+    if truth.shape != (n_rows, len(zones)) and not (len(zones) == 1 and truth.shape == (n_rows,)):
         what = "one value per row" if len(zones) == 1 else f"a column for each of {listed(zones)}"
         raise ValueError(f"X has {n_rows} rows, but y has the shape {truth.shape}; pass {what}.")
     if isinstance(y, pd.Series | pd.DataFrame) and isinstance(getattr(X, "index", None), pd.Index):
