@@ -98,8 +98,8 @@ def test_an_estimator_enters_by_one_command(small, tmp_path):
 
 
 def test_the_temperature_of_the_row_that_is_forecast_is_not_shown(small):
-    shown = leaderboard.score(Thief(), small)["K"]
-    assert shown < 1e-9  # a regressor that is shown it needs no skill
+    with pytest.raises(ValueError, match="Thief has no predict_from, and its predict reads column 'T_za'"):
+        leaderboard.score(Thief(), small)
     hidden = leaderboard.score(leaderboard.WithoutTemperature(Thief()), small)
     assert hidden["K"] > 0.1
     assert np.isnan(hidden["coverage"])

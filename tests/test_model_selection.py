@@ -6,11 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.compose import ColumnTransformer
+from sklearn.ensemble import HistGradientBoostingRegressor, VotingRegressor
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.model_selection import GridSearchCV, cross_val_score
-from sklearn.pipeline import Pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor
 from skhybrid.model_selection import RollingOriginSplit, backtest, day_ahead_scorer, score_backtest
@@ -174,14 +176,31 @@ def test_a_pipeline_and_a_search_are_looked_into():
     scaled = pipe[:-1].transform(X)["T_za"]
     expected = 1000 * scaled.loc[frame["origin"]].to_numpy() + frame["lead"] / pd.Timedelta("1h")
     np.testing.assert_allclose(frame["y_pred"], expected)
-    search = GridSearchCV(Ridge(), {"alpha": [1e-9]}, cv=RollingOriginSplit(train="3D", test="1D")).fit(X, y)
-    np.testing.assert_allclose(backtest(search, X, y)["y_pred"], backtest(search, X, y)["y_true"], atol=1e-6)
+    weather = X[["T_oa"]]
+    search = GridSearchCV(Ridge(), {"alpha": [1e-9]}, cv=RollingOriginSplit(train="3D", test="1D")).fit(weather, y)
+    frame = backtest(search, weather, y)
+    np.testing.assert_allclose(frame["y_pred"], frame["y_true"], atol=1e-6)
 
 
 def test_a_plain_regressor_gives_its_predictions_at_every_lead():
     X, y = _table(4)
-    frame = backtest(LinearRegression().fit(X, y), X, y, horizon="6h", origin_step="6h")
+    frame = backtest(LinearRegression().fit(X[["T_oa"]], y), X[["T_oa"]], y, horizon="6h", origin_step="6h")
     np.testing.assert_allclose(frame["y_pred"], frame["y_true"])
+
+
+class ReadsTheRoom(RegressorMixin, BaseEstimator):
+    """Gives the measured temperature of the row that it forecasts, or of a row before, and names no columns."""
+
+    def __init__(self, rows_before=0):
+        self.rows_before = rows_before
+
+    def fit(self, X, y):
+        self.fitted_ = True
+        return self
+
+    def predict(self, X):
+        known = X["T_za"] if isinstance(X, pd.DataFrame) else pd.Series(X[:, 1])
+        return known.shift(self.rows_before).bfill().to_numpy()
 
 
 def _room(n_days=6):
@@ -191,6 +210,66 @@ def _room(n_days=6):
     X["T_oa"] = 5.0 * rng.normal(size=len(X))
     X["T_za"] = 20.0 + 0.1 * rng.normal(size=len(X)).cumsum()
     return X, X["T_za"].rename("y")
+
+
+def _lagged(n_rows):
+    return FunctionTransformer(lambda X: X.assign(lag=X["T_za"].shift(n_rows).bfill()).drop(columns="T_za"))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        LinearRegression(),
+        make_pipeline(StandardScaler(), LinearRegression()),
+        make_pipeline(StandardScaler().set_output(transform="pandas"), LinearRegression()),
+        GridSearchCV(make_pipeline(StandardScaler(), Ridge()), {"ridge__alpha": [1e-9]}, cv=2),
+        make_pipeline(_lagged(PER_DAY - 1), LinearRegression()),
+        HistGradientBoostingRegressor(max_iter=3),
+        ReadsTheRoom(),
+        ReadsTheRoom(PER_DAY - 1),
+    ],
+    ids=["regressor", "array", "frame", "search", "lag", "trees", "own", "own, lagged"],
+)
+def test_a_plain_regressor_may_not_read_what_is_measured_after_an_origin(model):
+    X, y = _room()
+    model.fit(X, y)
+    with pytest.raises(
+        ValueError, match=r"has no predict_from, .* reads column 'T_za' of X, .*: drop it, or give it lag"
+    ):
+        backtest(model, X, y)
+    with pytest.raises(ValueError, match="reads column 'T_za' of X"):
+        day_ahead_scorer(model, X, y)
+
+
+def test_the_measured_temperature_is_known_by_its_values_too():
+    X, y = _room()
+    named = X.rename(columns={"T_za": "room"})
+    with pytest.raises(ValueError, match="reads column 'room' of X"):
+        backtest(LinearRegression().fit(named, y), named, y)
+    model = LinearRegression().fit(X.to_numpy(), y)
+    model.sampling_time = "1h"
+    with pytest.raises(ValueError, match="reads column '1' of X"):
+        backtest(model, X.to_numpy(), y.to_numpy())
+    fahrenheit = X.to_numpy() * [1.0, 1.8] + [0.0, 32.0]
+    with pytest.raises(ValueError, match="reads column '1' of X"):
+        backtest(model, fahrenheit, y.to_numpy())
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        make_pipeline(_lagged(PER_DAY), LinearRegression()),
+        make_pipeline(ColumnTransformer([("weather", "passthrough", ["T_oa"])]), LinearRegression()),
+        ReadsTheRoom(PER_DAY),
+        VotingRegressor([("arx", ARXRegressor(sampling_time="1h")), ("same", ARXRegressor(sampling_time="1h"))]),
+    ],
+    ids=["lag", "selection", "own, lagged", "vote"],
+)
+def test_a_plain_regressor_may_read_what_was_measured_up_to_the_origin(model):
+    X, y = _room()
+    frame = backtest(model.fit(X, y), X, y)
+    assert len(frame) == 5 * PER_DAY
+    assert score_backtest(frame)["rmse"] > 0.01
 
 
 @pytest.mark.parametrize(
@@ -213,7 +292,8 @@ def test_a_target_of_one_column_is_a_target(model):
 def test_missing_measurements_are_kept_and_not_scored():
     X, y = _table(4)
     y.iloc[30:35] = np.nan
-    frame = backtest(LinearRegression().fit(X, X["T_oa"]), X, y)
+    weather = X[["T_oa"]]
+    frame = backtest(LinearRegression().fit(weather, X["T_oa"]), weather, y)
     assert frame["y_true"].isna().sum() == 5
     assert score_backtest(frame)["n"] == len(frame) - 5
 

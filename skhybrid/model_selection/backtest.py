@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
 from .._time import ASSUMED_START, even_step, positive_duration, rows_of, spell, wall_clock
 from ..forecasting.quantiles import quantile_columns
 from ..forecasting.weather_error import read_weather_error
+from .later_measurements import refuse_later_measurements, unwrapped
 from .single_reading import read_once, reading_of, takes_tables
 from .weather_paths import paths_under
 
@@ -39,7 +39,8 @@ def backtest(
     ----------
     estimator : fitted estimator
         With ``predict_from(X, origins, horizon)``; a Pipeline whose last step has it; a search that holds one as
-        ``best_estimator_``; or any regressor, whose ``predict(X)`` then counts as the forecast from every origin.
+        ``best_estimator_``; or any regressor, whose ``predict(X)`` then counts as the forecast from every origin, and
+        which may therefore not read what is measured after an origin: ``T_za``, ``zeta``, or y by another name.
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
         Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.
     y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for a BuildingPredictor
@@ -71,10 +72,13 @@ def backtest(
     ------
     ValueError
         If the lengths of X and y differ, a duration is not a multiple of the sampling time, ``start`` is not of the
-        kind of the rows, X is too short for a forecast or has no midnight, or the estimator forecasts no quantiles.
+        kind of the rows, X is too short for a forecast or has no midnight, the estimator forecasts no quantiles, or one
+        without ``predict_from`` reads what is measured after an origin.
     """
     check_is_fitted(estimator)
-    forecaster, table = _unwrap(estimator, X, quantiles)
+    forecaster, table = unwrapped(estimator, X)
+    if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
+        raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
     zones = getattr(forecaster, "zones_", ("",))
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
@@ -93,7 +97,9 @@ def backtest(
     elif hasattr(forecaster, "predict_from"):
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:
-        paths = np.asarray(forecaster.predict(table), dtype=np.float64)[rows]
+        predicted = np.asarray(forecaster.predict(table), dtype=np.float64)
+        refuse_later_measurements(estimator, X, truth[:, 0], predicted, origins, n_leads)
+        paths = predicted[rows]
     if quantiles is not None and bands is None:
         bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
     frame = pd.DataFrame({"origin": stamps[np.repeat(origins, n_leads)]})
@@ -194,22 +200,6 @@ def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
         refuse_order(y.index, X.index)
     refuse_infinite(truth, "y", X.index if isinstance(X, pd.DataFrame | ZoneTable) else np.arange(n_rows))
     return truth.reshape(n_rows, len(zones))
-
-
-def _unwrap(estimator: Any, X: Any, quantiles: Sequence[float] | None) -> tuple[Any, Any]:
-    """The estimator inside searches and pipelines, and X as it sees it; refused if it lacks the wanted quantiles."""
-    while True:
-        if hasattr(estimator, "best_estimator_"):
-            estimator = estimator.best_estimator_
-        elif isinstance(estimator, Pipeline):
-            if len(estimator.steps) > 1:
-                X = estimator[:-1].transform(X)
-            estimator = estimator.steps[-1][1]
-        else:
-            break
-    if quantiles is not None and not hasattr(estimator, "predict_quantiles_from"):
-        raise ValueError(f"{type(estimator).__name__} forecasts no quantiles; leave quantiles=None.")
-    return estimator, X
 
 
 def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timedelta]:

@@ -13,7 +13,8 @@ class DayAheadScorer:
     """Score of the forecasts from every origin of a test block; greater is better.
 
     Every estimator is asked for the same forecasts, whatever its own ``horizon``: from each origin over the horizon, of
-    which the end of the block cuts off the last.  They read ``T_za`` in X up to their origin only.
+    which the end of the block cuts off the last.  They read ``T_za`` in X up to their origin only;
+    a regressor without ``predict_from`` may not read it (:func:`backtest`).
 
     Parameters
     ----------

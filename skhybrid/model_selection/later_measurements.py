@@ -1,0 +1,125 @@
+"""Refusal of regressors whose predictions read what was measured after the origin of a forecast."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.pipeline import Pipeline
+
+from .._table import is_history, listed, numeric
+
+_ENOUGH_ROWS, _ENOUGH_VALUES = 24, 5  # from which on it is no coincidence that a column is y
+_ROUNDING = 1e-9  # by which two predictions from the same numbers may differ
+
+
+def unwrapped(estimator: Any, X: Any) -> tuple[Any, Any]:
+    """The estimator inside searches and pipelines, and X as it sees it."""
+    while True:
+        if hasattr(estimator, "best_estimator_"):
+            estimator = estimator.best_estimator_
+        elif isinstance(estimator, Pipeline):
+            if len(estimator.steps) > 1:
+                X = estimator[:-1].transform(X)
+            estimator = estimator.steps[-1][1]
+        else:
+            return estimator, X
+
+
+def refuse_later_measurements(
+    estimator: Any, X: Any, y: np.ndarray, predicted: np.ndarray, origins: np.ndarray, n_leads: int
+) -> None:
+    """Refuse an estimator without ``predict_from`` that reads measurements of X after an origin.
+
+    It reads them where its last step names a measured column, or where other measurements after one of a few origins
+    change what is ``predicted`` (n_samples,) of the ``n_leads`` rows after it.  Measured are the columns of history and
+    those that are y (n_samples,); what a step of a pipeline lags by the horizon or more is not read after the origin.
+    """
+    forecaster, _ = unwrapped(estimator, X)
+    name = type(forecaster).__name__
+    if not _holds_forecaster(forecaster):
+        for column in getattr(forecaster, "feature_names_in_", ()):
+            if is_history(column):
+                raise ValueError(_message(name, f"column {column!r}"))
+    measured, last = _measured(X, y), len(origins) - 1
+    if not measured:
+        return
+    for origin in origins[sorted({0, min(1, last), last // 2, last})].tolist():
+        ahead = slice(origin + 1, origin + 1 + n_leads)
+        if _differ(predicted, _predicted(estimator, _changed_after(X, measured, origin)), ahead):
+            alone = {j: _predicted(estimator, _changed_after(X, [j], origin)) for j in measured}
+            read = [j for j, other in alone.items() if _differ(predicted, other, ahead)]
+            raise ValueError(_message(name, f"column {listed(_names(X, read or measured), most=3)}"))
+
+
+def _predicted(estimator: Any, X: Any) -> np.ndarray:
+    forecaster, table = unwrapped(estimator, X)
+    return np.asarray(forecaster.predict(table), dtype=np.float64)
+
+
+def _differ(one: np.ndarray, other: np.ndarray, rows: slice) -> bool:
+    return not np.allclose(one[rows], other[rows], rtol=_ROUNDING, atol=_ROUNDING, equal_nan=True)
+
+
+def _message(name: str, column: str) -> str:
+    return (
+        f"{name} has no predict_from, and its predict reads {column} of X, which is measured and so unknown after the "
+        "origin of a forecast: drop it, or give it lagged by the horizon or more, under a name without T_za."
+    )
+
+
+def _holds_forecaster(estimator: Any) -> bool:
+    """Whether an estimator is made of others that read measurements only up to their origins, as a vote of them is."""
+    parts = estimator.get_params().values() if hasattr(estimator, "get_params") else ()
+    return any(hasattr(part, "predict_from") for part in parts)
+
+
+def _measured(X: Any, y: np.ndarray) -> list[int]:
+    """Positions of the columns of X that hold history or y; in an array also y scaled."""
+    if isinstance(X, pd.DataFrame):
+        numbers = [pd.api.types.is_numeric_dtype(dtype) for dtype in X.dtypes]
+        return [
+            j
+            for j, name in enumerate(X.columns)
+            if numbers[j] and (is_history(name) or _is_target(numeric(X.iloc[:, j]), y, scaled=False))
+        ]
+    array = np.asarray(X)
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
+        return []
+    return [j for j, values in enumerate(array.T) if _is_target(values.astype(np.float64), y, scaled=True)]
+
+
+def _is_target(values: np.ndarray, y: np.ndarray, *, scaled: bool) -> bool:
+    """Whether values (n,) are y (n,) wherever both are known."""
+    both = np.isfinite(values) & np.isfinite(y)
+    known, wanted = values[both], y[both]
+    if len(wanted) < _ENOUGH_ROWS or len(np.unique(wanted)) < _ENOUGH_VALUES or np.ptp(known) == 0:
+        return False
+    if scaled:
+        return bool(abs(np.corrcoef(known, wanted)[0, 1]) > 1.0 - _ROUNDING)
+    return np.array_equal(known, wanted)
+
+
+def _changed_after(X: Any, columns: Sequence[int], origin: int) -> Any:
+    """A copy of X whose ``columns`` are higher and lower in turn after a row; what is missing stays missing."""
+    if not isinstance(X, pd.DataFrame):
+        array = np.array(X, dtype=np.float64)
+        for j in columns:
+            array[:, j] = _changed(array[:, j], origin)
+        return array
+    frame = X.copy(deep=False)
+    for j in columns:
+        frame.isetitem(j, _changed(numeric(X.iloc[:, j]), origin))
+    return frame
+
+
+def _changed(values: np.ndarray, origin: int) -> np.ndarray:
+    rows = np.arange(len(values))
+    by = (1.0 + 3.0 * np.nanstd(values)) * np.where(rows % 2, 1.0, -1.0)
+    return np.where(rows > origin, values + by, values)
+
+
+def _names(X: Any, columns: Sequence[int]) -> list[Any]:
+    return [X.columns[j] for j in columns] if isinstance(X, pd.DataFrame) else list(columns)
