@@ -343,6 +343,36 @@ def test_what_cannot_be_right_is_refused(rooms, change, message):
     assert not hasattr(model, "own_")
 
 
+def test_exchanged_rooms_are_refused(two_stages, rooms):
+    """An array has its zones in the order of the columns of X; a frame may name them wrongly."""
+    X, y = rooms
+    turned, learned = X[X.columns[::-1]], slice(0, N_TRAIN)
+    said = (
+        r"y of the zone '(kitchen|study)' is the column 'T_za_(?!\1)\w+' of X, .* and not 'T_za_\1': give y as a Data"
+    )
+    with pytest.raises(ValueError, match=said):
+        by_themselves().fit(turned[learned], y[learned].to_numpy())
+    exchanged = y.set_axis(["study", "hall", "kitchen"], axis=1)
+    gaps = y.mask(np.random.default_rng(0).random(y.shape) < 0.3)
+    rows = slice(N_TRAIN, N_TRAIN + DAY)
+    for wrong in (exchanged[rows], gaps[rows].to_numpy()):
+        at = X if isinstance(wrong, pd.DataFrame) else turned
+        for method in ("partial_fit", "update", "score"):
+            with pytest.raises(ValueError, match=said):
+                getattr(copy.deepcopy(two_stages), method)(at[rows], wrong)
+
+
+def test_rooms_that_only_look_alike_are_not_exchanged(two_stages, rooms):
+    """A target measured by a second sensor, a room that is constant, and rooms that share a sensor are accepted."""
+    X, y = rooms[0][N_TRAIN : N_TRAIN + DAY], rooms[1][N_TRAIN : N_TRAIN + DAY]
+    assert two_stages.score(X, y + 0.1) > -np.inf
+    shared = X.assign(T_za_study=X["T_za_hall"])
+    assert two_stages.score(shared, y.assign(study=y["hall"])[["study", "kitchen", "hall"]]) > -np.inf
+    assert two_stages.score(X.assign(T_za_hall=20.0), y.assign(study=20.0)) > -np.inf
+    bare = X.drop(columns=T_OF)
+    assert copy.deepcopy(two_stages).update(bare, y.to_numpy()).known_until_ == X.index[-1].tz_localize("UTC")
+
+
 def test_a_failed_update_changes_nothing(building, later):
     model = copy.deepcopy(building)
     before = model.predict(later[:30])

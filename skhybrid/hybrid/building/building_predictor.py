@@ -15,7 +15,7 @@ from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..._summary import SummaryMixin
-from ..._table import ZoneTable, as_numbers, listed, read_array
+from ..._table import ZoneTable, as_numbers, read_array
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user
@@ -37,6 +37,7 @@ from .zone_columns import (
     found_neighbours,
     neighbours_of,
     read_temperatures,
+    temperatures_of,
 )
 
 #: the predictor of a zone, with its neighbours or none, after new rows
@@ -110,7 +111,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         Raises
         ------
         ValueError
-            If zones of X and y differ, ``adjacency`` names others, or a zone's table is refused; the message names it.
+            If zones of X and y differ or are exchanged, ``adjacency`` names others, or a zone's table is refused; the
+            message names it.
         """
         template = HybridPredictor() if self.estimator is None else self.estimator
         if not isinstance(template, BaseHybrid):
@@ -122,6 +124,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         T = read_temperatures(y, X)
         self._single = np.asanyarray(y).ndim == 1
         self._columns = ZoneColumns.of(X, tuple(T.columns), template.columns)
+        self._columns.refuse_exchanged(X, T)
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
         self._last = dict.fromkeys(self.zones_, np.nan)
@@ -331,12 +334,9 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
         if y is not None:
-            T = read_temperatures(y, X)
-            if set(self.zones_) <= set(T.columns):
-                return T[self.zones_]
-            if T.shape[1] != len(self.zones_) or (isinstance(y, pd.DataFrame) and len(self.zones_) > 1):
-                raise ValueError(f"y has the columns {listed(T.columns)}; give one for each of {listed(self.zones_)}.")
-            return T.set_axis(self.zones_, axis=1)
+            T = temperatures_of(y, X, self.zones_)
+            self._columns.refuse_exchanged(X, T)
+            return T
         return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, getattr(X, "index", None))
 
     def _silent(self, T: pd.DataFrame) -> list[str]:

@@ -11,13 +11,15 @@ import numpy as np
 import pandas as pd
 
 from ..._last_known import carried_forward
-from ..._table import SETPOINT_ROLES, as_numbers, is_plant, listed, role_of
+from ..._table import SETPOINT_ROLES, as_numbers, is_plant, listed, numeric, role_of
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
 _SETPOINTS = tuple(f"{role}_" for role in SETPOINT_ROLES)
 _MOST_FOUND = 3  # neighbours of a zone that are taken from data
 _LEAST_CORRELATION = 0.2  # of the temperatures' changes
+_ALIKE, _ENOUGH_VALUES = 0.95, 5  # share of equal rows, and distinct values, from which on two columns are the same
+_ROUNDING = 1e-6  # by which equal temperatures may differ [K]
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,26 @@ class ZoneColumns:
         """The column of a zone's measured temperature."""
         return self.columns.get(MEASURED + zone, self.columns.get("T_za", MEASURED + zone))
 
+    def refuse_exchanged(self, X: Any, T: pd.DataFrame) -> None:
+        """Refuse targets (n, n_zones) of which one is the temperature of another zone in X, and not of its own."""
+        own = {zone: self.columns.get(MEASURED + zone) for zone in self.zones}
+        here = {zone: column for zone, column in own.items() if column in getattr(X, "columns", ())}
+        if len(here) < 2 or not (len(X) == len(T) and X.columns.is_unique and T.columns.is_unique):
+            return
+        try:
+            measured = {zone: numeric(X[column]) for zone, column in here.items()}
+            wanted = {zone: numeric(T[zone]) for zone in here}
+        except ValueError:  # the zone's predictor says which column holds no numbers
+            return
+        for zone, y in wanted.items():
+            others = [other for other in here if other != zone and _same(measured[other], y)]
+            if others and not _same(measured[zone], y):
+                raise ValueError(
+                    f"y of the zone {zone!r} is the column {here[others[0]]!r} of X, which belongs to the zone "
+                    f"{others[0]!r}, and not {here[zone]!r}: give y as a DataFrame with the column of each zone under "
+                    "its name."
+                )
+
     def input_of(self, role: str) -> list[tuple[str, str]]:
         """The zones that a plant's role acts on, and the role as each of them has it."""
         owner, column = self.owner(role), self.columns[role]
@@ -105,6 +127,23 @@ def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
     index = X.index if isinstance(X, pd.DataFrame) and len(X) == len(values) else None
     names = [str(c).removeprefix(MEASURED) for c in here] or [f"zone_{j}" for j in range(values.shape[1])]
     return pd.DataFrame(values, index, names)
+
+
+def temperatures_of(y: Any, X: Any, zones: list[str]) -> pd.DataFrame:
+    """A target as a frame (n, n_zones) of the ``zones`` that were learned, in their order."""
+    T = read_temperatures(y, X)
+    if set(zones) <= set(T.columns):
+        return T[zones]
+    if T.shape[1] != len(zones) or (isinstance(y, pd.DataFrame) and len(zones) > 1):
+        raise ValueError(f"y has the columns {listed(T.columns)}; give one for each of {listed(zones)}.")
+    return T.set_axis(zones, axis=1)
+
+
+def _same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two temperatures (n,) are equal in nearly all rows where both are measured."""
+    both = np.isfinite(one) & np.isfinite(other)
+    equal = both & (np.abs(np.where(both, one - other, np.inf)) <= _ROUNDING)
+    return bool(equal.sum() >= _ALIKE * both.sum() and len(np.unique(other[equal])) >= _ENOUGH_VALUES)
 
 
 def neighbours_of(zones: Sequence[str], adjacency: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
