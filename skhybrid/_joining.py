@@ -11,16 +11,14 @@ import pandas as pd
 
 from ._ranges import check_range
 from ._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
-from ._time import spell
+from ._time import refuse_one_zone, spell
 
 
 def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
     """The stamps of ``future`` in the time zone of ``history``; refused where only one of the two has a zone."""
     if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
         return future
-    if (future.tz is None) != (history.tz is None):
-        past, ahead = names
-        raise ValueError(f"{past} has the time zone {history.tz}, {ahead} {future.tz}; localize the one without.")
+    refuse_one_zone(history, future, names)
     return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
 
 

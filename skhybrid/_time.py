@@ -232,10 +232,20 @@ class Stamps(NamedTuple):
     utc: pd.DatetimeIndex | None
 
 
+def refuse_one_zone(earlier: Any, later: Any, names: tuple[str, str]) -> None:
+    """Refuse stamps of which only one has a time zone: those without would count as UTC, hours off."""
+    zone, other = (getattr(stamps, "tz", None) for stamps in (earlier, later))
+    if (zone is None) != (other is None):
+        raise ValueError(f"{names[0]} has the time zone {zone}, {names[1]} {other}; localize the one without.")
+
+
 def clock_of_training(stamps: Stamps, training: Any) -> pd.DatetimeIndex:
-    """Local times of rows in the zone of an estimator's training span, where both have one; else their own."""
-    zone, own = (getattr(stamp, "tz", None) for stamp in (getattr(training, "first", None), stamps.shown))
-    if zone is None or own is None or stamps.utc is None or str(zone) == str(own):
+    """Local times of rows in the zone of an estimator's training span; refused where only one of them has a zone."""
+    first = getattr(training, "first", None)
+    if isinstance(first, pd.Timestamp) and isinstance(stamps.shown, pd.DatetimeIndex):
+        refuse_one_zone(first, stamps.shown, ("the training table", "X"))
+    zone, own = (getattr(stamp, "tz", None) for stamp in (first, stamps.shown))
+    if zone is None or stamps.utc is None or str(zone) == str(own):
         return stamps.time
     return wall_clock(stamps.utc.tz_convert(zone))
 

@@ -557,3 +557,21 @@ def test_set_points_of_a_zone_hold_in_place_of_shared_ones(rooms):
     model = by_themselves(intervals=False).fit(X[: 6 * DAY], rooms[1][: 6 * DAY])
     held = {zone: one._scheme.rows.training.history["T_heat_set"][0] for zone, one in model.own_.items()}
     assert held == {"kitchen": 19.0, "hall": 21.0, "study": 19.0}
+
+
+def test_rows_with_a_time_zone_do_not_follow_a_training_without_one(two_stages, rooms, later):
+    abroad, y = later.tz_localize("UTC"), rooms[1][N_TRAIN:].tz_localize("UTC")
+    day, model = abroad[:DAY], copy.deepcopy(two_stages)
+    calls = [
+        lambda: model.predict(day),
+        lambda: model.predict_from(day, [3]),
+        lambda: model.score(day, y[:DAY]),
+        lambda: model.forecast(None, day),
+        lambda: model.predict_load(day, 21.0),
+        lambda: model.update(day),
+        lambda: model.partial_fit(day, y[:DAY]),
+        lambda: model.drift(abroad),
+    ]
+    for call in calls:
+        with pytest.raises(ValueError, match="the training table has the time zone None, X UTC; localize the one"):
+            call()

@@ -164,6 +164,60 @@ def test_an_update_by_name_and_without_a_measurement(fitted, X, office):
     assert f"{X.index[0]} to {new.index[-1]} (816 rows of 15 min)" in str(model.summary())
 
 
+# --------------------------------------------------------------------------------------------------- time zones
+def _calls(model, X, y):
+    """Calls of the methods of a model that read a table after ``fit``."""
+    ahead = X[-DAY:]
+    called = {
+        "predict": lambda: model.predict(ahead),
+        "predict_from": lambda: model.predict_from(ahead, [3]),
+        "score": lambda: model.score(ahead, y[-DAY:]),
+        "rolled_origins": lambda: model.rolled_origins(ahead),
+        "predict_quantiles": lambda: model.predict_quantiles(ahead),
+        "predict_load": lambda: model.predict_load(ahead, 21.0),
+        "forecast": lambda: model.forecast(X[: -DAY // 2], X[-DAY // 2 :]),
+        "update": lambda: deepcopy(model).update(ahead, y[-DAY:]),
+        "transform": lambda: model.transform(ahead),
+        "innovations": lambda: model.innovations(ahead),
+        "simulate": lambda: model.simulate(ahead),
+        "with_rows": lambda: model.with_rows(X, y),
+        "drift": lambda: model.drift(X),
+    }
+    called = {name: call for name, call in called.items() if hasattr(model, name)}
+    if hasattr(model, "forecast"):
+        called["forecast(None)"] = lambda: model.forecast(None, ahead)
+    if hasattr(model, "partial_fit"):
+        called["partial_fit"] = lambda: deepcopy(model).partial_fit(ahead, y[-DAY:])
+    return called
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_rows_with_a_time_zone_do_not_follow_a_training_without_one(fitted, X, office, name):
+    """Without a zone stamps would count as UTC, and rows would be joined to a history of other hours."""
+    abroad, y = X.tz_localize("America/Chicago"), office.y.tz_localize("America/Chicago")
+    for called, call in _calls(fitted(name), abroad, y).items():
+        with pytest.raises(ValueError, match="^the training table has the time zone None, X America/Chicago; localize"):
+            call()
+            raise AssertionError(called)
+
+
+@pytest.mark.parametrize("name", ["input", "hybrid", "arx", "forecaster"])
+def test_rows_without_a_time_zone_do_not_follow_a_training_with_one(X, office, name):
+    y = office.heat_gain if name == "forecaster" else office.y
+    abroad, target = X[:-DAY].tz_localize("UTC"), y[:-DAY].tz_localize("UTC")
+    model = clone(MODELS[name]).fit(abroad, target)
+    for called, call in _calls(model, X, y).items():
+        with pytest.raises(ValueError, match="^the training table has the time zone UTC, X None; localize the one"):
+            call()
+            raise AssertionError(called)
+    elsewhere = X.tz_localize("UTC")[-DAY:]
+    np.testing.assert_array_equal(
+        np.isfinite(model.predict(elsewhere.tz_convert("Asia/Tokyo"))), np.isfinite(model.predict(elsewhere))
+    )
+    model.fit(X[:-DAY], y[:-DAY])  # another training may have none
+    model.predict(X[-DAY:])
+
+
 # ------------------------------------------------------------------------------------------------- preprocess=
 def in_the_units_of_the_log(X):
     """A table as a logger wrote it: degF and W/m2."""

@@ -148,7 +148,7 @@ def test_across_daylight_saving_and_in_another_zone(start, office):
     in_utc = X[now : now + DAY].tz_convert("UTC")
     model.partial_fit(in_utc, in_utc["T_za"])
     assert str(model.zeta_.index.tz) == "Europe/Berlin"
-    with pytest.raises(ValueError, match="the known table has the time zone Europe/Berlin, X None"):
+    with pytest.raises(ValueError, match="the training table has the time zone Europe/Berlin, X None"):
         model.update(X[now + DAY : now + DAY + 1].tz_localize(None))
 
 

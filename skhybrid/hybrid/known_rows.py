@@ -120,7 +120,7 @@ class KnownRows:
         """A table or a target in the time zone of these rows."""
         if not isinstance(data, pd.DataFrame | pd.Series):
             return data
-        stamps = in_zone_of(data.index, self.latest.index, ("the known table", "X"))
+        stamps = in_zone_of(data.index, self.latest.index, ("the training table", "X"))
         return data if stamps is data.index else data.set_axis(stamps)
 
     def with_own_clock(self, table: ZoneTable) -> ZoneTable:
