@@ -82,9 +82,10 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         -------
         ndarray of shape (n_samples,), float64
             One column per measured node where there are several.  With ``horizon=None`` the rows are simulated from
-            the first one on; otherwise there is an origin at the start of each local day (and of each
-            ``origin_step``).  A first row without history takes its measured value.  Where the estimator accepts long
-            gaps, each segment is predicted by itself.
+            the first one on.  Otherwise an origin begins every ``origin_step``, by default every ``horizon``, counted
+            in local time from the midnight before the first row: every day with ``"1D"``, every day and a half with
+            ``"36h"``.  A first row without history takes its measured value.  Where the estimator accepts long gaps,
+            each segment is predicted by itself.
         """
         check_is_fitted(self)
         segments = self._read_X(X).segments
@@ -155,9 +156,8 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
 
     def _rolled_origins(self, segment: ZoneTable, n_tail: int) -> tuple[np.ndarray, np.ndarray]:
         """Rows of a segment that are origins of ``predict``, and the number of rows that each of them covers."""
+        self._check_spans(segment.step)  # which may have been set since ``fit``
         origins = origin_rows(segment.time, self.horizon, getattr(self, "origin_step", None), segment.step)
-        if self.horizon is not None:
-            rows_of(self.horizon, segment.step)  # refuses a horizon that is no multiple of the step
         if n_tail:  # the row before the segment is an origin too: it forecasts the first row
             past = [segment.history[role] for role in self._past_roles() if role in segment.history]
             measured = any(np.isfinite(values).any() for values in past)
@@ -210,11 +210,14 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
             )
 
     def _check_spans(self, step: pd.Timedelta) -> None:
-        """Refuse a horizon or an ``origin_step`` that is not a multiple of the step."""
-        for name in ("horizon", "origin_step"):
-            span = getattr(self, name, None)
-            if span is not None:
-                rows_of(span, step, name)
+        """Refuse spans that are no multiples of the step, or an ``origin_step`` that leaves rows beyond the horizon."""
+        spans = {name: getattr(self, name, None) for name in ("horizon", "origin_step")}
+        rows = {name: rows_of(span, step, name) for name, span in spans.items() if span is not None}
+        if len(rows) == 2 and rows["origin_step"] > rows["horizon"]:
+            raise ValueError(
+                f"origin_step={spans['origin_step']!r} is longer than horizon={self.horizon!r}, so predict would reach "
+                "beyond the horizon; give a shorter origin_step, or leave it out."
+            )
 
     def _leads_of_horizon(self, step: pd.Timedelta) -> int:
         """Number of rows of the horizon, or of one day where it is None."""

@@ -8,7 +8,7 @@ import pytest
 from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
 
-from skhybrid import GrayBoxRC
+from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor
 from skhybrid._rolling import RollingForecastMixin
 from skhybrid._table import read_table
 from skhybrid.datasets import make_office
@@ -139,6 +139,27 @@ def test_a_horizon_that_is_no_multiple_of_the_step_is_refused(office):
         gray_box(office).set_params(horizon="20min").predict(office.X)
     with pytest.raises(ValueError, match="origin_step='20min' is not a positive multiple"):
         gray_box(office, horizon="1D", origin_step="20min").predict(office.X)
+
+
+def test_an_origin_step_longer_than_the_horizon_is_refused(office):
+    """``predict`` forecasts every row from the last origin, so that it would reach beyond the horizon in silence."""
+    message = "origin_step='1D' is longer than horizon='6h', so predict would reach beyond the horizon; give"
+    for model in (ARXRegressor(horizon="6h", origin_step="1D"), HybridPredictor(horizon="6h", origin_step="1D")):
+        with pytest.raises(ValueError, match=message):
+            model.fit(office.X, office.y)
+    model = gray_box(office, horizon="6h")
+    _, counts = model.rolled_origins(office.X)
+    assert counts.max() <= 24
+    with pytest.raises(ValueError, match=message):
+        model.set_params(origin_step="1D").predict(office.X)
+    gray_box(office, horizon="6h", origin_step="6h")
+    gray_box(office, horizon=None, origin_step="1D")  # a simulation has one origin
+
+
+def test_origins_of_a_day_and_a_half_are_counted_from_midnight(office):
+    X = office.X[20:]  # from 05:00 on
+    origins, _ = gray_box(office, X, office.y[20:], horizon="36h").rolled_origins(X.assign(T_za=np.nan))
+    assert list(X.index[origins[1:]] - X.index[0].normalize()) == [pd.Timedelta("36h"), pd.Timedelta("72h")]
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or local dates, which count as
         Sundays.
     origin_step : timedelta-like, optional
-        Distance of origins in ``predict``; default ``horizon``.
+        Distance of origins in ``predict``, at most ``horizon``, which is the default.
     max_missing : float, default 0.5
         Largest share of missing temperatures in ``y``.
     objective : {"one_step", "multi_step"}, default "one_step"

@@ -57,7 +57,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     random_state : int, RandomState or None, default None
     learning_rate : float, default 0.06
     origin_step : timedelta-like, optional
-        Distance of origins in ``predict``; default ``horizon``.
+        Distance of origins in ``predict``, at most ``horizon``, which is the default.
     max_missing : float, default 0.5
         Largest share of missing temperatures in ``y``.
 

@@ -78,7 +78,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Share of the rows up to the last measured one, at their end, on whose error training stops; a gap of one horizon
         lies before them.
     origin_step : timedelta-like, optional
-        Distance of origins in ``predict``; default ``horizon``.
+        Distance of origins in ``predict``, at most ``horizon``, which is the default.
     max_missing : float, default 0.5
         Largest share of missing values in ``y``.
     n_repeats : int, default 1

@@ -68,7 +68,7 @@ shared_docs = docs_from(
         """,
         "origins": """
         origin_step : timedelta-like, optional
-            Distance of forecast origins; default = ``horizon``.
+            Distance of forecast origins, at most ``horizon``, which is the default.
         max_missing : float, default=0.5
             Highest share of missing measurements.
         """,

@@ -36,7 +36,7 @@ _BLOCKS = {
     verbose : int, default=0
         1 shows a progress bar.
     origin_step : timedelta-like, optional
-        Distance of forecast origins; default = ``horizon``.
+        Distance of forecast origins, at most ``horizon``, which is the default.
     max_missing : float, default=0.5
         Highest share of missing measurements.
     priors : dict of parameter to prior, optional
