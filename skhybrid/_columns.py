@@ -49,7 +49,8 @@ def is_plant(role: object) -> bool:
     return str(role).startswith(("u_", "Q_"))
 
 
-def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
+def checked_columns(columns: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The parameter ``columns``, which maps roles to columns; empty where it is None."""
     if columns is not None and not isinstance(columns, Mapping):
         raise ValueError(f"columns={columns!r} must be a mapping of roles to columns, such as {{'T_oa': 'outdoor'}}.")
     columns = dict(columns or {})
@@ -63,7 +64,7 @@ def _known_roles(columns: Mapping[str, Any] | None) -> dict[str, Any]:
 
 def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
     """The column of each role in a frame."""
-    columns = _known_roles(columns)
+    columns = checked_columns(columns)
     for role, column in columns.items():
         if column is not None and column not in X.columns:
             raise ValueError(f"columns= gives {role!r} the column {column!r}, but X has {listed(X.columns)}.")
@@ -107,7 +108,7 @@ def missing_roles(required: Iterable[str], columns: Mapping[str, Any], present: 
 def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> dict[str, int]:
     """The position of each role in an array."""
     roles: dict[str, int] = {("T_oa", "q_sol")[j] if j < 2 else f"u_{j}": j for j in range(n_columns)}
-    for role, j in _known_roles(columns).items():
+    for role, j in checked_columns(columns).items():
         if j is None:
             roles.pop(role, None)
             continue

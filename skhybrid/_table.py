@@ -29,6 +29,7 @@ from ._columns import (
 from ._columns import ROLES as ROLES
 from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
+from ._columns import checked_columns as checked_columns
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns
 from ._columns import is_history as is_history

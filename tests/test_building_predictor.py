@@ -334,6 +334,10 @@ def test_names_of_zones(rooms):
         (lambda X, y, m: (X, y.to_numpy()[:, :2], m), "y has 2 columns, X 3"),
         (lambda X, y, m: (X, y, m.set_params(estimator=TwoStagePredictor(), adjacency=DOORS)), "two-stage"),
         (lambda X, y, m: (X, y, m.set_params(estimator=object())), "must be a hybrid predictor"),
+        (
+            lambda X, y, m: (X, y, m.set_params(estimator=HybridPredictor(columns=["T_oa"]))),
+            r"^columns=\['T_oa'\] must be a mapping of roles to columns",
+        ),
     ],
 )
 def test_what_cannot_be_right_is_refused(rooms, change, message):

@@ -161,6 +161,12 @@ def test_missing_role_names_the_role_and_the_columns(office):
 def test_columns_that_cannot_be(office, columns, message):
     with pytest.raises(ValueError, match=message):
         gray_box(office, columns=columns)
+    for model in (HybridPredictor(columns=columns), SchedulePredictor(columns=columns)):
+        with pytest.raises(ValueError, match=message):
+            model.fit(office.X, office.y)
+    gray = TwoStagePredictor(GrayBoxRC(columns=columns, known=office.theta), DisturbanceForecaster("profile"))
+    with pytest.raises(ValueError, match=message):
+        gray.fit(office.X, office.y)
 
 
 @pytest.mark.parametrize(

@@ -195,10 +195,9 @@ def _calls(model, X, y):
 def test_rows_with_a_time_zone_do_not_follow_a_training_without_one(fitted, X, office, name):
     """Without a zone stamps would count as UTC, and rows would be joined to a history of other hours."""
     abroad, y = X.tz_localize("America/Chicago"), office.y.tz_localize("America/Chicago")
-    for called, call in _calls(fitted(name), abroad, y).items():
-        with pytest.raises(ValueError, match="^the training table has the time zone None, X America/Chicago; localize"):
+    for call in _calls(fitted(name), abroad, y).values():
+        with pytest.raises(ValueError, match=r"^the training table has the time zone None, X America/Chicago; local"):
             call()
-            raise AssertionError(called)
 
 
 @pytest.mark.parametrize("name", ["input", "hybrid", "arx", "forecaster"])
@@ -206,10 +205,9 @@ def test_rows_without_a_time_zone_do_not_follow_a_training_with_one(X, office, n
     y = office.heat_gain if name == "forecaster" else office.y
     abroad, target = X[:-DAY].tz_localize("UTC"), y[:-DAY].tz_localize("UTC")
     model = clone(MODELS[name]).fit(abroad, target)
-    for called, call in _calls(model, X, y).items():
-        with pytest.raises(ValueError, match="^the training table has the time zone UTC, X None; localize the one"):
+    for call in _calls(model, X, y).values():
+        with pytest.raises(ValueError, match=r"^the training table has the time zone UTC, X None; localize the"):
             call()
-            raise AssertionError(called)
     elsewhere = X.tz_localize("UTC")[-DAY:]
     np.testing.assert_array_equal(
         np.isfinite(model.predict(elsewhere.tz_convert("Asia/Tokyo"))), np.isfinite(model.predict(elsewhere))

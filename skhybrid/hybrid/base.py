@@ -18,6 +18,7 @@ from .._table import (
     UNLIMITED,
     ZoneTable,
     append_tables,
+    checked_columns,
     read_table,
     read_target,
     refuse_other_clock,
@@ -90,6 +91,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             has several measured nodes.
         """
         self._check_adapt()
+        checked_columns(self._reading()["columns"])
         scheme = self._make_scheme()
         network = scheme.network
         self.preprocess_ = fit_preprocess(self.preprocess, X, y)

@@ -10,7 +10,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import clone
 
-from .._table import listed
+from .._table import checked_columns, listed
 from ..thermal import RCNetwork, get_network, room_network
 from .base import NetworkIdentifier
 from .experiment import temperatures_by_role
@@ -70,7 +70,7 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
         raise ValueError(f"the network {network.name} has no zones; make it by thermal.building_network.")
     if not isinstance(X, pd.DataFrame):
         raise ValueError("X must be a DataFrame; a room's columns are found by name.")
-    roles = {column: role for role, column in dict(estimator.columns or {}).items()}
+    roles = {column: role for role, column in checked_columns(estimator.columns).items()}
     read = {column: roles.get(column, column) for column in X.columns}
     _refuse_what_rooms_cannot_tell(network, read.values())
     names = dict(zip(network.measured_names, network.history_roles, strict=True))

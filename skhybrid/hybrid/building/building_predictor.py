@@ -15,7 +15,7 @@ from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..._summary import SummaryMixin
-from ..._table import ZoneTable, as_numbers, read_array
+from ..._table import ZoneTable, as_numbers, checked_columns, read_array
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user
@@ -148,7 +148,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     def _prepared(self, X: Any) -> Any:
         names = dict.fromkeys([*getattr(self.preprocess_, "feature_names_in_", ()), *getattr(X, "columns", ())])
-        role_of = {column: role for role, column in (getattr(self.estimator, "columns", None) or {}).items()}
+        role_of = {column: role for role, column in checked_columns(getattr(self.estimator, "columns", None)).items()}
         return preprocessed(self.preprocess_, X, [n for n in names if str(role_of.get(n, n)).startswith("T_za")])
 
     def _neighbours(self, T: pd.DataFrame, by_itself: bool, named: bool) -> dict[str, tuple[str, ...]]:
