@@ -88,8 +88,11 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
             each segment is predicted by itself.
         """
         check_is_fitted(self)
-        segments = self._read_X(X).segments
-        return np.concatenate([self._roll(segment, self._forecast, self._cold_value) for segment in segments])
+        return self._predicted(self._read_X(X))
+
+    def _predicted(self, table: ZoneTable) -> np.ndarray:
+        """The forecasts of :meth:`predict`."""
+        return np.concatenate([self._roll(part, self._forecast, self._cold_value) for part in table.segments])
 
     @one_blas_thread
     def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
@@ -111,6 +114,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         """
         return self._paths_from(X, origins, horizon, self._forecast, ())
 
+    @one_blas_thread
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
         """Coefficient of determination of :meth:`predict`; rows without a measurement are left out.
 
@@ -123,7 +127,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         """
         check_is_fitted(self)
         table = self._read_X(X)
-        predicted = self.predict(table)
+        predicted = self._predicted(table)
         measured = self._read_target(y, table)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]

@@ -248,6 +248,7 @@ def test_every_method_of_a_predictor_works_after_a_transformer(fitted, office, X
     pd.testing.assert_frame_equal(model.predict_load(raw, 21.0), plain.predict_load(ahead, 21.0))
     new, other = deepcopy(model).update(log[-DAY:-9]), deepcopy(plain).update(X[-DAY:-9])
     np.testing.assert_allclose(new.predict(log[-9:]), other.predict(X[-9:]), atol=1e-8)
+    assert new.score(log[-9:], office.y[-9:]) == pytest.approx(other.score(X[-9:], office.y[-9:]))
     assert model.get_params()["preprocess__gapfiller__max_gap"] == "1h"
     with pytest.raises(ValueError, match="X has no column 'q_sol', which preprocess= was fitted on"):
         model.predict(raw.drop(columns="q_sol"))
