@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy import sparse
+from sklearn.utils import check_array, column_or_1d
 
 from ._warnings import warn_user
 from .exceptions import RoleWarning
@@ -120,6 +121,20 @@ def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> di
     return roles
 
 
+def as_pandas(data: Any, label: str = "X") -> Any:
+    """A frame or series of polars, pyarrow and others as one of pandas, whose columns have names; else as it is."""
+    if isinstance(data, pd.DataFrame | pd.Series) or not hasattr(data, "to_pandas"):
+        return data
+    try:
+        return data.to_pandas()
+    except Exception as error:  # each library has errors of its own; polars needs pyarrow
+        kind = f"{type(data).__module__.partition('.')[0]} {type(data).__name__}"
+        why = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
+        raise ValueError(
+            f"{label} is a {kind} that cannot be converted to pandas ({why}); install pyarrow, or give pandas."
+        ) from None
+
+
 def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
     """A column as float64, NaN where missing."""
     label = f"column {column.name!r}" if label is None else label
@@ -166,6 +181,22 @@ def unmasked(values: Any, label: str) -> Any:
 def as_numbers(values: Any, label: str) -> np.ndarray:
     """Values as float64, NaN where a mask hides them; refused where they are times, words or rows of unequal length."""
     return _floats(unmasked(values, label), label)
+
+
+def target_numbers(y: Any) -> np.ndarray:
+    """(n_samples,) float64 copy of a target, NaN where missing or masked."""
+    if isinstance(y, pd.DataFrame) and y.shape[1] == 1:
+        y = y.iloc[:, 0]
+    if isinstance(y, pd.Series):
+        y = numeric(y, "y")
+    y = unmasked(y, "y")
+    checked = check_array(y, ensure_2d=False, dtype=None, ensure_all_finite=False, ensure_min_samples=0, input_name="y")
+    if np.iscomplexobj(checked):
+        raise ValueError("Complex data not supported: y must be real.")
+    try:
+        return column_or_1d(checked, warn=True).astype(np.float64, copy=True)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"y is not numeric ({error}); convert it to float first.") from None
 
 
 def _floats(values: Any, label: str) -> np.ndarray:
@@ -240,6 +271,7 @@ def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
 
 def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
     """A frame whose columns ``names`` are 0 where they are absent or missing to the end, and the first such row."""
+    X = as_pandas(X)
     if not isinstance(X, pd.DataFrame) or not X.columns.is_unique:
         return X, np.inf
     filled, n_known = X.copy(deep=False), np.inf

@@ -75,7 +75,7 @@ def refuse_no_frames(history: Any, future: Any) -> None:
     """Refuse a history or rows ahead that are not tables, or have no rows."""
     for name, rows in (("history", history), ("future", future)):
         if not isinstance(rows, pd.DataFrame | ZoneTable) and (name == "future" or rows is not None):
-            raise ValueError(f"{name} is a {type(rows).__name__}; give a DataFrame with time stamps.")
+            raise ValueError(f"{name} is a {type(rows).__name__}; give a pandas DataFrame with time stamps.")
     if (history is not None and not len(history.index)) or not len(future.index):
         raise ValueError("history and future need at least one row each.")
 

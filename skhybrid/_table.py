@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_array, column_or_1d
 from sklearn.utils.validation import validate_data
 
 from ._columns import (
@@ -25,10 +24,12 @@ from ._columns import (
     read_history,
     read_input,
     roles_as_fitted,
+    target_numbers,
 )
 from ._columns import ROLES as ROLES
 from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
+from ._columns import as_pandas as as_pandas
 from ._columns import checked_columns as checked_columns
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns
@@ -262,6 +263,7 @@ def read_array(estimator: Any, X: Any, **checks: Any) -> np.ndarray:
 
 def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timedelta | None]) -> ZoneTable:
     """Parse the frame or array of a caller; once per public call."""
+    given, X = X, as_pandas(X)
     if isinstance(X, pd.DataFrame):
         refuse_shape(X, wanted.min_rows)
         by_role = _columns_by_name(estimator, X, wanted)
@@ -278,7 +280,8 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
         values = {role: array[:, j] for role, j in chosen.items()}
         names = {role: str(j) for role, j in chosen.items()}
         index, named = pd.RangeIndex(len(array)), bool(wanted.columns)
-    step, time, utc, breaks = read_index(index, *steps, wanted.gaps, X if isinstance(X, pd.DataFrame) else None)
+    shown = (X, "X" if X is given else "X.to_pandas()") if isinstance(X, pd.DataFrame) else (None,)
+    step, time, utc, breaks = read_index(index, *steps, wanted.gaps, *shown)
     past = wanted.history_roles & set(values)
     history = {role: read_history(v, names[role], index) for role, v in values.items() if role in past}
     inputs = {
@@ -343,7 +346,8 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str |
     """
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
-    target = _numbers(y)
+    y = as_pandas(y, "y")
+    target = target_numbers(y)
     if len(target) != table.n_rows:
         raise ValueError(
             f"Found input variables with inconsistent numbers of samples: X has {table.n_rows} rows, y {len(target)}."
@@ -363,26 +367,11 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str |
     return target
 
 
-def _numbers(y: Any) -> np.ndarray:
-    """(n_samples,) float64 copy of a target, NaN where missing or masked."""
-    if isinstance(y, pd.DataFrame) and y.shape[1] == 1:
-        y = y.iloc[:, 0]
-    if isinstance(y, pd.Series):
-        y = numeric(y, "y")
-    y = unmasked(y, "y")
-    checked = check_array(y, ensure_2d=False, dtype=None, ensure_all_finite=False, ensure_min_samples=0, input_name="y")
-    if np.iscomplexobj(checked):
-        raise ValueError("Complex data not supported: y must be real.")
-    try:
-        return column_or_1d(checked, warn=True).astype(np.float64, copy=True)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"y is not numeric ({error}); convert it to float first.") from None
-
-
 def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missing: Any = 0.5) -> np.ndarray:
     """(n_samples,) target of one role or (n_samples, n_roles), by role from a frame; see :func:`read_target`."""
     if len(roles) == 1 or y is None:
         return read_target(y, table, max_missing=max_missing, role=roles[0])
+    y = as_pandas(y, "y")
     frame = y if isinstance(y, pd.DataFrame) else pd.DataFrame(as_numbers(y, "y"))
     named = isinstance(y, pd.DataFrame) and set(roles) <= set(frame.columns)
     if not named and frame.shape[1] != len(roles):

@@ -25,11 +25,17 @@ _STAMPS = (
 
 
 def read_index(
-    index: pd.Index, sampling_time: Any, expected: pd.Timedelta | None, gaps: bool = False, X: Any = None
+    index: pd.Index,
+    sampling_time: Any,
+    expected: pd.Timedelta | None,
+    gaps: bool = False,
+    X: Any = None,
+    name: str = "X",
 ) -> tuple[pd.Timedelta, pd.DatetimeIndex, pd.DatetimeIndex | None, tuple[int, ...]]:
     """Step, local wall clock, stamps in UTC and first rows of the segments; without ``gaps`` there is one segment.
 
-    An index without stamps, or of one row, needs a given or an expected step; a column of ``X`` may hold stamps.
+    An index without stamps, or of one row, needs a given or an expected step; a column of ``X``, which messages call
+    ``name``, may hold stamps.
     """
     given = None if sampling_time is None else positive_duration(sampling_time, "sampling_time")
     if given is not None and given < _FINEST:
@@ -38,7 +44,7 @@ def read_index(
         _refuse_disorder(index)
         step = given or expected
         if step is None:
-            raise ValueError(f"X has no time stamps; {_STAMPS if X is None else _how_to_stamp(X)}.")
+            raise ValueError(f"X has no time stamps; {_STAMPS if X is None else _how_to_stamp(X, name)}.")
         time = pd.DatetimeIndex(ASSUMED_START + np.arange(len(index)) * step)
         return step, time, None, (0,)
     if index.hasnans:
@@ -125,13 +131,14 @@ def _looks_like_time(index: pd.Index) -> bool:
         return bool(pd.to_datetime(index[:3].astype(str), errors="coerce", utc=True).notna().all())
 
 
-def _how_to_stamp(X: pd.DataFrame) -> str:
+def _how_to_stamp(X: pd.DataFrame, name: str) -> str:
     """A remedy for a frame without time stamps, by its column that holds them where there is one."""
     for column in X:
         values = X[column].dropna()
         text = values.dtype == object or isinstance(values.dtype, pd.StringDtype)
         if values.dtype.kind == "M" or (text and len(values) and _looks_like_time(pd.Index(values[:3]))):
-            parsed = "X" if values.dtype.kind == "M" else f"X.assign(**{{{column!r}: pd.to_datetime(X[{column!r}])}})"
+            parse = f".assign(**{{{column!r}: pd.to_datetime({name}[{column!r}])}})"
+            parsed = name if values.dtype.kind == "M" else name + parse
             return f"its column {column!r} holds them, so give {parsed}.set_index({column!r})"
     return _STAMPS
 

@@ -563,6 +563,19 @@ def test_set_points_of_a_zone_hold_in_place_of_shared_ones(rooms):
     assert held == {"kitchen": 19.0, "hall": 21.0, "study": 19.0}
 
 
+def test_tables_of_other_libraries_are_read_by_name(two_stages, rooms, later):
+    pa = pytest.importorskip("pyarrow")
+    X, y = rooms[0][:N_TRAIN], rooms[1][:N_TRAIN]
+    turned = pa.table(y[[*ZONES[::-1]]])
+    model = by_themselves().fit(pa.table(X), turned)
+    assert set(model.zones_) == set(ZONES)
+    pd.testing.assert_frame_equal(
+        model.predict(pa.table(later))[[*ZONES]], two_stages.predict(later), check_freq=False, rtol=1e-9
+    )
+    model.update(pa.table(later[:DAY].drop(columns=T_OF)), pa.table(rooms[1][N_TRAIN:][:DAY]))
+    assert model.known_until_ == copy.deepcopy(two_stages).update(later[:DAY]).known_until_
+
+
 def test_rows_with_a_time_zone_do_not_follow_a_training_without_one(two_stages, rooms, later):
     abroad, y = later.tz_localize("UTC"), rooms[1][N_TRAIN:].tz_localize("UTC")
     day, model = abroad[:DAY], copy.deepcopy(two_stages)

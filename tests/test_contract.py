@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from joblib import Parallel, delayed
+from sklearn import config_context
 from sklearn.base import BaseEstimator, clone
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.impute import SimpleImputer
@@ -17,6 +18,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import (
     ARXRegressor,
+    BuildingPredictor,
     DisturbanceForecaster,
     GrayBoxRC,
     HybridPredictor,
@@ -116,6 +118,70 @@ def test_roles_of_an_array():
     assert table.time[0] == ASSUMED_START
     assert read(np.zeros((8, 2)), sampling_time="1h").step == pd.Timedelta("1h")
     assert read(np.zeros((8, 2)), expected_step=pd.Timedelta("5min"), sampling_time=None).step == pd.Timedelta("5min")
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_frames_of_other_libraries_have_columns_by_name(office, stamped):
+    """An Arrow table was fitted by position, with the sun as the outdoor temperature, and predicted by name."""
+    pa = pytest.importorskip("pyarrow")
+    X, y = office.X[["q_sol", "T_oa", "u_heat", "u_cool", "T_za"]], office.y
+    if not stamped:
+        X, y = X.reset_index(drop=True), y.reset_index(drop=True)
+    tables = pa.table(X), pa.table(X[:50]), pa.chunked_array([y])  # an index of stamps goes with the table
+    step = {"sampling_time": "15min"}
+    for model in (
+        GrayBoxRC(known=office.theta, **step),
+        ARXRegressor(**step),
+        DisturbanceForecaster("profile", **step),
+        TwoStagePredictor(
+            GrayBoxRC(known=office.theta), DisturbanceForecaster("profile"), preprocess=GapFiller(**step), **step
+        ),
+    ):
+        expected = clone(model).fit(X, y).predict(X[:50])
+        by_arrow = model.fit(tables[0], tables[2])
+        assert list(by_arrow.feature_names_in_) == list(X)
+        np.testing.assert_array_equal(by_arrow.predict(tables[1]), expected)
+        np.testing.assert_array_equal(by_arrow.predict(X[:50]), expected)
+        if not isinstance(model, DisturbanceForecaster):
+            assert by_arrow.score(tables[1], tables[2][:50]) == by_arrow.score(X[:50], y[:50])
+
+
+def test_transformers_convert_frames_of_other_libraries(office):
+    pa = pytest.importorskip("pyarrow")
+    given = pa.table(office.X)
+    for step in (GapFiller(), UnitConverter({"T_oa": "K"})):
+        pd.testing.assert_frame_equal(step.fit_transform(given), step.fit_transform(office.X), check_freq=False)
+    with pytest.raises(ValueError, match=r"its column 'when' holds them, so give X.to_pandas\(\).set_index\('when'\)"):
+        ARXRegressor().fit(pa.table(office.X.reset_index(names="when")), office.y.to_numpy())
+
+
+class Unconvertible:
+    """A frame whose library needs another one to convert it."""
+
+    def __len__(self):
+        return 384
+
+    def to_pandas(self):
+        raise ModuleNotFoundError("pa.Table requires 'pyarrow' module to be installed\nsee the manual")
+
+
+@pytest.mark.parametrize("model", [GrayBoxRC(), ARXRegressor(), HybridPredictor(), GapFiller(), BuildingPredictor()])
+def test_a_frame_that_cannot_be_converted_is_refused(model, office):
+    words = r"X is a \w+ Unconvertible that cannot be converted to pandas \(pa.Table requires 'pyarrow' module to"
+    with pytest.raises(ValueError, match=words):
+        model.fit(Unconvertible(), office.y)
+    if not isinstance(model, GapFiller):
+        with pytest.raises(ValueError, match=r"^(zone 'zone_0': )?y is a \w+ Unconv.*; install pyarrow, or give"):
+            model.fit(office.X, Unconvertible())
+
+
+def test_a_pipeline_may_pass_on_polars_frames(office):
+    pytest.importorskip("polars")
+    X, y = office.X.reset_index(drop=True), office.y.to_numpy()
+    model = make_pipeline(UnitConverter({"T_oa": "degC"}), ARXRegressor(sampling_time="15min"))
+    expected = clone(model).fit(X, y).predict(X[:50])
+    with config_context(transform_output="polars"):
+        np.testing.assert_array_equal(model.fit(X, y).predict(X[:50]), expected)
 
 
 def test_other_columns_are_left_alone():

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from .._table import ZoneTable, read_table
+from .._table import ZoneTable, as_pandas, read_table
 from .features import plant_roles
 
 _INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
@@ -16,7 +16,7 @@ _WEATHER = re.compile(r"(T_oa|q_sol(_\w+)?)\Z")
 
 def read_weather(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
     """Read weather and history, and the plant where the forecaster's ``case_`` asks for it."""
-    case = forecaster.case_
+    X, case = as_pandas(X), forecaster.case_
     wanted = set(case.features) if case is not None else set()
     modes = bool(wanted & {"i_heat", "i_cool"})
     table = _read(

@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from .._table import as_pandas
+
 
 def fit_preprocess(given: Any, X: Any, y: Any) -> Any:
     """A fitted clone of a transformer, or None; its output keeps index and names where it can."""
     if given is None:
         return None
-    step = clone(given)
+    step, X = clone(given), as_pandas(X)
     if isinstance(X, pd.DataFrame) and hasattr(step, "set_output"):
         step.set_output(transform="pandas")
     return step.fit(X, y)
@@ -25,6 +27,7 @@ def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:
 
     The columns ``past`` are measurements: they may be absent, and what is missing in them stays missing.
     """
+    X = as_pandas(X)
     if step is None:
         return X
     if not isinstance(X, pd.DataFrame):

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._calendar import clock_hour
-from .._table import ZoneTable, listed, read_targets
+from .._table import ZoneTable, as_pandas, listed, read_targets
 from ..thermal import RCNetwork
 
 
@@ -56,7 +56,7 @@ class Experiment(NamedTuple):
 
 def read_outputs(y: Any, table: ZoneTable, network: RCNetwork, *, max_missing: Any) -> np.ndarray:
     """(N,) measured temperature, or (N, o) by the names of roles or nodes from a frame, by order from an array."""
-    roles = network.history_roles
+    roles, y = network.history_roles, as_pandas(y, "y")
     if isinstance(y, pd.DataFrame) and len(roles) > 1 and any(isinstance(column, str) for column in y.columns):
         y = temperatures_by_role(y, dict(zip(network.measured_names, roles, strict=True)))
     return read_targets(y, table, roles, max_missing=max_missing)

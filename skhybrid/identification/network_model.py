@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
 from .._rolling import checked_origins
-from .._table import ZoneTable, as_numbers, is_plant
+from .._table import ZoneTable, as_numbers, as_pandas, is_plant
 from .._threads import one_blas_thread
 from ..control import Plant
 from ..filtering import simulate_path
@@ -156,6 +156,7 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
             Without ``T_za`` the disturbance is what the model expects without measurements.
         """
         check_is_fitted(self)
+        X = as_pandas(X)
         zeta = self._zeta(self._read_X(X), "input")
         columns = dict(zip(self._zeta_names(), zeta.T, strict=True))
         if isinstance(X, ZoneTable):

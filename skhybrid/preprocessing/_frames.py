@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._table import HISTORY_ROLES, read_array, refuse_infinite_columns, refuse_shape, role_of
+from .._table import HISTORY_ROLES, as_pandas, read_array, refuse_infinite_columns, refuse_shape, role_of
 from .._transaction import unchanged_on_failure
 
 
@@ -54,7 +54,8 @@ class TableTransformer(TransformerMixin, BaseEstimator):
 
 
 def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
-    """Return a frame as it is, its names checked, and anything else as a float64 array; NaN is allowed, inf is not."""
+    """Return a frame, its names checked, and anything else as a float64 array; NaN is allowed, inf is not."""
+    X = as_pandas(X)
     if not isinstance(X, pd.DataFrame):
         values = read_array(estimator, X, reset=reset, ensure_all_finite=False, copy=True)
         refuse_infinite_columns(values)

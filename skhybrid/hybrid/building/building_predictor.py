@@ -15,7 +15,7 @@ from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..._summary import SummaryMixin
-from ..._table import ZoneTable, as_numbers, checked_columns, read_array
+from ..._table import ZoneTable, as_numbers, as_pandas, checked_columns, read_array
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user
@@ -117,7 +117,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         template = HybridPredictor() if self.estimator is None else self.estimator
         if not isinstance(template, BaseHybrid):
             raise ValueError(f"estimator={template!r} must be a hybrid predictor; give a HybridPredictor or None.")
-        X = self._read(X, reset=True)
+        X, y = self._read(X, reset=True), as_pandas(y, "y")
         check_consistent_length(X, y)
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
         X = self._prepared(X)
@@ -140,7 +140,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         return self
 
     def _read(self, X: Any, *, reset: bool = False) -> Any:
-        if not isinstance(X, pd.DataFrame):
+        if not isinstance(X := as_pandas(X), pd.DataFrame):
             return read_array(self, X, reset=reset, ensure_all_finite=False)
         if reset:
             validate_data(self, X, skip_check_array=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..._last_known import carried_forward
-from ..._table import SETPOINT_ROLES, as_numbers, is_plant, listed, numeric, role_of
+from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, is_plant, listed, numeric, role_of
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
@@ -115,6 +115,7 @@ def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
     """A target as a frame (n, n_zones) by zone; an array's columns are named as those of X in order, or numbered."""
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
+    y = as_pandas(y, "y")
     if isinstance(y, pd.DataFrame):
         return y.set_axis([str(c).removeprefix(MEASURED) for c in y.columns], axis=1)
     if isinstance(y, pd.Series):
@@ -134,7 +135,7 @@ def temperatures_of(y: Any, X: Any, zones: list[str]) -> pd.DataFrame:
     T = read_temperatures(y, X)
     if set(zones) <= set(T.columns):
         return T[zones]
-    if T.shape[1] != len(zones) or (isinstance(y, pd.DataFrame) and len(zones) > 1):
+    if T.shape[1] != len(zones) or (hasattr(y, "columns") and len(zones) > 1):
         raise ValueError(f"y has the columns {listed(T.columns)}; give one for each of {listed(zones)}.")
     return T.set_axis(zones, axis=1)
 
