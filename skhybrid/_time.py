@@ -13,7 +13,7 @@ import pandas as pd
 
 #: a jump over missing rows divides a table into segments from this length on; a shorter one is an error of the log
 SHORTEST_GAP = pd.Timedelta("3h")
-#: assumed start of a table without time stamps [local wall clock], a Monday
+#: assumed time of row 0 where there are no time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _HOUR = pd.Timedelta("1h")
 _FINEST = pd.Timedelta("1s")  # no building is logged more often
@@ -45,8 +45,7 @@ def read_index(
         step = given or expected
         if step is None:
             raise ValueError(f"X has no time stamps; {_STAMPS if X is None else _how_to_stamp(X, name)}.")
-        time = pd.DatetimeIndex(ASSUMED_START + np.arange(len(index)) * step)
-        return step, time, None, (0,)
+        return step, assumed_clock(index, step), None, (0,)
     if index.hasnans:
         raise ValueError(f"the index holds NaT at row {int(np.argmax(index.isna()))}; every row needs a time stamp.")
     utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
@@ -62,6 +61,15 @@ def read_index(
             "resample with skhybrid.datasets.regularize."
         )
     return step, wall_clock(index), utc, breaks
+
+
+def assumed_clock(index: pd.Index, step: pd.Timedelta) -> pd.DatetimeIndex:
+    """Local times of rows without stamps; the numbers of consecutive rows tell how far into the week they begin."""
+    first, week = 0, pd.Timedelta("7D").as_unit("ns").value
+    if len(index) and pd.api.types.is_integer_dtype(index) and index[-1] - index[0] == len(index) - 1:
+        first = int(index[0])
+    begin = pd.Timedelta(first * step.as_unit("ns").value % week, unit="ns").as_unit(step.unit)
+    return pd.DatetimeIndex(ASSUMED_START + begin + np.arange(len(index)) * step)
 
 
 def zone_name(tz: tzinfo | None) -> str | None:

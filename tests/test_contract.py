@@ -765,6 +765,65 @@ def test_a_forecast_by_the_hour_needs_stamps_as_the_training_had_them(office):
             model.predict(X[288:].reset_index(drop=True))
 
 
+ON_ROW_NUMBERS = {
+    "gray box": lambda office: PeriodicDisturbanceID(known=office.theta, n_starts=1, horizon="1D"),
+    "arx": lambda office: ARXRegressor(),
+    "schedule": lambda office: HybridPredictor(network="1R1C", intervals=False),
+    "two-stage": lambda office: TwoStagePredictor(
+        GrayBoxRC(known=office.theta), DisturbanceForecaster("profile"), intervals=False
+    ),
+    "forecaster": lambda office: DisturbanceForecaster("profile"),
+}
+
+
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+@pytest.mark.parametrize("name", ON_ROW_NUMBERS)
+def test_row_numbers_tell_the_hour_of_the_day(name):
+    """Rows 709 on were taken to begin on Monday 00:00 again, at other hours than those that were learned."""
+    office = make_office(n_days=9, random_state=0)
+    index = pd.date_range(ASSUMED_START, periods=len(office.X), freq="15min")
+    y = office.heat_gain if name == "forecaster" else office.y
+    X, y = office.X.set_axis(index), y.set_axis(index)
+    stamped = ON_ROW_NUMBERS[name](office).fit(X[40:700], y[40:700])
+    numbered, target = X.reset_index(drop=True), y.reset_index(drop=True)
+    model = ON_ROW_NUMBERS[name](office).set_params(sampling_time="15min").fit(numbered[40:700], target[40:700])
+    np.testing.assert_allclose(model.predict(numbered[709:]), stamped.predict(X[709:]), atol=1e-9)
+    if hasattr(model, "partial_fit"):
+        ahead = [table[720:760].drop(columns="T_za") for table in (X, numbered)]
+        expected = stamped.update(X[700:720]).forecast(None, ahead[0])
+        model.update(numbered[700:720])
+        np.testing.assert_allclose(model.forecast(None, ahead[1]), expected, atol=1e-9)
+    wrong = model.predict(numbered[709:].reset_index(drop=True))  # begins another Monday
+    assert np.nanmax(np.abs(wrong - model.predict(numbered[709:]))) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("index", "begins"),
+    [
+        (pd.RangeIndex(5, 9), "2001-01-01 01:15"),
+        (pd.Index([700, 701], dtype="uint16"), "2001-01-01 07:00"),  # the second Monday
+        (pd.Index([-1, 0, 1]), "2001-01-07 23:45"),
+        (pd.RangeIndex(10**15, 10**15 + 2), None),  # no overflow
+        (pd.Index([6, 8, 10]), "2001-01-01 00:00"),
+        (pd.Index([3.0, 4.0]), "2001-01-01 00:00"),
+        (pd.Index(["c", "d"]), "2001-01-01 00:00"),
+    ],
+)
+def test_row_numbers_count_from_monday(index, begins):
+    table = read(pd.DataFrame({"T_oa": 5.0}, index), sampling_time="15min")
+    assert begins is None or table.time[0] == pd.Timestamp(begins)
+    assert (np.diff(table.time) == QUARTER).all()
+    week = ASSUMED_START + pd.Timedelta("7D")
+    assert ASSUMED_START <= table.time[0] < week
+
+
+def test_a_backtest_on_row_numbers_begins_its_days_at_midnight(office):
+    model = ARXRegressor(sampling_time="15min").fit(office.X[:192].reset_index(drop=True), office.y[:192].to_numpy())
+    X, y = office.X.reset_index(drop=True)[200:], office.y.reset_index(drop=True)[200:]
+    frame = backtest(model, X, y, horizon="6h", origin_step="1D")
+    assert set(frame["origin"]) <= {0, 288 - 200}
+
+
 @pytest.mark.parametrize("n_rows", [2, 3, 6, 20])
 def test_minutes_are_too_few_rows(n_rows, office):
     index = pd.date_range("2023-07-08", periods=n_rows, freq="1min")

@@ -27,10 +27,10 @@ class Steps(NamedTuple):
 
 
 def with_stamps(table: ZoneTable, start: pd.Timestamp) -> ZoneTable:
-    """The table with time stamps, which begin at ``start`` where it had none."""
+    """The table with time stamps, which where it had none are those of its assumed clock from ``start`` on."""
     if table.utc is not None:
         return table
-    index = pd.DatetimeIndex(start + (table.time - table.time[0]))
+    index = pd.DatetimeIndex(start + (table.time - ASSUMED_START))
     return table.replace(index=index, time=index, utc=index.tz_localize("UTC"))
 
 

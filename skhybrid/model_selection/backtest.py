@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
-from .._time import ASSUMED_START, even_step, positive_duration, rows_of, spell, wall_clock
+from .._time import assumed_clock, even_step, positive_duration, rows_of, spell, wall_clock
 from ..forecasting.quantiles import quantile_columns
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
@@ -212,8 +212,8 @@ def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Time
     if given is None:
         raise ValueError("X has no time stamps, and the estimator no sampling_time; give X a DatetimeIndex.")
     sampling = positive_duration(given, "sampling_time")
-    n_rows = _n_rows(X)
-    return pd.RangeIndex(n_rows), pd.DatetimeIndex(ASSUMED_START + np.arange(n_rows) * sampling), sampling
+    rows = pd.RangeIndex(_n_rows(X))
+    return rows, assumed_clock(index if isinstance(index, pd.Index) else rows, sampling), sampling
 
 
 def _n_rows(X: Any) -> int:
