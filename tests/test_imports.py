@@ -17,8 +17,8 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_calendar", "_docs", "_files", "_holidays", "_joining", "_json", "_last_known", "_ranges", "_rolling", "_sqlite",
-    "_summary", "_table", "_threads", "_time", "_transaction", "_warnings", "exceptions",
+    "_arguments", "_calendar", "_docs", "_files", "_holidays", "_joining", "_json", "_last_known", "_ranges",
+    "_rolling", "_sqlite", "_summary", "_table", "_threads", "_time", "_transaction", "_warnings", "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -53,6 +53,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 STRICT = {
     "filtering": set(),
     "exceptions": set(),
+    "_arguments": set(),
     "_calendar": {"_table", "_time"},
     "_docs": set(),
     "_files": set(),

@@ -258,5 +258,13 @@ def test_bounds_of_a_parameter():
     assert p.bounded(None) is p
     with pytest.raises(ValueError, match="both must have the same sign"):
         p.bounded((-3.0, 3.0))
+    for wrong, message in (
+        ((3.0, 9.0), r"bounds of Q_c are \(3, 9\); both must be < 0"),
+        ((-3.0, -3.0), "the lower must be less than the upper"),
+        ("39", "bounds of Q_c are '39'; give two finite numbers"),
+        ((-np.inf, -1.0), "give two finite numbers"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            p.bounded(wrong)
     with pytest.raises(ValueError, match="the lower must be less than the upper"):
         Parameter("x", "-", 2.0, 2.0)

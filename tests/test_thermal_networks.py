@@ -313,8 +313,8 @@ def test_two_stages_are_told_apart():
         (({"za": "C_za"}, {"R_zo": ("za", 5)}), "R_zo needs two ends"),
         (({"za": "C_za"}, {"R_zo": 5}), "R_zo needs two ends"),
         (({"za": "C_za", 1: "C_1"}, {"R_zo": ("za", "T_oa")}), "1 cannot name a node"),
-        ((*LONE, {}, "za", "za", "za", {"C_za": 5.0}), "bounds of C_za are 5.0; give two numbers"),
-        ((*LONE, {}, "za", "za", "za", {"C_za": (1.0, 2.0, 3.0)}), r"bounds of C_za are .*; give two numbers"),
+        ((*LONE, {}, "za", "za", "za", {"C_za": 5.0}), "bounds of C_za are 5.0; give two finite numbers"),
+        ((*LONE, {}, "za", "za", "za", {"C_za": (1.0, 2.0, 3.0)}), r"bounds of C_za are .*; give two finite numbers"),
         (
             ({"za": "C_za", "w": "C_w"}, {"R_zw": ("za", "T_w"), "R_wo": ("w", "T_oa")}),
             "R_zw ends at 'T_w', the temperature",
@@ -334,7 +334,15 @@ def test_two_stages_are_told_apart():
         ((*LONE, {}, "za", "za", "za", {"R_zo": (0.0, 2.0)}), r"bounds of R_zo are \(0, 2\); both must be positive"),
         ((*LONE, {}, "za", "za", "za", {"A_win": (-1.0, 2.0)}), "bounds of A_win are .* must be positive"),
         ((*LONE, {}, "za", "za", "za", {"Q_h": (-1.0, 2.0)}), "bounds of Q_h are .* the same sign"),
-        ((*LONE, {}, "za", "za", "za", {"C_za": (2.0, 2.0)}), "bounds of C_za are .* two different finite numbers"),
+        (
+            (*LONE, {}, "za", "za", "za", {"C_za": (2.0, 2.0)}),
+            "bounds of C_za are .* must be less than the upper",
+        ),
+        (
+            (*LONE, {}, "za", "za", "za", {"C_za": (2.0, 1.0)}),
+            "bounds of C_za are .* must be less than the upper",
+        ),
+        ((*LONE, {}, "za", "za", "za", {"Q_c": (1.0, 2.0)}), r"bounds of Q_c are \(1, 2\); both must be < 0"),
         ((*WALLED, {"za": "f", "w": None}, "za", "za", "za", {"f": (0.1, 1.5)}), "bounds of f are .* at most 1"),
     ],
 )

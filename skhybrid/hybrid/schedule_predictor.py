@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
 from ..thermal import RCNetwork, get_network
+from ..thermal.parameters import known_values
 from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs
 from .schedule_scheme import ScheduleScheme
@@ -119,7 +120,7 @@ def make_schedule_scheme(
         raise ValueError(f"purpose={purpose!r} is neither 'forecast' nor 'plan'.")
     if prior is not None:
         _check_prior(prior, purpose)
-    found, given = get_network(DEFAULT_NETWORK if network is None else network), _capacities(dict(known or {}))
+    found, given = get_network(DEFAULT_NETWORK if network is None else network), _capacities(known_values(known))
     return ScheduleScheme(found, known=given, horizon=horizon, adapt=adapt, purpose=purpose, prior=prior)
 
 
@@ -134,9 +135,9 @@ def _check_prior(prior: Any, purpose: str) -> None:
 
 def _capacities(known: dict[str, float]) -> dict[str, float]:
     for name in known:
-        if not name.startswith("Q_"):
+        if not str(name).startswith("Q_"):
             raise ValueError(
                 f"known= gives {name!r}, but the schedule model takes capacities such as 'Q_h' only; give a gray_box "
                 "to fix other parameters of a network."
             )
-    return {name: value for name, value in known.items() if value is not None}
+    return known

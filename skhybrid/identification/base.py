@@ -11,13 +11,14 @@ import pandas as pd
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import as_mapping, check_integer
 from .._summary import TrainingRecord, network_tables
 from .._table import HISTORY_ROLES, ZoneTable, read_table
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
 from ..thermal import Parameter, RCNetwork, get_network
-from ..thermal.parameters import check_known
+from ..thermal.parameters import check_known, known_values
 from .experiment import Experiment, make_experiment, read_outputs
 from .filtered_network import FirstState, filter_training
 from .fitting.excitation import unexcited, warn_scale
@@ -175,18 +176,29 @@ class NetworkIdentifier(NetworkModel):
     def _prepare(self, X: Any, y: Any) -> tuple[RCNetwork, ZoneTable, Experiment, tuple[Parameter, ...]]:
         """Read and check what ``fit`` is given."""
         network = get_network(self.network)
-        if not isinstance(self.n_starts, int | np.integer) or self.n_starts < 1:
-            raise ValueError(f"n_starts={self.n_starts!r} must be an integer of at least 1.")
+        check_integer("n_starts", self.n_starts)
+        settings = self._given()
         table = self._read(X, network, reset=True)
         target = read_outputs(y, table, network, max_missing=self.max_missing)
         self._check_spans(table.step)
         rows_covering(self.warmup, table.step)  # refuses what is no duration before the search
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
-        return network, table, experiment, self._bounded_parameters(network, table)
+        return network, table, experiment, self._bounded_parameters(network, table, *settings)
 
-    def _bounded_parameters(self, network: RCNetwork, table: ZoneTable) -> tuple[Parameter, ...]:
+    def _given(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """``known`` and ``bounds``; refuses those, and ``priors``, that are no mappings or contradict each other."""
+        known = known_values(self.known)
+        bounds = as_mapping("bounds", self.bounds, "parameters to (lower, upper), such as {'C_za': (0.1, 40.0)}")
+        as_mapping("priors", self.priors, "parameters to distributions, such as {'R_zo': (5.0, 1.5)}")
+        for name in bounds:
+            if name in known:
+                raise ValueError(f"bounds= and known= both name {name!r}; give one of them.")
+        return known, bounds
+
+    def _bounded_parameters(
+        self, network: RCNetwork, table: ZoneTable, known: Mapping[str, Any], bounds: Mapping[str, Any]
+    ) -> tuple[Parameter, ...]:
         """The network's parameters with the bounds that the user gave; refuses settings that name no parameter."""
-        known, bounds = dict(self.known or {}), dict(self.bounds or {})
         parameters = self._widened(network.parameters(table.inputs))
         own = self._own_parameters()
         names = [p.name for p in (*parameters, *own)]
@@ -195,9 +207,6 @@ class NetworkIdentifier(NetworkModel):
             for name in given:
                 if name not in names and name not in under_other_inputs:
                     raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
-        for name, value in known.items():
-            if value is None:
-                raise ValueError(f"known= gives {name} no value; give a number, or leave it out.")
         out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
         check_known((*out, *(p for p in own if p.transform == "log")), known)
         return out

@@ -12,6 +12,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
+from ..thermal.parameters import as_bounds
 from .base import NetworkIdentifier, SearchResult, store_arguments
 from .experiment import Experiment
 from .fitting.gauss_newton import Minimum
@@ -119,7 +120,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     @property
     def _hours(self) -> HourClasses:
-        if self.variance not in HOUR_CLASSES:
+        if self.variance not in tuple(HOUR_CLASSES):
             raise ValueError(f"variance={self.variance!r} is none of {', '.join(map(repr, HOUR_CLASSES))}.")
         return HOUR_CLASSES[self.variance]
 
@@ -133,7 +134,10 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
         def bounded(p: Parameter) -> Parameter:
             ends, unit = bounds.get(p.name), units.get(p.name, 1.0)
-            return p if ends is None else p.bounded((float(ends[0]) / unit, float(ends[1]) / unit))
+            if ends is None:
+                return p
+            lower, upper = as_bounds(p.name, ends)
+            return p.bounded((lower / unit, upper / unit))
 
         own = tuple(bounded(p) for p in own_parameters(n_days, self._hours))
         priors = normal_priors(self.priors, (*parameters, *own), known)

@@ -6,8 +6,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-import numpy as np
-
 from .declaration import (
     ROLE_PREFIXES,
     SOURCE_PARAMETERS,
@@ -16,6 +14,7 @@ from .declaration import (
     is_by_role,
     own_parameters,
 )
+from .parameters import as_bounds, make_parameter
 
 _NODE = re.compile(r"[A-Za-z]\w*\Z")
 _BOUNDARY = re.compile(r"T_\w+\Z")
@@ -178,17 +177,15 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
         if name not in own and not name.startswith(SOURCE_PARAMETERS):
             yield f"bounds names {name!r}, which is not one of its parameters."
         try:
-            lower, upper = sorted(float(b) for b in bounds)
-        except (TypeError, ValueError):
-            yield f"bounds of {name} are {bounds!r}; give two numbers (lower, upper)."
-        if not np.isfinite([lower, upper]).all() or lower == upper:
-            yield f"bounds of {name} are ({lower:g}, {upper:g}); give two different finite numbers."
+            lower, upper = as_bounds(name, bounds)
+            if name.startswith("Q_"):
+                make_parameter(name, "Q", "").bounded(bounds)
+        except ValueError as error:
+            yield str(error)
         if not name.startswith("Q_") and lower <= 0.0:
             yield f"bounds of {name} are ({lower:g}, {upper:g}); both must be positive."
         if name in fractions and upper > 1.0:
             yield f"bounds of {name} are ({lower:g}, {upper:g}); a share is at most 1."
-        if name.startswith(("Q_h", "Q_c")) and lower * upper <= 0.0:
-            yield f"bounds of {name} are ({lower:g}, {upper:g}); both must have the same sign and not be zero."
 
 
 def _zone_problems(network: Declaration) -> Iterator[str]:

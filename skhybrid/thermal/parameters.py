@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from .._arguments import as_mapping, is_number
 from .._warnings import warn_user
 from ..exceptions import UnitWarning
 
@@ -105,12 +106,35 @@ class Parameter:
 
         Parameters
         ----------
-        bounds : tuple of (lower, upper) or None; None keeps the present bounds
+        bounds : tuple of (lower, upper) or None; None keeps the present bounds, negative ones come in either order
+
+        Raises
+        ------
+        ValueError
+            If they are not two numbers in this order, or would turn the sign.
         """
         if bounds is None:
             return self
-        lower, upper = sorted(float(b) for b in bounds)
-        return replace(self, lower=lower, upper=upper)
+        lower, upper = as_bounds(self.name, bounds)
+        made = replace(self, lower=lower, upper=upper)
+        if made.sign != self.sign:
+            raise ValueError(
+                f"bounds of {self.name} are ({lower:g}, {upper:g}); both must be {'<' if self.sign < 0 else '>'} 0."
+            )
+        if self.unit == "-" and self.transform == "log" and upper > 1.0:
+            raise ValueError(f"bounds of {self.name} are ({lower:g}, {upper:g}); a share is at most 1.")
+        return made
+
+
+def as_bounds(name: str, given: Any) -> tuple[float, float]:
+    """Bounds of a parameter as two floats; those of a negative one may begin with the smaller magnitude."""
+    ends = tuple(given) if isinstance(given, Sequence | np.ndarray) else ()
+    if len(ends) != 2 or not all(map(is_number, ends)):
+        raise ValueError(f"bounds of {name} are {given!r}; give two finite numbers (lower, upper).")
+    lower, upper = sorted(float(end) for end in ends)
+    if lower == upper or (lower != ends[0] and upper >= 0.0):
+        raise ValueError(f"bounds of {name} are ({ends[0]:g}, {ends[1]:g}); the lower must be less than the upper.")
+    return lower, upper
 
 
 def make_parameter(name: str, kind: str, description: str) -> Parameter:
@@ -122,6 +146,15 @@ def make_parameter(name: str, kind: str, description: str) -> Parameter:
     elif kind == "Q" and not name.startswith("Q_h"):  # a stage that may heat or cool
         lower, transform = -upper, "identity"
     return Parameter(name, unit, lower, upper, description, transform)
+
+
+def known_values(known: Any) -> dict[str, Any]:
+    """``known=`` of an estimator as a dict; anything but a mapping, and a parameter without a value, is refused."""
+    values = as_mapping("known", known, "parameters to values, such as {'Q_h': 6.0}")
+    for name, value in values.items():
+        if value is None:
+            raise ValueError(f"known= gives {name} no value; give a number, or leave it out.")
+    return values
 
 
 def check_known(parameters: Iterable[Parameter], known: Mapping[str, Any]) -> None:
@@ -141,7 +174,7 @@ def check_known(parameters: Iterable[Parameter], known: Mapping[str, Any]) -> No
         value = known.get(p.name)
         if value is None:
             continue
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+        if not is_number(value):
             raise ValueError(f"known= gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
         if value == 0 or (p.transform == "log" and float(value) * p.sign < 0):
             sign = "other than" if p.transform == "identity" else "<" if p.sign < 0 else ">"

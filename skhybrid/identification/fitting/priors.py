@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
+from ..._arguments import is_number
 from ...thermal import Parameter
 
 _Z = float(norm.ppf(0.95))  # 90 % of a normal distribution lie within this many standard deviations
@@ -36,7 +37,7 @@ def _normal(p: Parameter, prior: Any) -> tuple[float, float]:
     if kind == "lognorm" and p.transform == "log" and prior.support()[0] == 0.0:
         median = float(prior.median()) * p.sign
         factor = float(prior.ppf(0.95) / prior.median())
-    elif isinstance(prior, tuple | list) and len(prior) == 2 and p.transform == "log":
+    elif isinstance(prior, tuple | list) and len(prior) == 2 and all(map(is_number, prior)) and p.transform == "log":
         median, factor = (float(x) for x in prior)
     else:
         raise ValueError(f"priors= gives {p.name} {prior!r}, which the search cannot use; give {_ACCEPTED}.")

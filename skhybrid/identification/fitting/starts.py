@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed, effective_n_jobs
 
+from ..._arguments import as_mapping
 from ...thermal import Parameter
 from .gauss_newton import Minimum
 
@@ -28,9 +29,8 @@ def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.R
 
 def check_start(begin: Any, names: Collection[str], is_own: Callable[[str], bool]) -> None:
     """Refuse a start that is not a mapping of names, or of what the disturbance model may have, to values."""
-    if not isinstance(begin, Mapping):
-        raise ValueError(f"theta_init={begin!r} must be a mapping of parameters to values.")
-    unknown = [name for name in begin if name not in names and not is_own(name)]
+    given = as_mapping("theta_init", begin, "parameters to values")
+    unknown = [name for name in given if name not in names and not is_own(name)]
     if unknown:
         raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
 

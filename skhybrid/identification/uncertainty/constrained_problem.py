@@ -58,10 +58,11 @@ class ConstrainedProblem:
         """The problem with some parameters held; ``search_all`` leaves none to be solved inside."""
         held, fitted = dict(held or {}), self.estimator
         priors = {k: v for k, v in (fitted.priors or {}).items() if k not in held}
+        bounds = dict(fitted.bounds or {})
         probe = clone(fitted).set_params(known={**(fitted.known or {}), **held}, priors=priors)
         if search_all:
-            bounds = {p.name: (p.lower, p.upper) for p in fitted.parameters_ if p.name not in probe.known}
-            probe.set_params(bounds={**bounds, **(fitted.bounds or {})})
+            bounds = {p.name: (p.lower, p.upper) for p in fitted.parameters_} | bounds
+        probe.set_params(bounds={name: ends for name, ends in bounds.items() if name not in probe.known})
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the fit has warned of it
             problem, _ = probe._make_problem(*probe._prepare(self.table, self.y))
