@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -366,8 +367,26 @@ def test_a_wrong_setting_is_named_with_its_choices(settings, message):
 
 
 def test_baselines_ignore_the_settings_of_networks():
+    """A design matrix sets those of the training once; values that no network could have are refused all the same."""
     X, y = hourly(7)
-    DisturbanceForecaster("profile", case="no such case", activation="none", hidden_size=-1).fit(X, y)
+    DisturbanceForecaster("profile", "no such case", activation="gelu", hidden_size=3, max_epochs=2).fit(X, y)
+    wrong = {"dropout": "abc", "max_epochs": object(), "device": [], "hidden_size": -1, "activation": "none"}
+    for (name, value), model in product(wrong.items(), ("ridge", Ridge())):
+        with pytest.raises(ValueError, match=f"{name}="):
+            DisturbanceForecaster(model, **{name: value}).fit(X, y)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"max_iter": "abc"}, "max_iter='abc' must be an integer of at least 1"),
+        ({"max_iter": 0}, "max_iter=0 must be an integer of at least 1"),
+        ({"learning_rate": "fast"}, r"learning_rate='fast' is outside \(0, inf\)"),
+    ],
+)
+def test_a_wrong_setting_of_boosting_is_named(settings, message):
+    with pytest.raises(ValueError, match=message):
+        BoostedRegressor(**settings).fit(*zone())
 
 
 def test_a_role_that_the_case_needs_is_named():

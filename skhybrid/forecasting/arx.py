@@ -11,6 +11,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import check_integer
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
@@ -211,9 +212,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         if self.objective not in ("one_step", "multi_step"):
             raise ValueError(f"objective={self.objective!r} is not known; use 'one_step' or 'multi_step'.")
         for name in ("n_lags", "n_input_lags"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-                raise ValueError(f"{name}={value!r} must be an integer of at least 1.")
+            check_integer(name, getattr(self, name))
         if self.alpha is not None and not (isinstance(self.alpha, Real) and 0.0 < self.alpha < np.inf):
             raise ValueError(f"alpha={self.alpha!r} must be a positive penalty.")
         if self.alpha is not None and self.prior is not None:

@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.ensemble import HistGradientBoostingRegressor
 
+from .._arguments import check_integer, check_rate
 from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
@@ -116,10 +117,12 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If ``residual_of`` is not known, or the table cannot be read.
+            If a parameter is not known or impossible, or the table cannot be read.
         """
         if self.residual_of not in (None, "arx"):
             raise ValueError(f"residual_of={self.residual_of!r} is not known; use None or 'arx'.")
+        check_integer("max_iter", self.max_iter)
+        check_rate("learning_rate", self.learning_rate)
         table = read_zone(self, X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from .._arguments import check_integer, check_rate, is_number
 from .._table import ZoneTable
 from .baselines import LastWeek, NoDisturbance, Persistence, WeeklyProfile
-from .cases import ACTIVATIONS, NETWORKS
+from .cases import ACTIVATIONS, NETWORKS, SIZES
 from .features import TIME_ENCODINGS
 from .ridge import RidgeForecaster
 
@@ -38,18 +38,36 @@ def fit_baseline(name: str, table: ZoneTable, target: np.ndarray, n_leads: int) 
 
 
 def check_parameters(forecaster: Any) -> None:
-    """Refuse unknown or impossible parameters of a forecaster; those of networks are read only where it is one."""
+    """Refuse unknown or impossible parameters of a forecaster, also those that only networks read."""
     model, names = forecaster.model, (*NETWORKS, *BASELINES)
     if isinstance(model, type) or not (isinstance(model, str) or hasattr(model, "fit")):
         raise ValueError(f"model={model!r} is neither one of {', '.join(names)} nor a regressor instance.")
     if isinstance(model, str) and model not in names:
         raise ValueError(f"model={model!r} is not known; use {', '.join(names)} or a scikit-learn regressor.")
-    if is_network(model):
-        _check_choices(forecaster)
-        _check_numbers(forecaster)
+    _check_choices(forecaster)
+    _check_numbers(forecaster)
+
+
+def refuse_unread(forecaster: Any) -> None:
+    """Refuse a case or a size that the model does not read: a search over it would compare copies.
+
+    Settings of the training pass, as the estimator of a design matrix has them for networks and baselines alike.
+    """
+    model = forecaster.model
+    read = {"case", *SIZES[model]} if is_network(model) else set()
+    for name in ("case", *dict.fromkeys(name for sizes in SIZES.values() for name in sizes)):
+        value = getattr(forecaster, name)
+        if name not in read and value != type(forecaster)().get_params(deep=False)[name]:
+            able = [net for net in NETWORKS if name == "case" or name in SIZES[net]]
+            raise ValueError(
+                f"forecaster__{name}={value!r} does nothing with model={model!r}; leave it out, or set "
+                f"forecaster__model to one of {', '.join(able)}."
+            )
 
 
 def _check_choices(forecaster: Any) -> None:
+    if not isinstance(forecaster.device, str):
+        raise ValueError(f"device={forecaster.device!r} must be the name of a device, such as 'cpu' or 'cuda'.")
     for name, choices in (
         ("activation", ACTIVATIONS),
         ("time_encoding", TIME_ENCODINGS),
@@ -63,13 +81,9 @@ def _check_choices(forecaster: Any) -> None:
 
 def _check_numbers(forecaster: Any) -> None:
     for name, low in _LEAST.items():
-        value = getattr(forecaster, name)
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
-            raise ValueError(f"{name}={value!r} must be an integer of at least {low}.")
+        check_integer(name, getattr(forecaster, name), low)
     for name in ("dropout", "validation_fraction"):
         value = getattr(forecaster, name)
-        if not (isinstance(value, Real) and 0.0 <= float(value) < 1.0):
+        if not (is_number(value) and 0.0 <= value < 1.0):
             raise ValueError(f"{name}={value!r} is outside [0, 1).")
-    rate = forecaster.learning_rate
-    if not (isinstance(rate, Real) and 0.0 < float(rate) < np.inf):
-        raise ValueError(f"learning_rate={rate!r} is outside (0, inf).")
+    check_rate("learning_rate", forecaster.learning_rate)

@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from ..._arguments import check_integer
 from ..._joining import refuse_no_frames
 from ..._table import is_plant, listed
 from ...control import AffineForecast, Limits
@@ -201,8 +202,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
             As in :meth:`forecast`, and if no intervals were learned.
         """
         check_is_fitted(self)
-        if isinstance(n_samples, bool) or not isinstance(n_samples, int | np.integer) or n_samples < 1:
-            raise ValueError(f"n_samples={n_samples!r} must be an integer of at least 1.")
+        check_integer("n_samples", n_samples)
         levels = (np.arange(n_samples) + 0.5) / n_samples
         frame = self.forecast(history, future, T_za, quantiles=list(levels))
         names = quantile_columns(levels)
