@@ -12,6 +12,7 @@ import pytest
 from sklearn.base import BaseEstimator, clone
 from sklearn.exceptions import NotFittedError
 from sklearn.frozen import FrozenEstimator
+from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
@@ -116,6 +117,18 @@ def test_the_default_blends_a_network_and_arx(office):
         (
             {"forecaster": DisturbanceForecaster("ridge", case="case03")},
             "forecaster__case='case03' does nothing with model='ridge'",
+        ),
+        (
+            {"forecaster": DisturbanceForecaster(Ridge(), case="case03")},
+            r"forecaster__case='case03' does nothing with model=Ridge\(\)",
+        ),
+        (
+            {"forecaster": DisturbanceForecaster("ridge", hidden_size=10)},
+            "forecaster__hidden_size=10 does nothing with model='ridge'; leave it out, or set forecaster__model to one",
+        ),
+        (
+            {"forecaster": DisturbanceForecaster("lstm", n_channels=4)},
+            "forecaster__n_channels=4 does nothing with model='lstm'; leave it out, or .* one of cnn",
         ),
         ({"network": "2R2C", "memory": "somewhere"}, "memory='somewhere' does nothing"),
     ],
@@ -350,7 +363,9 @@ def test_pipeline_grid_search_is_the_same_in_parallel(office):
 def test_settings_of_default_parts_can_be_set():
     for model in (TwoStagePredictor(horizon="6h"), HybridPredictor(horizon="6h", disturbance="output")):
         model.set_params(forecaster__model="lstm", forecaster__case="case03", gray_box__network="1R1C")
-        assert (model.forecaster.model, model.forecaster.case, model.forecaster.horizon) == ("lstm", "case03", "6h")
+        assert (model.forecaster.model, model.forecaster.case) == ("lstm", "case03")
+        for horizon in ("6h", "3h"):  # a part that was not given goes on following
+            assert clone(model).set_params(horizon=horizon)._forecaster_part().horizon == horizon
         assert isinstance(model.gray_box, PeriodicDisturbanceID)
         assert model.gray_box.network == "1R1C"
     assert HybridPredictor().set_params(forecaster=None).forecaster is None
@@ -360,6 +375,31 @@ def test_settings_of_default_parts_can_be_set():
     assert model.forecaster.model == "profile"
     model = HybridPredictor().set_params(forecaster=DisturbanceForecaster(), forecaster__case="case03")
     assert model.forecaster.case == "case03"
+
+
+def test_a_default_gray_box_is_tuned_beside_its_network(office):
+    """Also after a clone: what was set for a part that nobody gave does not count as a gray box of one's own."""
+    given = {"network": "1R1C", "known": {"Q_h": 6.0}, "disturbance": "output"}
+    for make in (HybridPredictor, TwoStagePredictor):
+        model = clone(make(**given, intervals=False).set_params(gray_box__n_starts=1))
+        assert model._make_scheme().network.name == "1R1C"
+        model.set_params(network="2R2C").fit(office.X[: 5 * DAY], office.y[: 5 * DAY])
+        assert (model.gray_box_.network_.name, model.gray_box_.n_starts) == ("2R2C", 1)
+        assert model.gray_box_.theta_["Q_h"] == 6.0
+        with pytest.raises(ValueError, match="network= does nothing beside a gray_box, which has its own"):
+            model.set_params(gray_box__network="1R1C")._make_scheme()
+
+
+@pytest.mark.parametrize("given", [{}, {"gray_box": InputDisturbanceID(), "forecaster": DisturbanceForecaster()}])
+def test_refused_parameters_leave_the_estimator_as_it_was(given):
+    model = TwoStagePredictor(**given)
+    parts, before = (model.gray_box, model.forecaster), model.get_params()
+    for name in ("gray_box__bogus", "forecaster__bogus", "bogus"):
+        wrong = {"horizon": "6h", "gray_box__n_starts": 3, "forecaster__hidden_size": 7, name: 1}
+        with pytest.raises(ValueError, match="Invalid parameter 'bogus'"):
+            model.set_params(**wrong)
+        assert model.get_params() == before
+        assert (model.gray_box, model.forecaster) == parts
 
 
 def test_a_missing_role_names_the_callers_columns(office):
@@ -455,6 +495,20 @@ def test_pickle(hybrid, office):
         ({"disturbance": "both"}, "disturbance='both'"),
         ({"adapt": "daily"}, "adapt='daily'"),
         ({"horizon": "50min"}, "horizon='50min' is not a positive multiple"),
+        ({"known": 6.0}, "known=6.0 must be a mapping of parameters to values"),
+        ({"known": {"Q_h": None}}, "known= gives Q_h no value; give a number, or leave it out"),
+        ({"forecaster": DisturbanceForecaster(), "memory": 3}, "memory=3 must be a folder or a joblib.Memory"),
+        (
+            {"forecaster": "ridge"},
+            r"forecaster='ridge' must be a DisturbanceForecaster; give DisturbanceForecaster\('ridge'\)",
+        ),
+        ({"forecaster": Ridge()}, r"forecaster=Ridge\(\) must be .*; give DisturbanceForecaster\(Ridge\(\)\)"),
+        ({"forecaster": DisturbanceForecaster}, "forecaster=<class .* must be a DisturbanceForecaster; give"),
+        ({"gray_box": "2R2C"}, "gray_box='2R2C' must be an identification; give one such as PeriodicDisturbanceID"),
+        ({"gray_box": ARXRegressor()}, r"gray_box=ARXRegressor\(\) must be an identification"),
+        ({"gray_box": InputDisturbanceID}, "gray_box=<class .* must be an identification"),
+        ({"preprocess": "abc"}, "preprocess='abc' must be a transformer; give one such as GapFiller"),
+        ({"preprocess": Ridge()}, r"preprocess=Ridge\(\) must be a transformer"),
     ],
 )
 def test_bad_settings_are_refused(settings, message, office):

@@ -14,7 +14,8 @@ shared_docs = docs_from(
             :class:`~sklearn.frozen.FrozenEstimator` is used as it is: it may have been fitted on other rows, such as
             the paper's seven days of perturbed control.
         forecaster : estimator, optional
-            A regressor of the disturbance; default ``DisturbanceForecaster("ridge")`` with the same horizon.
+            A regressor of the disturbance; default ``DisturbanceForecaster("ridge")``.  One whose ``horizon`` is None
+            learns this estimator's horizon, or one day.
         """,
         "purpose": """
         purpose : {"forecast", "plan"}, default="forecast"

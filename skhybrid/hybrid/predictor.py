@@ -21,7 +21,8 @@ class HybridPredictor(BaseTwoStage):
     ----------
     %(stages)s
     network : str or RCNetwork, optional
-        Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused beside a ``gray_box``.
+        Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused beside a ``gray_box`` that has
+        one.
     known : dict of str to float, optional
         Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.
     %(purpose)s

@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import clone
 
 from .._table import as_pandas
+from .parts import clone_part
 
 
 def fit_preprocess(given: Any, X: Any, y: Any) -> Any:
     """A fitted clone of a transformer, or None; its output keeps index and names where it can."""
     if given is None:
         return None
-    step, X = clone(given), as_pandas(X)
+    step = clone_part("preprocess", given, ("fit", "transform"), "a transformer; give one such as GapFiller()")
+    X = as_pandas(X)
     if isinstance(X, pd.DataFrame) and hasattr(step, "set_output"):
         step.set_output(transform="pandas")
     return step.fit(X, y)

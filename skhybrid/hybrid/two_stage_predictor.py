@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os import PathLike
 from typing import Any, Literal, Self
 
 from sklearn.base import clone
@@ -12,11 +13,13 @@ from sklearn.utils.validation import check_is_fitted
 from .._table import read_max_missing
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
+from ..forecasting.named_models import check_parameters, refuse_unread
 from ..identification import PeriodicDisturbanceID
 from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs
+from .parts import clone_part, wanted_forecaster
 from .scheme import Scheme
-from .two_stage_scheme import TwoStageScheme, refits_fast
+from .two_stage_scheme import TwoStageScheme
 
 
 class BaseTwoStage(BaseHybrid):
@@ -66,13 +69,28 @@ class BaseTwoStage(BaseHybrid):
     def set_params(self, **params: Any) -> Self:
         """Set parameters, also those of parts, given or default (``forecaster__hidden_size``).
 
+        A default part whose parameters are set still takes ``network`` and ``known``, or ``horizon``, from here.
+
         Parameters
         ----------
         **params : dict
+
+        Raises
+        ------
+        ValueError
+            If a parameter is unknown or does nothing in the scheme; the estimator is then what it was.
         """
+        before = self.get_params()
+        try:
+            return self._set(params)
+        except Exception:
+            super().set_params(**before)  # with the parameters of the parts
+            raise
+
+    def _set(self, params: dict[str, Any]) -> Self:
         nested = {name: value for name, value in params.items() if "__" in name}
         super().set_params(**{name: value for name, value in params.items() if name not in nested})
-        for part, make in (("gray_box", PeriodicDisturbanceID), ("forecaster", self._default_forecaster)):
+        for part, make in (("gray_box", _default_gray_box), ("forecaster", _default_forecaster)):
             names = [name for name in nested if name.startswith(f"{part}__")]
             if names and getattr(self, part) is None:
                 if not self._takes_two_stages():
@@ -86,9 +104,6 @@ class BaseTwoStage(BaseHybrid):
     def _takes_two_stages(self) -> bool:
         return True
 
-    def _default_forecaster(self) -> DisturbanceForecaster:
-        return DisturbanceForecaster(model="ridge", horizon=self.horizon or "1D")
-
     def _reading(self) -> dict[str, Any]:
         own = super()._reading()
         return {name: getattr(self.gray_box, name, None) if given is None else given for name, given in own.items()}
@@ -96,6 +111,8 @@ class BaseTwoStage(BaseHybrid):
     def _make_scheme(self) -> Scheme:
         if self.disturbance not in ("input", "output"):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
+        if not (self.memory is None or isinstance(self.memory, str | PathLike) or hasattr(self.memory, "cache")):
+            raise ValueError(f"memory={self.memory!r} must be a folder or a joblib.Memory.")
         return TwoStageScheme(
             self._gray_box_part(),
             self._forecaster_part(),
@@ -105,37 +122,31 @@ class BaseTwoStage(BaseHybrid):
         )
 
     def _gray_box_part(self) -> Any:
-        if self.gray_box is None:
-            given = {"network": self.network, "known": self.known}
-            return self._part(PeriodicDisturbanceID().set_params(**{k: v for k, v in given.items() if v is not None}))
-        if self.network is not None:
+        given = _default_gray_box() if self.gray_box is None else self.gray_box
+        wanted = "an identification; give one such as PeriodicDisturbanceID('2R2C')"
+        gray_box = clone_part("gray_box", given, ("estimate_disturbance", "network"), wanted)
+        if self.network is not None and gray_box.network is not None:
             raise ValueError("network= does nothing beside a gray_box, which has its own; set it there.")
-        gray_box = self._part(self.gray_box)
         if self.known is not None:
             if isinstance(gray_box, FrozenEstimator):
                 raise ValueError("known= does nothing beside a frozen gray_box, which is not identified; leave it out.")
             if gray_box.known is not None:
                 raise ValueError("known= does nothing beside a gray_box that has its own; set it there.")
-            gray_box.set_params(known=self.known)
-        return gray_box
+        network = PeriodicDisturbanceID().network if self.network is None else self.network
+        return self._part(gray_box, network=network, known=self.known)
 
     def _forecaster_part(self) -> Any:
-        if self.forecaster is None:
-            return self._part(self._default_forecaster())
-        part = self._part(self.forecaster)
-        case = getattr(part, "case", None)
-        if refits_fast(part) and case != DisturbanceForecaster().case:
-            raise ValueError(
-                f"forecaster__case={case!r} does nothing with model={part.model!r}, which is not a network; leave it "
-                "out, or set forecaster__model to a network."
-            )
-        return part
+        given = _default_forecaster() if self.forecaster is None else self.forecaster
+        forecaster = clone_part("forecaster", given, ("fit", "predict_from"), wanted_forecaster(given))
+        if isinstance(forecaster, DisturbanceForecaster):
+            check_parameters(forecaster)
+            refuse_unread(forecaster)
+        return self._part(forecaster, horizon=self.horizon or "1D")
 
-    def _part(self, given: Any) -> Any:
-        """A clone of a part, with what it can take over from this estimator."""
-        part = clone(given)
+    def _part(self, part: Any, **passed: Any) -> Any:
+        """A part with what it can take over from this estimator, where its own is None."""
         params = part.get_params(deep=False)
-        passed = {"n_jobs": self.n_jobs, "random_state": self.random_state, "holidays": self._reading()["holidays"]}
+        passed |= {"n_jobs": self.n_jobs, "random_state": self.random_state, "holidays": self._reading()["holidays"]}
         wanted = {name: value for name, value in passed.items() if name in params and params[name] is None}
         if self.verbose and not params.get("verbose", True):
             wanted["verbose"] = self.verbose
@@ -182,6 +193,15 @@ class BaseTwoStage(BaseHybrid):
         return made
 
 
+# what is None in a default part is taken over from the predictor whenever that is fitted
+def _default_gray_box() -> PeriodicDisturbanceID:
+    return PeriodicDisturbanceID(network=None)
+
+
+def _default_forecaster() -> DisturbanceForecaster:
+    return DisturbanceForecaster("ridge", horizon=None)
+
+
 @shared_docs
 class TwoStagePredictor(BaseTwoStage):
     """Day-ahead forecast of temperature and load by the paper's scheme.
@@ -194,7 +214,7 @@ class TwoStagePredictor(BaseTwoStage):
     ----------
     %(stages)s
     network : str or RCNetwork, optional
-        Network of the default gray box, "2R2C"; refused beside a ``gray_box``, which has its own.
+        Network of a gray box that has none, "2R2C"; refused beside a ``gray_box`` that has one.
     known : dict of str to float, optional
         Parameters of the gray box that are given, where it has none of its own.
     %(disturbance)s
