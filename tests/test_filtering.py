@@ -403,7 +403,7 @@ def test_inverse_against_a_loop(lower, upper):
     heat, c = d.B[:, -1], np.eye(n)[network.nodes.index("za")]
     target, s0 = 21.0 + rng.normal(size=N), np.full(n, 20.0)
     low, high = np.full(N, lower), np.full(N, upper)
-    applied, path = simulate_inverse(d.A, forcing, heat, c, target, target, low, high, s0, 1)
+    applied, path = simulate_inverse(d.A, forcing, np.stack([heat, heat]), c, target, target, low, high, s0, 1)
     s, clipped = s0.copy(), 0
     for k in range(N):
         free = d.A @ s + forcing[k]
@@ -425,7 +425,8 @@ def test_inverse_with_a_hold_and_a_band_against_a_loop(ahead):
     A, heat, c, s0 = 0.4 * rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n), rng.normal(size=n)
     forcing, low = rng.normal(size=(N, n)), rng.normal(size=N)
     high = low + rng.uniform(0.5, 2.0, N)
-    applied, path = simulate_inverse(A, forcing, heat, c, low, high, np.full(N, -2.0), np.full(N, 2.0), s0, ahead)
+    most = np.full(N, 2.0)
+    applied, path = simulate_inverse(A, forcing, np.stack([heat, heat]), c, low, high, -most, most, s0, ahead)
     s, inside = s0, 0
     for k in range(N):
         outputs = []
@@ -501,14 +502,14 @@ def test_kernels_run_uncompiled():
         "from skhybrid.filtering import simulate_path, solve_lq_path, kalman_filter\n"
         "assert type(simulate_path).__name__ == 'function'\n"
         "A, F, one = np.array([[0.9]]), np.ones((4, 1)), np.ones(1)\n"
-        "path = solve_lq_path(A, F, one, one, np.arange(4.0), 0.3, -np.ones(4), np.ones(4), one, 1).applied\n"
+        "path = solve_lq_path(A, F, F[:2], one, np.arange(4.0), 0.3, -np.ones(4), np.ones(4), one, 1).applied\n"
         "run = kalman_filter(A, F, np.ones((1, 1, 1)), np.zeros(4, int), A, one, F, one, A)\n"
         "print(*simulate_path(A, F, one)[:, 0], *path, *run.states[:, 0])"
     )
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     out = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     A, F, one = np.array([[0.9]]), np.ones((4, 1)), np.ones(1)
-    path = solve_lq_path(A, F, one, one, np.arange(4.0), 0.3, -np.ones(4), np.ones(4), one, 1).applied
+    path = solve_lq_path(A, F, np.ones((2, 1)), one, np.arange(4.0), 0.3, -np.ones(4), np.ones(4), one, 1).applied
     run = kalman_filter(A, F, np.ones((1, 1, 1)), np.zeros(4, np.int64), A, one, F, one, A)
     expected = [*simulate_path(A, F, one)[:, 0], *path, *run.states[:, 0]]
     np.testing.assert_allclose([float(value) for value in out.stdout.split()], expected, rtol=1e-12)
@@ -541,7 +542,7 @@ def test_lq_path_against_least_squares(lower, upper, beyond):
     A, heat, c, s0 = 0.4 * rng.normal(size=(n, n)), rng.normal(size=n), np.eye(n)[1], rng.normal(size=n)
     forcing, wanted = rng.normal(size=(N, n)), rng.normal(size=N)
     low, high = np.full(N, lower), np.full(N, upper)
-    applied, path = solve_lq_path(A, forcing, heat, c, wanted, penalty, low, high, s0, beyond)
+    applied, path = solve_lq_path(A, forcing, np.stack([heat, heat]), c, wanted, penalty, low, high, s0, beyond)
     more, on = (np.concatenate([v, np.repeat(v[-1:], beyond, axis=0)]) for v in (forcing, wanted))
     s, before = s0, None
     for k in range(N):
@@ -555,6 +556,25 @@ def test_lq_path_against_least_squares(lower, upper, beyond):
     assert not cut.all()
 
 
+@pytest.mark.parametrize("wanted", [None, 1.0])
+def test_a_load_whose_cooling_acts_later_than_its_heating(wanted):
+    """The path is that of the effect of each step's own side, and the load brings it where it should be."""
+    rng = np.random.default_rng(4)
+    N, A, c = 40, np.array([[0.8, 0.3], [0.0, 0.5]]), np.array([1.0, 0.0])
+    heat, forcing = np.array([[0.4, 0.0], [0.2, 0.3]]), np.column_stack([rng.normal(size=N), np.zeros(N)])
+    free, band = np.full(N, np.inf), (np.full(N, 0.8), np.full(N, 1.2))
+    if wanted is None:
+        load, path = simulate_inverse(A, forcing, heat, c, *band, -free, free, np.zeros(2), 1)
+    else:
+        load, path = solve_lq_path(A, forcing, heat, c, np.full(N, wanted), 1e-8, -free, free, np.zeros(2), 5)
+    s = np.zeros(2)
+    for k in range(N):
+        s = A @ s + forcing[k] + heat[0 if load[k] > 0 else 1] * load[k]
+        assert path[k] == pytest.approx(c @ s, abs=1e-12)
+        assert 0.8 - 1e-6 <= path[k] <= 1.2 + 1e-6
+    assert min((load > 0).sum(), (load < 0).sum()) > 8
+
+
 def test_kernels_leave_their_arguments_alone():
     m, ch = drawn_model(), drawn_channels(drawn_model())
     copies = [np.copy(v) for v in (*m, *ch)]
@@ -565,7 +585,7 @@ def test_kernels_leave_their_arguments_alone():
     run_errors(m, np.ones_like(m.forcing))
     simulate_path(m.A, m.forcing, m.s0)
     nothing = np.zeros(len(m.forcing))
-    solve_lq_path(m.A, m.forcing, m.forcing[0], m.c, nothing, 1.0, nothing - 1.0, nothing + 1.0, m.s0, 3)
+    solve_lq_path(m.A, m.forcing, m.forcing[:2], m.c, nothing, 1.0, nothing - 1.0, nothing + 1.0, m.s0, 3)
     for kept, now in zip(copies, (*m, *ch), strict=True):
         np.testing.assert_array_equal(kept, now)
 

@@ -270,8 +270,9 @@ def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
     A, heat = np.array([[0.98, 0.2 * held], [0.0, 0.6]]), np.array([0.2 * (1.0 - held), 0.4])
     c, forcing = np.array([1.0, 0.0]), np.tile([-0.02, 0.0], (DAY, 1))
     wanted, free = np.full(DAY, 1.0), np.full(DAY, np.inf)
+    both = np.stack([heat, heat])
     load, path = simulate_inverse(
-        A, forcing, heat, c, wanted, wanted, -free, free, np.zeros(2), steps_ahead(A, heat, c)
+        A, forcing, both, c, wanted, wanted, -free, free, np.zeros(2), steps_ahead(A, both, c)
     )
     # at rest 1 K takes (1 - 0.98) / 0.2 kW, and the forcing 0.02 / 0.2
     np.testing.assert_allclose(load[-20:], 0.2, atol=1e-2)
@@ -327,3 +328,17 @@ def test_stages_are_listed_by_kind_and_limited_by_what_was_seen():
     plant = make_plant({"u_cool": -5.0, "u_heat_2": 2.0, "u_heat": 6.0}, inputs)
     assert list(plant.most.items()) == [("u_heat", 2.0), ("u_heat_2", 1.0), ("u_cool", 1.0)]
     assert (plant.lower, plant.upper) == (-5.0, 14.0)
+
+
+@pytest.mark.parametrize(("known", "setpoint"), [("Q_h", (18.0, 20.0)), ("Q_c", (26.0, 30.0)), ("Q_h", 20.0)])
+def test_a_load_of_known_and_fitted_stages_is_what_the_forecast_makes_of_them(known, setpoint):
+    """Only the stage of known capacity goes through the emitter; the affine forecast of the network is the truth."""
+    office = make_office(n_days=13, sampling_time="30min", random_state=3)
+    n, stages = 12 * 48, ["u_heat", "u_cool"]
+    model = HybridPredictor(known={known: TRUE[known]}, intervals=False).fit(office.X[:n], office.y[:n])
+    day = office.X[n : n + 48].drop(columns="T_za")
+    load = model.predict_load(day, setpoint)
+    given = day.assign(**load[stages])
+    T = model.affine_forecast(None, given, stages, member="network").temperature(given[stages].to_numpy())
+    # what is left is the part-load curve, which no emitter delays: 0.28 and 0.35 K if one delays the fitted stage
+    np.testing.assert_allclose(load["T_za"], T, atol=0.005)

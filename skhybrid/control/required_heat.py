@@ -55,13 +55,14 @@ def required_heat(
     ``forcing`` (N, n) is the effect of all but the plant over each step; the temperature includes ``offset`` (N,) [K].
     Spans begin at the rows ``begins`` (n_spans,), from 0, with node temperatures ``states`` (n_spans, n) [degC].
     """
-    ahead = steps_ahead(zone.A, zone.heat, zone.output)
+    heat = np.tile(zone.heat, (2, 1))  # it heats as it cools
+    ahead = steps_ahead(zone.A, heat, zone.output)
     low, high = band.heating - offset, band.cooling - offset
     loads, paths = [], []
     for a, b, state in zip(begins, np.append(begins[1:], len(forcing)), states, strict=True):
         rows = slice(a, b)
         bounds = low[rows], high[rows], limits.lower[rows], limits.upper[rows]
-        load, path = simulate_inverse(zone.A, forcing[rows], zone.heat, zone.output, *bounds, state, ahead)
+        load, path = simulate_inverse(zone.A, forcing[rows], heat, zone.output, *bounds, state, ahead)
         loads.append(load)
         paths.append(path)
     return np.concatenate(loads), np.concatenate(paths) + offset
@@ -70,10 +71,16 @@ def required_heat(
 def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
     """Steps for which a load is assumed to be held when it is sought (1: paper Eq. inverseQ2 itself).
 
+    ``heat`` (2, n) is the effect of 1 kW of a plant that heats, and of one that cools; the longer hold of both counts.
     The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  With a negative
     eigenvalue each load overshoots and the next takes it back; with one above 1 the load runs away.  The shortest hold
     that damps both is taken.
     """
+    return max(_least_hold(A, effect, c) for effect in np.unique(heat, axis=0))
+
+
+def _least_hold(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
+    """Steps for which heat (n,) [kW] of one effect is held."""
     held, power = np.array(heat, dtype=np.float64), np.array(A, dtype=np.float64)
     for ahead in range(1, MOST_AHEAD):
         effect = c @ held

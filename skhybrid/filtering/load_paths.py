@@ -1,8 +1,8 @@
 """Heat that keeps the output of a network within a band, and the linear-quadratic path that follows wanted values.
 
-Common arguments: ``A`` (n, n); ``forcing`` (N, n) by all other inputs; ``heat`` (n,), the effect of 1 kW over a step on
-the states; ``c`` (n,), the output's row; ``lower``, ``upper`` (N,), limits of the plant over each step [kW]; ``s0``,
-the first states (n,).
+Common arguments: ``A`` (n, n); ``forcing`` (N, n) by all other inputs; ``heat`` (2, n), the effect of 1 kW over a step
+on the states, first where the plant heats, then where it cools; ``c`` (n,), the output's row; ``lower``, ``upper``
+(N,), limits of the plant over each step [kW]; ``s0``, the first states (n,).
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled
+
+_PASSES = 4  # in which the steps that cool are found, where heating and cooling have different effects
 
 
 class LoadPath(NamedTuple):
@@ -32,15 +34,17 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
     N, n = forcing.shape
     applied, path = np.empty(N), np.empty(N)
     s, free, held, new = s0.copy(), np.empty(n), np.zeros(n), np.empty(n)
-    for _ in range(ahead):
+    effect = np.zeros(2)  # of 1 kW, held, on the output
+    for side in range(2):
+        held[:] = 0.0
+        for _ in range(ahead):
+            for i in range(n):
+                new[i] = heat[side, i]
+                for j in range(n):
+                    new[i] += A[i, j] * held[j]
+            held[:] = new
         for i in range(n):
-            new[i] = heat[i]
-            for j in range(n):
-                new[i] += A[i, j] * held[j]
-        held[:] = new
-    effect = 0.0  # of 1 kW, held, on the output
-    for i in range(n):
-        effect += c[i] * held[i]
+            effect[side] += c[i] * held[i]
     for k in range(N):
         free[:] = s
         last = k
@@ -55,10 +59,12 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
         for i in range(n):
             output += c[i] * free[i]
         wanted = min(max(output, lowest[last]), highest[last])
-        applied[k] = min(max((wanted - output) / effect, lower[k]), upper[k])
+        side = 0 if wanted >= output else 1
+        applied[k] = min(max((wanted - output) / effect[side], lower[k]), upper[k])
+        side = 0 if applied[k] >= 0.0 else 1
         path[k] = 0.0
         for i in range(n):
-            new[i] = forcing[k, i] + heat[i] * applied[k]
+            new[i] = forcing[k, i] + heat[side, i] * applied[k]
             for j in range(n):
                 new[i] += A[i, j] * s[j]
             path[k] += c[i] * new[i]
@@ -118,11 +124,11 @@ def _update_cost(P, p, F, b, penalty, gains, k, offset, Pb, Pf, PF, closed):
 
 
 @compiled
-def _feedback_law(A, forcing, heat, c, wanted, penalty, beyond):
+def _feedback_law(A, forcing, heat, sides, c, wanted, penalty, beyond):
     """Best heat of each step by the state and the heat before (N, n + 1), and a constant (N,).
 
-    Dynamic programming from ``beyond`` steps after the last row back to the first, with the heat of the step before as
-    one more state.  At the end the cost to go is 0.
+    ``sides`` (N,) are the rows of ``heat`` that act.  Dynamic programming from ``beyond`` steps after the last row back
+    to the first, with the heat of the step before as one more state.  At the end the cost to go is 0.
     """
     N, n = forcing.shape
     m = n + 1
@@ -130,9 +136,10 @@ def _feedback_law(A, forcing, heat, c, wanted, penalty, beyond):
     P, p, PF, closed = np.zeros((m, m)), np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
     Pb, Pf, drift = np.zeros(m), np.zeros(m), np.zeros(m)
     F, b = np.zeros((m, m)), np.ones(m)
-    F[:n, :n], b[:n] = A, heat
+    F[:n, :n] = A
     for step in range(N + beyond - 1, -1, -1):
         k = min(step, N - 1)
+        b[:n] = heat[sides[k]]
         change_penalty = penalty if step > 0 else 0.0  # there is no heat before the first step
         drift[:n] = forcing[k]
         for i in range(n):
@@ -151,21 +158,29 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
     The minimum of ``sum (output - wanted)^2 + penalty sum (change of heat)^2`` over the remaining steps, from the state
     and the heat before; at a limit the heat is clipped, and the later steps go on from there.  Without limits it is the
     minimum over all steps.  The heat of the first row is free; ``beyond`` steps after the last row count too, with
-    forcing and wanted output held.  ``penalty`` is positive [squared output per kW2].
+    forcing and wanted output held.  ``penalty`` is positive [squared output per kW2].  Where heating and cooling have
+    different effects, the steps that cool are those of the pass before.
     """
     N, n = forcing.shape
-    gains, offsets = _feedback_law(A, forcing, heat, c, wanted, penalty, beyond)
-    applied, path = np.empty(N), np.zeros(N)
-    s, new, before = s0.copy(), np.empty(n), 0.0
-    for k in range(N):
-        best = offsets[k] + gains[k, n] * before
-        for i in range(n):
-            best += gains[k, i] * s[i]
-        before = applied[k] = min(max(best, lower[k]), upper[k])
-        for i in range(n):
-            new[i] = forcing[k, i] + heat[i] * before
-            for j in range(n):
-                new[i] += A[i, j] * s[j]
-            path[k] += c[i] * new[i]
-        s[:] = new
+    applied, path, sides = np.empty(N), np.empty(N), np.zeros(N, np.int64)
+    s, new = np.empty(n), np.empty(n)
+    for _ in range(_PASSES):
+        gains, offsets = _feedback_law(A, forcing, heat, sides, c, wanted, penalty, beyond)
+        s[:], before, n_moved = s0, 0.0, 0
+        for k in range(N):
+            best = offsets[k] + gains[k, n] * before
+            for i in range(n):
+                best += gains[k, i] * s[i]
+            before = applied[k] = min(max(best, lower[k]), upper[k])
+            side = 0 if before >= 0.0 else 1
+            n_moved += side != sides[k]
+            sides[k], path[k] = side, 0.0
+            for i in range(n):
+                new[i] = forcing[k, i] + heat[side, i] * before
+                for j in range(n):
+                    new[i] += A[i, j] * s[j]
+                path[k] += c[i] * new[i]
+            s[:] = new
+        if n_moved == 0 or np.array_equal(heat[0], heat[1]):
+            break
     return LoadPath(applied, path)

@@ -16,7 +16,7 @@ from .channels import ChannelPlan, deviation, equipment, knot_name, known_heat
 from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
-from .plant_model import emitting, forcing_by
+from .plant_model import emitting, forcing_by, into_heated
 from .segment import Segment
 
 _GRID = 101  # stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
@@ -199,13 +199,23 @@ class _System(NamedTuple):
 
     A: np.ndarray  # (n + 1, n + 1)
     forcing: np.ndarray  # (N, n + 1) by all but the plant
-    effect: np.ndarray  # (n + 1,) of 1 kW of the plant
+    effect: np.ndarray  # (2, n + 1) of 1 kW of the plant that heats, and of the one that cools
     c: np.ndarray  # (n + 1,) row of the measured node
 
 
 def _system(fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray) -> _System:
-    A, effect = emitting(fit, state)
+    (A, effect), direct = emitting(fit, state), into_heated(fit, state)
+    plant = _plant(segment.plan, state.coef, fit.channel_names)
+    sides = [_share_known(fit.plan, plant, stages) for stages in (plant.heating, plant.cooling)]
     M, channels = state.matrices, segment.channels
     heat = channels.heat(np.where(channels.solar, state.coef[: len(channels.names)], 0.0), len(M.A))
     heat[:, segment.plan.zone] += zeta
-    return _System(A, forcing_by(M, segment, heat), effect, np.eye(len(A))[fit.model.zone])
+    effects = np.array([share * effect + (1.0 - share) * direct for share in sides])
+    return _System(A, forcing_by(M, segment, heat), effects, np.eye(len(A))[fit.model.zone])
+
+
+def _share_known(plan: ChannelPlan, plant: Plant, stages: Sequence[tuple[str, float]]) -> float:
+    """Share of the heat of some stages that is known, so that the emitter delays it; 1 without stages."""
+    known = dict(plan.known)
+    full = sum(q * plant.most[role] for role, q in stages)
+    return sum(q * plant.most[role] for role, q in stages if role in known) / full if stages else 1.0
