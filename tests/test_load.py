@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
-from skhybrid.control import make_plant, steps_ahead
+from skhybrid.control import load_frame, make_plant, steps_ahead
 from skhybrid.datasets import make_office
 from skhybrid.datasets._office import TRUE_THETA as TRUE
 from skhybrid.exceptions import UnitWarning
@@ -342,3 +342,37 @@ def test_a_load_of_known_and_fitted_stages_is_what_the_forecast_makes_of_them(kn
     T = model.affine_forecast(None, given, stages, member="network").temperature(given[stages].to_numpy())
     # what is left is the part-load curve, which no emitter delays: 0.28 and 0.35 K if one delays the fitted stage
     np.testing.assert_allclose(load["T_za"], T, atol=0.005)
+
+
+def test_stages_go_before_a_meter_which_does_only_what_it_did_in_training():
+    """A heating stage of 6 kW beside the meter of a boiler that heats, or of a chiller that cools."""
+    seen, index = {"u_heat": np.ones(2), "u_cool": np.zeros(2)}, pd.RangeIndex(4)
+    heat = np.array([-3.0, 0.0, 4.0, 9.0])
+    for metered, clipped, stage in (([0.0, 2.0], [0.0, 0.0, 4.0, 9.0], 1.0), ([-2.0, 0.0], [-3.0, 0.0, 4.0, 6.0], 1.5)):
+        plant = make_plant({"u_heat": 6.0, "u_cool": 0.0}, seen | {"Q_hvac": np.array(metered)})
+        found = load_frame(plant, index, heat, heat, heat, heat)
+        np.testing.assert_array_equal(found["Q_total"], clipped)
+        np.testing.assert_allclose(found["u_heat"], [0.0, 0.0, 4.0 / 6.0, 1.0])
+        np.testing.assert_allclose(found["u_heat_unclipped"], [0.0, 0.0, 4.0 / 6.0, stage])
+        np.testing.assert_allclose(found["Q_hvac"], clipped - 6.0 * found["u_heat"], atol=1e-12)
+        assert (found["u_cool"] == 0.0).all()
+    two = {"Q_radiator": np.array([0.0, 3.0]), "Q_floor": np.array([0.0, 1.0])}
+    found = load_frame(make_plant({"u_heat": 6.0}, {"u_heat": np.ones(2), **two}), index, heat, heat, heat, heat)
+    np.testing.assert_allclose(found[["Q_hvac", "Q_radiator", "Q_floor"]].iloc[-1], [9.0, 2.25, 0.75])
+
+
+@pytest.mark.parametrize("setpoint", [(24.0, 26.0), (35.0, 36.0)])
+def test_a_load_of_a_stage_and_a_meter_can_be_given_back(setpoint):
+    """A heating stage never exceeds its capacity, a chiller's meter does not heat, and no heat counts twice."""
+    office = make_office(n_days=14, sampling_time="30min", random_state=0)
+    n, plant = 12 * 48, ["u_heat", "Q_hvac"]
+    X = office.X.drop(columns="u_cool").assign(Q_hvac=-6.0 * office.X["u_cool"])
+    model = HybridPredictor(known={"Q_h": 6.0}, intervals=False).fit(X[:n], office.y[:n])
+    day = X[n : n + 48].drop(columns="T_za")
+    found = model.forecast(None, day, setpoint=setpoint)
+    assert 0.4 < found["u_heat"].max() <= 1.0
+    assert found["Q_hvac"].max() <= 0.0
+    np.testing.assert_allclose(found["Q_total"], found["Q_hvac"] + 6.0 * found["u_heat"], atol=0.5)  # and the part load
+    given = day.assign(**found[plant])
+    T = model.affine_forecast(None, given, plant, member="network").temperature(given[plant].to_numpy())
+    np.testing.assert_allclose(found["T_za"], T, atol=0.05)

@@ -93,13 +93,14 @@ def _least_hold(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
 
 
 class Plant(NamedTuple):
-    """Stages that heat and cool the zone, and their capacities."""
+    """Stages that heat and cool the zone, and their capacities, and the metered heat beside them."""
 
     heating: tuple[tuple[str, float], ...]  # (role, capacity [kW]) of the stages that heat
     cooling: tuple[tuple[str, float], ...]  # the same of those that cool, capacity < 0
     most: Mapping[str, float]  # highest stage of each role
     lower: float  # [kW], 0 or less; -inf where heat was measured
     upper: float  # [kW], 0 or more; inf where heat was measured
+    meters: tuple[tuple[str, float, float], ...] = ()  # (role, least, most heat of training [kW]), beside stages only
 
     def within(self, limits: Limits) -> Limits:
         """The narrower of given limits and the capacity of the stages."""
@@ -107,15 +108,20 @@ class Plant(NamedTuple):
 
 
 def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) -> Plant:
-    """Plant of a training table, from the capacity [kW] of each stage; measured heat sets no limit."""
+    """Plant of a training table, from the capacity [kW] of each stage.
+
+    Measured heat sets no limit; beside stages it does so only on the sides, heating and cooling, where it ever acted.
+    """
     roles = sorted(capacity, key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
     most = {role: max(1.0, float(inputs[role].max())) for role in roles}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
-    beyond = np.inf if any(role.startswith("Q_") for role in inputs) else 0.0
-    lower = sum(q * most[role] for role, q in cooling) - beyond
-    upper = sum(q * most[role] for role, q in heating) + beyond
-    return Plant(heating, cooling, most, lower, upper)
+    measured = ((role, heat) for role, heat in inputs.items() if role.startswith("Q_"))
+    meters = tuple((role, float(heat.min(initial=0.0)), float(heat.max(initial=0.0))) for role, heat in measured)
+    cools, heats = (any(meter[end] for meter in meters) or bool(meters and not most) for end in (1, 2))
+    lower = sum(q * most[role] for role, q in cooling) - (np.inf if cools else 0.0)
+    upper = sum(q * most[role] for role, q in heating) + (np.inf if heats else 0.0)
+    return Plant(heating, cooling, most, lower, upper, meters if most else ())
 
 
 def load_frame(
@@ -128,14 +134,21 @@ def load_frame(
 ) -> pd.DataFrame:
     """Heat [kW] and stages [-], clipped and not, the ``temperature`` (N,) [degC] under the clipped load, ``zeta`` (N,).
 
-    Every stage has its columns; one without capacity stays at 0.
+    Every stage has its columns; one without capacity stays at 0.  Beside stages metered heat has the columns of its
+    roles, with what is left where the stages give what they can; a sum of all is then ``Q_total`` if one is ``Q_hvac``.
     """
-    out = {role + suffix: np.zeros(len(index)) for suffix in ("", "_unclipped") for role in plant.most}
-    for suffix, heat in (("", clipped), ("_unclipped", unclipped)):
-        for side, stages in ((np.maximum, plant.heating), (np.minimum, plant.cooling)):
-            full = sum(q * plant.most[role] for role, q in stages)
-            for role, _ in stages:
-                out[role + suffix] = np.abs(side(heat, 0.0) / full) * plant.most[role]
-    out["Q_hvac"], out["Q_hvac_unclipped"], out["T_za"] = clipped, unclipped, temperature
-    out["zeta"] = zeta
+    meters = [role for role, _, _ in plant.meters]
+    out = {role + suffix: np.zeros(len(index)) for suffix in ("", "_unclipped") for role in (*plant.most, *meters)}
+    for suffix, heat in (("", np.clip(clipped, plant.lower, plant.upper)), ("_unclipped", unclipped)):
+        for end, side, stages in ((2, np.maximum, plant.heating), (1, np.minimum, plant.cooling)):
+            left, metered = side(heat, 0.0), sum(meter[end] for meter in plant.meters)
+            if stages:
+                full = sum(q * plant.most[role] for role, q in stages)
+                share = np.minimum(np.abs(left / full), 1.0 if metered else np.inf)
+                left = left - share * full
+                out |= {role + suffix: share * plant.most[role] for role, _ in stages}
+            for meter in plant.meters if metered else ():
+                out[meter[0] + suffix] = out[meter[0] + suffix] + left * (meter[end] / metered)
+        out[("Q_total" if "Q_hvac" in meters else "Q_hvac") + suffix] = heat
+    out["T_za"], out["zeta"] = temperature, zeta
     return pd.DataFrame(out, index=index)

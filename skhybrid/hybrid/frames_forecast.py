@@ -71,8 +71,8 @@ class FramesForecastMixin(FramesReadingMixin):
         DataFrame with the index of ``future``
             ``T_za`` [degC] at each stamp; ``zeta`` [kW, or K for an output disturbance] over the step that begins
             there, of the schedule model's network; a column such as ``q_0.1`` [degC] for each quantile.  Under a
-            thermostat also ``Q_hvac`` [kW] and stages [-] by role over each row's step, and ``Q_hvac_0.1`` [kW] for
-            each quantile of the load.
+            thermostat also ``Q_hvac`` [kW] and stages [-] by role over each row's step, as in :meth:`predict_load`, and
+            ``Q_hvac_0.1`` [kW] for each quantile of the whole load.
 
         Raises
         ------
@@ -282,6 +282,7 @@ class FramesForecastMixin(FramesReadingMixin):
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
             [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need
             (paper Eq. inverseQ2), and ``zeta`` as forecast.  For quantiles ``q_0.1`` [degC] and ``Q_hvac_0.1`` [kW].
+            Where the training has stages and a metered ``Q_hvac``, that is the meter's part, and ``Q_total`` the sum.
 
         Raises
         ------

@@ -189,7 +189,8 @@ class Scheme(ABC):
         if delivered is not None:
             for side in within:
                 side[origins[group] - begin] = delivered[group]
-        load = self.required_heat(table, starts, band, within)[["Q_hvac", "T_za", "zeta"]].to_numpy().T
+        found = self.required_heat(table, starts, band, within)
+        load = found[["Q_total" if "Q_total" in found else "Q_hvac", "T_za", "zeta"]].to_numpy().T
         for i in group:
             rows = np.minimum(origins[i] - begin + np.arange(n_leads), n - begin - 1)
             out.heat[i], out.zeta[i] = load[0, rows], load[2, rows]

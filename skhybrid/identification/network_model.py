@@ -256,7 +256,8 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         DataFrame of length n_samples
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
             [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need, and
-            the expected disturbance ``zeta`` [kW, or K of an output disturbance].
+            the expected disturbance ``zeta`` [kW, or K of an output disturbance].  Where the training has stages and a
+            metered ``Q_hvac``, that is the meter's part, and ``Q_total`` the sum.
 
         Notes
         -----

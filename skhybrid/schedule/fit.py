@@ -49,6 +49,7 @@ class LeadFit:
     left_out: np.ndarray  # (O, L) errors [K] of training forecasts, their block left out; NaN where not measured
     reference: float  # temperature from which deviations count [degC]
     undetermined: tuple[str, ...] = ()  # plant roles of whose effect the training says next to nothing
+    meters: tuple[tuple[str, tuple[float, float]], ...] = ()  # roles of measured heat, with its least and most [kW]
 
     @property
     def model(self) -> FilterModel:
@@ -223,7 +224,10 @@ def _with_contrasts(
     problem = replace(problem, forecasts=(scored._replace(segment=segment, surprise=None),))
     best = problem.evaluate(best.psi)
     left_out = _left_out_errors(problem, best, blocks)
-    return LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference), best.loss
+    measured = ((role, table.inputs[role]) for role, _ in plan.known if role.startswith("Q_"))
+    meters = tuple((role, (float(heat.min()), float(heat.max()))) for role, heat in measured)
+    made = LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference, meters=meters)
+    return made, best.loss
 
 
 def _fit_under(

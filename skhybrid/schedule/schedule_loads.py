@@ -93,7 +93,7 @@ def plant_heat(fit: LeadFit, table: ZoneTable) -> np.ndarray:
 
 def heat_frame(fit: LeadFit, index: pd.Index, paths: LoadPaths) -> pd.DataFrame:
     """Stages by role and heat of a path, temperature and ``zeta`` of its rows."""
-    plant = _plant(fit.plan, fit.coef, fit.channel_names)
+    plant = _plant(fit, fit.coef)
     frame = load_frame(plant, index, paths.heat[0], paths.heat[0], paths.temperature[0], paths.zeta[0])
     return _at_part_load(frame, fit, plant, fit.coef)
 
@@ -135,7 +135,7 @@ def _load_from(
     variation: _Variation | None,
 ) -> pd.DataFrame:
     """Load of the rows from an origin on."""
-    plant = _plant(segment.plan, state.coef, fit.channel_names)
+    plant = _plant(fit, state.coef)
     zeta = _zeta(segment, state)
     system, begin = _system(fit, state, segment, zeta), np.append(state.nodes, state.emitter)
     band = [side - fit.reference for side in setpoint]
@@ -185,13 +185,13 @@ def increasing_curve(curve: np.ndarray, proportional: np.ndarray) -> np.ndarray:
     return isotonic_regression(curve - least, y_min=0.0, y_max=proportional[-1] - least[-1]) + least
 
 
-def _plant(plan: ChannelPlan, coef: np.ndarray, names: tuple[str, ...]) -> Plant:
-    """Stages with their given or fitted capacity; measured heat sets no limit."""
+def _plant(fit: LeadFit, coef: np.ndarray) -> Plant:
+    """Stages with their given or fitted capacity, and measured heat."""
+    plan, names = fit.plan, fit.channel_names
     capacity = {role: c for role, c in plan.known if role.startswith("u_")}
     capacity |= {role: sign * coef[names.index(role)] for role, sign in plan.stages}
     seen = {role: np.array([largest]) for role, largest in plan.max_stages}
-    measured = {role: np.empty(0) for role, _ in plan.known if role.startswith("Q_")}
-    return make_plant(capacity, seen | measured)
+    return make_plant(capacity, seen | {role: np.array(ends) for role, ends in fit.meters})
 
 
 class _System(NamedTuple):
@@ -205,7 +205,7 @@ class _System(NamedTuple):
 
 def _system(fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray) -> _System:
     (A, effect), direct = emitting(fit, state), into_heated(fit, state)
-    plant = _plant(segment.plan, state.coef, fit.channel_names)
+    plant = _plant(fit, state.coef)
     sides = [_share_known(fit.plan, plant, stages) for stages in (plant.heating, plant.cooling)]
     M, channels = state.matrices, segment.channels
     heat = channels.heat(np.where(channels.solar, state.coef[: len(channels.names)], 0.0), len(M.A))

@@ -350,7 +350,7 @@ def _blended(
     both = {name: (1.0 - share) * values + share * coupled[name] for name, values in own.items() if name in coupled}
 
     def moved(name: str) -> np.ndarray:  # q_0.1 and Q_hvac_0.1
-        of = "T_za" if name.startswith("q_") else "Q_hvac"
+        of = "T_za" if name.startswith("q_") else "Q_total" if "Q_total" in both else "Q_hvac"
         return both[of] + (own[name] - own[of]) * (widths if of == "T_za" else 1.0)
 
     return {name: both[name] if name in both else moved(name) for name in own}
