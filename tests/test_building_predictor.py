@@ -230,6 +230,25 @@ def test_loads_hold_the_set_points_and_share_a_plant(building, later):
         building.predict_load(rows, {"attic": 20.0})
 
 
+def test_a_shared_plant_binds_only_where_all_zones_together_need_more(building, later):
+    rows, heat = later[:DAY], [f"Q_hvac_{zone}" for zone in ZONES]
+    own = building.predict_load(rows, 15.0, dict.fromkeys(ZONES, (-30.0, 60.0)))
+    assert own[heat].to_numpy().min() < -0.1, "training never saw that rooms are cooled"
+    pd.testing.assert_frame_equal(building.predict_load(rows, 15.0, (-30.0, 60.0)), own)
+    alone = building.predict_load(rows, (21.0, 24.0), dict.fromkeys(ZONES, (None, 60.0)))
+    most = 0.6 * alone[heat].sum(axis=1).max()
+    alone = building.predict_load(rows, (21.0, 24.0), dict.fromkeys(ZONES, (None, most)))
+    shared = building.predict_load(rows, (21.0, 24.0), (None, most))
+    total, needed = shared[heat].sum(axis=1).to_numpy(), alone[heat].sum(axis=1).to_numpy()
+    assert total.max() <= most + 1e-9
+    first = int(np.argmax(needed > most))
+    np.testing.assert_allclose(shared[heat][:first], alone[heat][:first], atol=1e-9)
+    np.testing.assert_allclose(shared[heat].iloc[first], alone[heat].iloc[first] * most / needed[first], atol=1e-6)
+    short = (21.0 - temperatures(shared)[1:]).max(axis=1) > 0.1
+    assert 0 < short.sum() < DAY - 1
+    np.testing.assert_allclose(total[:-1][short], most, atol=0.1)
+
+
 def test_samples_have_the_quantiles_and_the_correlation(building, rooms, later):
     tomorrow = later[:DAY].drop(columns=T_OF)
     drawn = building.sample(None, tomorrow, 200, random_state=0)

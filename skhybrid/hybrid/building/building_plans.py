@@ -21,6 +21,9 @@ from .building_forecast import BuildingForecastMixin, columns_of, held, of_zone,
 from .coupled_zone import CoupledZone, at_common_origins
 
 _NEAR = 1.5  # hours within which the errors of the training are drawn
+_SPANS = 12  # parts of the rows in which zones that share a plant are settled, one after the other
+_ROUNDING = 1e-9  # of heat [kW]
+_Key = tuple[str, bool]  # a zone, and whether its predictor is the one with neighbours
 _LEAST_DRAWN = 10  # forecasts of the training from about that hour of the day, below which those of any are drawn
 
 
@@ -69,7 +72,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         limits : tuple of (lowest, highest), or mapping of zone to such pairs, optional
             What one plant gives to all zones together [kW], each a number or one value per row, with 0 between them; or
             what each zone's own plant can do.  Where all zones together need more, every zone gets the same share of
-            what it needs.
+            what it would take if the plant were its own.
 
         Returns
         -------
@@ -86,35 +89,54 @@ class BuildingPlansMixin(BuildingForecastMixin):
         X = self._prepared(X)
         rows = self._with_measured(X, self._known(X))
         if limits is None or isinstance(limits, Mapping):
-            return self._loads(rows, wanted, self._by_zone(limits, "limits"))
+            own = self._by_zone(limits, "limits")
+            return self._loads(rows, wanted, {(z, near): own.get(z) for z, near in self._predictors})[0]
         first = self.own_[self.zones_[0]]
         with of_zone(self.zones_[0]):
             table, n_tail, _ = first._load_rows(rows, first._plant)
         shared = read_limits(limits, table.rows(slice(n_tail, None)))
         if (shared.lower > 0.0).any() or (shared.upper < 0.0).any():
             raise ValueError("limits of all zones together must have 0 kW, a plant that is off, between them.")
-        return self._loads(rows, wanted, self._shared_out(self._loads(rows, wanted, {}), shared))
+        return self._shared_out(rows, wanted, shared)
 
-    def _loads(self, rows: pd.DataFrame, wanted: Mapping[str, Any], limits: Mapping[str, Any]) -> pd.DataFrame:
+    @property
+    def _predictors(self) -> list[_Key]:
+        return [(zone, near) for zone in self.zones_ for near in (False, True)]
+
+    def _loads(
+        self, rows: pd.DataFrame, wanted: Mapping[str, Any], limits: Mapping[_Key, Any]
+    ) -> tuple[pd.DataFrame, dict[_Key, np.ndarray]]:
+        """Loads of all zones, and the heat (N,) [kW] by each of their predictors, which are within their limits."""
+        heat: dict[_Key, np.ndarray] = {}
+
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
-            under = with_next(rows, T) if T else rows
-            return columns_of(model.predict_load(under, wanted.get(zone), limits.get(zone)))
+            under, key = with_next(rows, T) if T else rows, (zone, bool(T))
+            load = columns_of(model.predict_load(under, wanted.get(zone), limits[key]))
+            heat[key] = load.get("Q_total", load["Q_hvac"])
+            return load
 
-        return pd.DataFrame(self._joined(of, first_lead=1), getattr(rows, "index", None))
+        return pd.DataFrame(self._joined(of, first_lead=1), getattr(rows, "index", None)), heat
 
-    def _shared_out(self, loads: pd.DataFrame, within: Limits) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Limits of each zone [kW] that add up to those of a plant, by what the zones need of it."""
-        heat = np.column_stack([loads[f"Q_hvac_{zone}"].to_numpy() for zone in self.zones_])
-        sides = []
-        for sign, limit in ((-1.0, within.lower), (1.0, within.upper)):
-            most = sign * limit
-            needed = np.maximum(sign * heat, 0.0)
-            total = needed.sum(axis=1)
-            usual = needed.mean(axis=0) + 1e-9
-            scale = np.minimum(1.0, most / np.maximum(total, 1e-9))[:, None]
-            spare = np.maximum(most - total, 0.0)[:, None] * (usual / usual.sum())
-            sides.append(sign * (needed * scale + spare))
-        return {zone: (sides[0][:, j], sides[1][:, j]) for j, zone in enumerate(self.zones_)}
+    def _shared_out(self, rows: pd.DataFrame, wanted: Mapping[str, Any], shared: Limits) -> pd.DataFrame:
+        """Loads of all zones that together keep within the limits of a plant.
+
+        Each zone may have all of the plant, but for rows in which they would take too much: there each gets the same
+        share of what it would take.  As what it takes later hangs on that, such rows are settled from the first on.
+        """
+        limits = {key: Limits(shared.lower.copy(), shared.upper.copy()) for key in self._predictors}
+        span = max(1, len(rows) // _SPANS)
+        while True:
+            loads, heat = self._loads(rows, wanted, limits)
+            by_zone = [loads[f"Q_total_{z}" if f"Q_total_{z}" in loads else f"Q_hvac_{z}"] for z in self.zones_]
+            sides = [np.sum([side(q, 0.0) for q in by_zone], axis=0) for side in (np.minimum, np.maximum)]
+            over = [np.abs(taken) > np.abs(most) + _ROUNDING for taken, most in zip(sides, shared, strict=True)]
+            if not np.any(over):
+                return loads
+            first = int(np.argmax(np.any(over, axis=0)))
+            for end, (taken, most) in enumerate(zip(sides, shared, strict=True)):
+                now = first + np.flatnonzero(over[end][first : first + span])
+                for key, q in heat.items():
+                    limits[key][end][now] = (np.minimum, np.maximum)[end](q[now], 0.0) * most[now] / taken[now]
 
     def affine_forecast(
         self, history: pd.DataFrame | None, future: pd.DataFrame, inputs: Sequence[str] | None = None, T_za: Any = None
