@@ -309,9 +309,21 @@ def test_a_room_without_heating_and_a_shared_boiler(rooms):
     assert load["Q_hvac_kitchen"].max() <= 1.0
     boiler = X.drop(columns=[f"Q_hvac_{zone}" for zone in ZONES]).assign(u_heat=X.filter(like="Q_").sum(axis=1) / 7.5)
     model = BuildingPredictor(HybridPredictor(intervals=False, known={"Q_h": 2.5}), adjacency=DOORS)
-    found = model.fit(boiler[:N_TRAIN], y[:N_TRAIN]).affine_forecast(None, boiler[N_TRAIN : N_TRAIN + DAY])
+    tomorrow = boiler[N_TRAIN : N_TRAIN + DAY].drop(columns=T_OF)
+    found = model.fit(boiler[:N_TRAIN], y[:N_TRAIN]).affine_forecast(None, tomorrow)
     assert found.inputs == ("u_heat",)
     assert (found.gain[12, :12, 0].sum(axis=0) > 0.0).all(), "the boiler warms every room"
+    np.testing.assert_allclose(found.temperature(tomorrow["u_heat"]), temperatures(model.forecast(None, tomorrow)))
+    assert model.shared_plants_ == ["u_heat"]
+    only_set = tomorrow.drop(columns="u_heat").assign(T_heat_set=20.0)
+    for call in (
+        lambda: model.predict_load(tomorrow, 20.0),
+        lambda: model.predict_load(tomorrow, {"hall": 20.0}, (0.0, 3.0)),
+        lambda: model.forecast(None, tomorrow, setpoint=20.0),
+        lambda: model.forecast(None, only_set),
+    ):  # no stage of a boiler holds all set-points
+        with pytest.raises(ValueError, match="'u_heat' is of a plant that several zones share, which cannot hold"):
+            call()
 
 
 @pytest.mark.slow

@@ -138,6 +138,8 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
             remarks.append(f"the rooms were not identified: {error}")
         say("loads, and forecast of the next day")
         loads = _loads(model, settings, data)
+        if model.shared_plants_:
+            remarks.append(f"loads are left out: the zones share the plant of the column {model.shared_plants_[0]}")
         forecast = _next_day(model, settings, data, has_intervals(frames[HYBRID]))
         verdicts = {zone: _judged(model, settings, data, frames, zone, loads.get(zone)) for zone in settings.zones}
     zones = zone_table(frames, verdicts).join(_load_table(loads, data, settings))
@@ -261,7 +263,7 @@ def _loads(model: BuildingPredictor, settings: Settings, data: StudyData) -> dic
     """Loads that would have held the measured temperatures, of the zones that something heats or cools."""
     rows = {zone: rows_of(data.later, settings, zone) for zone in settings.zones}
     heated = {zone: plant_roles(own) for zone, own in rows.items() if plant_roles(own)}
-    if not heated:
+    if not heated or model.shared_plants_:
         return {}
     held = {zone: rows[zone]["T_za"].interpolate(limit_direction="both") for zone in heated}
     found, out = model.predict_load(data.later, held), {}
@@ -319,7 +321,7 @@ def _next_day(model: BuildingPredictor, settings: Settings, data: StudyData, wit
     out = model.forecast(data.history, ahead, quantiles=INTERVAL if with_intervals else None)
     heated = [zone for zone in settings.zones if plant_roles(rows_of(ahead, settings, zone))]
     whole = pd.concat([data.history, data.future.assign(**dict.fromkeys(temperatures, np.nan))])
-    if heated:
+    if heated and not model.shared_plants_:
         held = {zone: data.setpoint[zone].to_numpy() for zone in heated}
         found = model.predict_load(whole, held).loc[ahead.index]
         wanted = [name for name in found if is_plant(str(name)) and name not in out]

@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from ..._joining import read_now, refuse_no_frames
-from ..._table import as_numbers, listed
+from ..._table import as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
 from ..._warnings import warnings_prefixed_with
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
@@ -60,6 +60,21 @@ class BuildingForecastMixin:
         if not isinstance(X, pd.DataFrame):
             return X
         return with_next(X, {z: carried_on(T[z].to_numpy(dtype=float), self._last[z]) for z in self.zones_})
+
+    @property
+    def shared_plants_(self) -> list[str]:
+        """Columns of stages and heat of plants that serve several zones."""
+        check_is_fitted(self)
+        shared = [role for role in self._columns.columns if is_plant(role) and self._columns.owner(role) is None]
+        return [str(self._columns.columns[role]) for role in shared if len(self.zones_) > 1]
+
+    def _refuse_shared_plants(self) -> None:
+        if self.shared_plants_:
+            raise ValueError(
+                f"column {self.shared_plants_[0]!r} is of a plant that several zones share, which cannot hold the "
+                "set-points of each; give its stages or heat ahead to forecast, or plan them with affine_forecast and "
+                "an optimiser."
+            )
 
     def predict(self, X: Any) -> Any:
         """Forecast every row from the last origin before it.
@@ -239,12 +254,14 @@ class BuildingForecastMixin:
         Raises
         ------
         ValueError
-            As there; the message names the zone.
+            As there; the message names the zone.  Also under set-points where zones share a plant (``shared_plants_``).
         """
         check_is_fitted(self)
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
+        if wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values()):
+            self._refuse_shared_plants()
         alone = known is None and not wanted and limits is None
         of = self._under_heat(ahead, now, quantiles) if alone else None
         if of is None:

@@ -82,9 +82,10 @@ class BuildingPlansMixin(BuildingForecastMixin):
         Raises
         ------
         ValueError
-            As there; the message names the zone.  Also if limits of all zones together exclude 0 kW.
+            As there; the message names the zone.  Also if limits of all zones together exclude 0 kW, or zones share the
+            column of a plant (``shared_plants_``).
         """
-        check_is_fitted(self)
+        self._refuse_shared_plants()
         wanted = self._by_zone(setpoint, "setpoint")
         X = self._prepared(X)
         rows = self._with_measured(X, self._known(X))
