@@ -100,7 +100,7 @@ class Plant(NamedTuple):
     most: Mapping[str, float]  # highest stage of each role
     lower: float  # [kW], 0 or less; -inf where heat was measured
     upper: float  # [kW], 0 or more; inf where heat was measured
-    meters: tuple[tuple[str, float, float], ...] = ()  # (role, least, most heat of training [kW]), beside stages only
+    meters: Mapping[str, tuple[float, float]]  # least and most measured heat [kW] of each role, if beside stages
 
     def within(self, limits: Limits) -> Limits:
         """The narrower of given limits and the capacity of the stages."""
@@ -117,11 +117,11 @@ def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) 
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)
     measured = ((role, heat) for role, heat in inputs.items() if role.startswith("Q_"))
-    meters = tuple((role, float(heat.min(initial=0.0)), float(heat.max(initial=0.0))) for role, heat in measured)
-    cools, heats = (any(meter[end] for meter in meters) or bool(meters and not most) for end in (1, 2))
+    meters = {role: (float(heat.min(initial=0.0)), float(heat.max(initial=0.0))) for role, heat in measured}
+    cools, heats = (any(ends[end] for ends in meters.values()) or bool(meters and not most) for end in (0, 1))
     lower = sum(q * most[role] for role, q in cooling) - (np.inf if cools else 0.0)
     upper = sum(q * most[role] for role, q in heating) + (np.inf if heats else 0.0)
-    return Plant(heating, cooling, most, lower, upper, meters if most else ())
+    return Plant(heating, cooling, most, lower, upper, meters if most else {})
 
 
 def load_frame(
@@ -137,18 +137,18 @@ def load_frame(
     Every stage has its columns; one without capacity stays at 0.  Beside stages metered heat has the columns of its
     roles, with what is left where the stages give what they can; a sum of all is then ``Q_total`` if one is ``Q_hvac``.
     """
-    meters = [role for role, _, _ in plant.meters]
-    out = {role + suffix: np.zeros(len(index)) for suffix in ("", "_unclipped") for role in (*plant.most, *meters)}
+    roles = (*plant.most, *plant.meters)
+    out = {role + suffix: np.zeros(len(index)) for suffix in ("", "_unclipped") for role in roles}
     for suffix, heat in (("", np.clip(clipped, plant.lower, plant.upper)), ("_unclipped", unclipped)):
-        for end, side, stages in ((2, np.maximum, plant.heating), (1, np.minimum, plant.cooling)):
-            left, metered = side(heat, 0.0), sum(meter[end] for meter in plant.meters)
+        for end, side, stages in ((1, np.maximum, plant.heating), (0, np.minimum, plant.cooling)):
+            left, metered = side(heat, 0.0), sum(ends[end] for ends in plant.meters.values())
             if stages:
                 full = sum(q * plant.most[role] for role, q in stages)
                 share = np.minimum(np.abs(left / full), 1.0 if metered else np.inf)
                 left = left - share * full
                 out |= {role + suffix: share * plant.most[role] for role, _ in stages}
-            for meter in plant.meters if metered else ():
-                out[meter[0] + suffix] = out[meter[0] + suffix] + left * (meter[end] / metered)
-        out[("Q_total" if "Q_hvac" in meters else "Q_hvac") + suffix] = heat
+            for role, ends in plant.meters.items() if metered else ():
+                out[role + suffix] = out[role + suffix] + left * (ends[end] / metered)
+        out[("Q_total" if "Q_hvac" in plant.meters else "Q_hvac") + suffix] = heat
     out["T_za"], out["zeta"] = temperature, zeta
     return pd.DataFrame(out, index=index)
