@@ -20,7 +20,7 @@ from ..study.compared_models import make_models
 from ..study.data import NO_ROWS, SETPOINT, TRAINING_DAYS, with_facades
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
-from ..study.zone_part import settings_of
+from ..study.zone_part import roles_of, rows_of, settings_of
 from .outages import bridged, like_index, stretches
 
 _LEAST_DAYS = 3
@@ -269,16 +269,12 @@ class ZoneModel:
             several zones each name ends with the zone's.
         """
         future = with_facades(future, self.settings)
-        setpoint, limits = self._ideal_setpoint(future), self._limits(future)
-        ahead = future.drop(
-            columns=[role for role in self.settings.setpoints if setpoint is not None and role in future]
-        )
-        if setpoint is None:
-            self._refuse_one_side(future)
-            return self._with_intervals(history, ahead, limits)
-        found = self.predictor.forecast(history, ahead, setpoint=setpoint, limits=limits)
-        planned = future.assign(**{r: found[r] for r in self._plant() if r in found})
-        bands = self._with_intervals(history, planned.drop(columns=self.settings.setpoints, errors="ignore"))
+        wanted, limits = self._wanted(future), self._limits(future)
+        ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
+        if wanted is None or self.thermostat_learned:
+            return self._with_intervals(history, ahead, wanted, limits)
+        found = self.predictor.forecast(history, ahead, setpoint=wanted, limits=limits)
+        bands = self._with_intervals(history, ahead.assign(**{r: found[r] for r in self._plant() if r in found}))
         if self.zones:  # each model of a zone has its own heat, and the temperature is that under their blend
             found = found.assign(**{role: bands[role] for role in self.settings.roles_of("T_za")})
         return found.join(bands[[c for c in bands if str(c).startswith("q_")]])
@@ -316,12 +312,17 @@ class ZoneModel:
         return cls(predictor, settings_from(given))
 
     def _with_intervals(
-        self, history: pd.DataFrame, future: pd.DataFrame, limits: tuple[float | None, float | None] | None = None
+        self,
+        history: pd.DataFrame,
+        future: pd.DataFrame,
+        wanted: Any = None,
+        limits: tuple[float | None, float | None] | None = None,
     ) -> pd.DataFrame:
+        given = {"setpoint": wanted, "limits": limits}
         try:
-            return self.predictor.forecast(history, future, quantiles=INTERVAL, limits=limits)
+            return self.predictor.forecast(history, future, quantiles=INTERVAL, **given)
         except TooFewDaysError:
-            return self.predictor.forecast(history, future, limits=limits)
+            return self.predictor.forecast(history, future, **given)
 
     def _limits(self, future: pd.DataFrame) -> tuple[float | None, float | None] | None:
         """Limits of the plant by the settings [kW], where the heat of rows ahead is not planned."""
@@ -334,26 +335,28 @@ class ZoneModel:
         """Roles of the plant as the model reads them: meters of heat and cold are one, ``Q_hvac``."""
         return [role for role in self.covered() if is_plant(role)]
 
-    def _refuse_one_side(self, future: pd.DataFrame) -> None:
-        """Refuse one of two set-points under which the thermostat was learned."""
-        absent = [role for role in self.settings.setpoints if role not in future]
-        if absent and len(absent) < len(self.settings.setpoints) and not any(map(is_plant, future)):
-            raise ValueError(
-                f"{absent[0]} is not given for the rows ahead, but the thermostat was learned with it; give the "
-                "heating and the cooling set-point, such as --setpoint 21,24."
-            )
-
-    def _ideal_setpoint(self, future: pd.DataFrame) -> Any:
-        """Set-points to hold by an ideal plant: where none was learned and the rows ahead have no heat."""
-        given = [role for role in self.settings.setpoints if role in future]
-        if not given or self.thermostat_learned or any(map(is_plant, future)):
+    def _wanted(self, future: pd.DataFrame) -> Any:
+        """Heating and cooling set-point for a thermostat, of several zones by zone; None under given heat."""
+        if not any(role in future for role in self.settings.setpoints) or any(map(is_plant, future)):
             return None
-        if not self.zones:
-            return tuple(future[role].to_numpy() if role in future else None for role in SETPOINT_ROLES)
-        by_zone = {zone: [f"{role}_{zone}" for role in SETPOINT_ROLES] for zone in self.zones}
-        return {
-            zone: tuple(future[r].to_numpy() if r in future else None for r in own) for zone, own in by_zone.items()
-        }
+        rows = {zone: rows_of(future, self.settings, zone) for zone in self.zones} or {"": future}
+        for zone, own in rows.items():
+            self._refuse_one_side(zone, own)
+        sides = {z: tuple(own[r].to_numpy() if r in own else None for r in SETPOINT_ROLES) for z, own in rows.items()}
+        return sides if self.zones else sides[""]
+
+    def _refuse_one_side(self, zone: str, future: pd.DataFrame) -> None:
+        """Refuse the rows ahead of a zone that lack a set-point with which its thermostat was learned."""
+        columns = self.settings.columns
+        names = roles_of(columns, self.settings, zone) if zone else {role: role for role in columns}
+        learned = [role for role in SETPOINT_ROLES if role in names]
+        absent = [role for role in learned if role not in future]
+        if absent and self._of_zones[zone].thermostat_learned_:
+            example = {"T_heat_set": "21", "T_cool_set": ",24"}
+            raise ValueError(
+                f"{names[absent[0]]} is not given for the rows ahead, but the thermostat was learned with it; give it, "
+                f"such as --setpoint {zone and zone + ':'}{''.join(example[role] for role in learned)}."
+            )
 
 
 def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:
