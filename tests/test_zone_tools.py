@@ -9,12 +9,13 @@ import pandas as pd
 import pytest
 
 from skhybrid import GrayBoxRC
+from skhybrid.cli.zone import _errors
 from skhybrid.datasets import make_office
 from skhybrid.study import identified_building
 from skhybrid.study.data import StudyData
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import zone_backtest, zone_search
-from skhybrid.zone.forecast_scores import errors_of
+from skhybrid.zone.forecast_scores import _verdict, errors_of
 
 KNOWN = {"C_za": 2.0, "R_zo": 5.0, "A_win": 3.0, "Q_h": 6.0, "Q_c": -4.0}
 SETTINGS = settings_from({"columns": {"T_za": "T_za", "T_oa": "T_oa"}})
@@ -69,6 +70,14 @@ def test_errors_of_finished_forecasts_by_hand():
     assert errors_of(rows) == {"temperature [K]": {"rmse": 0.705, "bias": -0.367, "coverage": 0.667}, "load [kW]": None}
     newest = errors_of(rows[rows["origin"] == "2024-01-02"])
     assert newest["temperature [K]"] == {"rmse": 1.2, "bias": -1.2, "coverage": 0.0}
+
+
+def test_a_status_tells_one_coverage():
+    rows = _finished(["2024-01-01"] * 2500, 20.0, np.where(np.arange(2500) < 1537, 20.5, 22.0))  # 61.48 % inside
+    values = rows["T_za"], rows["T_za_measured"], rows["T_za"] + 2.0
+    verdict = _verdict("temperature", rows, values, [])
+    assert any("contained 62 %" in reason for reason in verdict.reasons)
+    assert "62 % of the measurements" in _errors(errors_of(rows)["temperature [K]"])
 
 
 def _data():

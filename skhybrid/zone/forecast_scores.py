@@ -34,18 +34,19 @@ def _errors(rows: pd.DataFrame, role: str, quantiles: str = "") -> dict[str, Any
     error = (rows[role] - measured).dropna()
     if error.empty:
         return None
-    inside = _inside(rows, role, quantiles) if quantiles else pd.Series(dtype=float)
     return {
         "rmse": round(float(np.sqrt((error**2).mean())), 3),
         "bias": round(float(error.mean()), 3),
-        "coverage": round(float(inside.mean()), 3) if len(inside) else None,
+        "coverage": _coverage(rows, role, quantiles) if quantiles else None,
     }
 
 
-def _inside(rows: pd.DataFrame, role: str, quantiles: str) -> pd.Series:
+def _coverage(rows: pd.DataFrame, role: str, quantiles: str) -> float | None:
+    """Share inside of the 80 % interval, rounded once: a status shows it in errors and in verdicts."""
     low, high = f"{quantiles}_0.1", f"{quantiles}_0.9"
     known = rows.dropna(subset=[low, high, role, f"{role}_measured"])
-    return known[f"{role}_measured"].between(known[low], known[high])
+    inside = known[f"{role}_measured"].between(known[low], known[high])
+    return round(float(inside.mean()), 3) if len(inside) else None
 
 
 def verdicts_of(archive: Any, zone: ZoneModel, rows: pd.DataFrame, days: pd.DataFrame) -> list[Verdict]:
@@ -70,8 +71,7 @@ def _verdict(quantity: str, rows: pd.DataFrame, values: Sequence[pd.Series], dou
     forecast, measured, before = values
     blocks = pd.to_datetime(rows["origin"]).dt.floor("D")  # forecasts of one day err alike, however many there are
     rule = compare_errors(forecast - measured, before - measured, blocks, f"yesterday's {quantity}")
-    inside = _inside(rows, *(("T_za", "q") if quantity == "temperature" else ("Q_hvac", "Q_hvac")))
-    coverage = float(inside.mean()) if len(inside) else None
+    coverage = _coverage(rows, *(("T_za", "q") if quantity == "temperature" else ("Q_hvac", "Q_hvac")))
     return judge(quantity, [rule], n_origins=blocks.nunique(), coverage=coverage, doubts=doubts)
 
 
