@@ -16,7 +16,7 @@ from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
-from skhybrid.zone import ZoneModel
+from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.tomorrow import schedules_of
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
@@ -146,6 +146,39 @@ def test_set_points_may_be_given_per_zone(folder, log, tmp_path, capsys):
     assert rows["Q_hvac_kitchen"].mean() > 0.5
     assert "the zone 'kitchen' has no set-point" in refusal(capsys, "forecast", *common, "--setpoint", "hall:20")
     assert "--setpoint names the zone 'attic'" in refusal(capsys, "forecast", *common, "--setpoint", "attic:20")
+
+
+@pytest.fixture(scope="module")
+def held(log) -> tuple[ZoneModel, pd.DataFrame]:
+    """A model and its log, in which the kitchen has set-points of its own, and the hall those of the building."""
+    rows = log.rename(columns={column: role for role, column in tomllib.loads(CONFIG)["columns"].items()})
+    rows = rows.assign(T_heat_set=np.where(rows.index.hour < 6, 17.0, 21.0), T_cool_set=26.0)
+    rows = rows.assign(T_heat_set_kitchen=rows["T_heat_set"] - 1.0, T_cool_set_kitchen=25.0)
+    settings = tomllib.loads(CONFIG)
+    settings["columns"] |= {role: role for role in rows if "_set" in role}
+    made = ZoneModel.fit(settings_from(settings), rows[:N_KNOWN])
+    assert made.thermostat_learned
+    return made, rows
+
+
+def test_zones_with_set_points_of_their_own_are_forecast(held, tmp_path):
+    """As by the predictor itself, whose rows ahead have the columns of the training."""
+    (model, rows), weather = held, tmp_path / "weather.csv"
+    rows[N_KNOWN - 1 : N_KNOWN + 25][["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)
+    found = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24", "hall:18,26"), ZONES)).frame
+    wanted = {"T_heat_set": 18.0, "T_cool_set": 26.0, "T_heat_set_kitchen": 21.0, "T_cool_set_kitchen": 24.0}
+    ahead = rows[N_KNOWN : N_KNOWN + 24][["T_oa", "q_sol"]].assign(**wanted)
+    core = model.predictor.forecast(model.history(rows[:N_KNOWN]), ahead, quantiles=(0.1, 0.9))
+    for name in ("T_za_hall", "Q_hvac_hall", "Q_hvac_0.9_hall", "T_za_kitchen", "Q_hvac_kitchen"):
+        np.testing.assert_allclose(found[name], core[name], atol=1e-6)
+    of_log = rows.copy()
+    of_log.loc[of_log.index[N_KNOWN:], [c for c in rows if c.startswith(("T_za", "Q_"))]] = np.nan
+    planned = day_ahead(model, of_log[: N_KNOWN + 24]).frame
+    assert {"Q_hvac_0.1_hall", "Q_hvac_0.1_kitchen"} <= set(planned)
+    for zone, name in (("kitchen", "T_cool_set_kitchen"), ("hall", "T_cool_set")):
+        text = f"{name} is not given for the rows ahead, .* such as --setpoint {zone}:21,24"
+        with pytest.raises(ValueError, match=text):
+            day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24", f"{zone}:20"), ZONES))
 
 
 def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):

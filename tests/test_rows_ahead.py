@@ -111,6 +111,24 @@ def test_one_of_two_set_points_is_refused(frame, zone, tmp_path):
         day_ahead(zone, frame[:N], path, Schedule.of_text("21"))
 
 
+def test_a_log_with_one_set_point_is_forecast_with_it(frame, tmp_path):
+    log, path = frame.drop(columns="T_cool_set"), tomorrow(frame, tmp_path / "w.csv")
+    columns = {role: name for role, name in SETTINGS["columns"].items() if role != "T_cool_set"}
+    heated = ZoneModel.fit(settings_from({**SETTINGS, "columns": columns}), log[:N])
+    assert heated.thermostat_learned
+    given = day_ahead(heated, log[:N], path, Schedule.of_text("6:00=21,22:00=17")).frame
+    assert given["Q_hvac_0.1"].lt(given["Q_hvac_0.9"]).any()
+    rows = given[["T_oa", "q_sol", "T_heat_set"]]
+    core = heated.predictor.forecast(heated.history(log[:N]), rows, quantiles=(0.1, 0.9))
+    np.testing.assert_allclose(given["Q_hvac"], core["Q_hvac"])
+    by_clock = {**SETTINGS, "columns": columns, "thermostat": {"heat": {"6:00": 21.0, "22:00": 17.0}}}
+    planned = day_ahead(ZoneModel(heated.predictor, settings_from(by_clock)), log[:N], path).frame
+    pd.testing.assert_frame_equal(planned, given)
+    assert "T_cool_set" in day_ahead(heated, log[:N], path, SCHEDULE).frame
+    with pytest.raises(ValueError, match=r"T_heat_set is not given for the rows ahead, .* such as --setpoint 21\."):
+        day_ahead(heated, log[:N], path, Schedule.of_text(",24"))
+
+
 @pytest.fixture(scope="module")
 def earlier(frame):
     """A model that has not seen the last rows of the log."""
