@@ -379,7 +379,7 @@ def test_a_sun_that_never_shines_and_heat_that_was_measured(office):
     [
         ({"known": {"Q_x": 1.0}}, "known= names 'Q_x'"),
         ({"known": {"C_w": -1.0}}, "C_w the value -1.0"),
-        ({"known": {"Q_c": 6.0}}, "Q_c the value 6.0; it must be < 0"),
+        ({"known": {"Q_c": 6.0}}, "Q_c the value 6.0; it must be < 0: cooling is negative, write -6.0."),
         ({"bounds": {"C_w": (5.0, 5.0)}}, "bounds of C_w"),
         ({"bounds": {"R_zo": (2, 1)}}, r"bounds of R_zo are \(2, 1\); the lower must be less than the upper"),
         ({"bounds": {"R_zo": 5}}, "bounds of R_zo are 5; give two finite numbers"),

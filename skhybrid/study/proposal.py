@@ -138,11 +138,10 @@ def _table_lines(title: str, table: Mapping[str, Any]) -> list[str]:
 
 def _model_lines(report: LogReport) -> list[list[str]]:
     estimator = ["[estimator]", 'name = "periodic"  # the identification that gives the parameters']
-    capacities = [p for role, p in (("u_heat", "Q_h"), ("u_cool", "Q_c")) if role in report.roles]
+    capacities = [text for role, text in (("u_heat", "Q_h = 6.0"), ("u_cool", "Q_c = -5.0")) if role in report.roles]
     if capacities:
-        estimator.append(
-            f"# known = {{ {capacities[0]} = 6.0 }}  # nameplate capacity [kW]: without it no kW is certain"
-        )
+        note = "nameplate capacity [kW]: without one no kW is certain"
+        estimator.append(f"# known = {{ {', '.join(capacities)} }}  # {note}")
     return [estimator, ["[forecaster]", f'model = "{SCHEDULE}"  # the default; "ridge" is a two-stage model']]
 
 

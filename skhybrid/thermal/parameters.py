@@ -178,7 +178,8 @@ def check_known(parameters: Iterable[Parameter], known: Mapping[str, Any]) -> No
             raise ValueError(f"known= gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
         if value == 0 or (p.transform == "log" and float(value) * p.sign < 0):
             sign = "other than" if p.transform == "identity" else "<" if p.sign < 0 else ">"
-            raise ValueError(f"known= gives {p.name} the value {value}; it must be {sign} 0.")
+            hint = f": cooling is negative, write {-value}" if value and p.sign < 0 else ""
+            raise ValueError(f"known= gives {p.name} the value {value}; it must be {sign} 0{hint}.")
         if p.unit == "-" and value > 1:
             raise ValueError(f"known= gives {p.name} the value {value}; it is a share, at most 1.")
         if p.unit == "kW" and abs(float(value)) >= _LARGEST_CAPACITY:
