@@ -25,6 +25,7 @@ import pytest
 import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
 from skhybrid.cli import _group, _output, main
+from skhybrid.datasets import make_office
 from skhybrid.logs import LogReport
 from skhybrid.logs import read_log as read_any_log
 from skhybrid.model_selection import backtest
@@ -684,6 +685,27 @@ def test_a_configuration_that_is_there_is_used_and_kept(files, capsys):
     assert (files / "zone.toml").read_text() == text
     assert main(["check", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--overwrite"]) == 0
     assert settings_from(tomllib.loads((files / "zone.toml").read_text())).columns["T_za"] == "room_temp"
+
+
+def test_capacities_are_proposed_with_their_signs_and_known_where_they_are_given(tmp_path, capsys):
+    log, config = tmp_path / "log.csv", tmp_path / "zone.toml"
+    make_office(n_days=4, random_state=0).X.to_csv(log)
+    assert main(["check", str(log), "--config", str(config), "-q"]) == 0
+    assert "kW of u_cool: its capacity" in capsys.readouterr().out
+    text = config.read_text()
+    assert "# known = { Q_h = 6.0, Q_c = -5.0 }" in text
+    config.write_text(text.replace("# known", "known"))
+    assert main(["check", str(log), "--config", str(config), "-q"]) == 0
+    assert "capacity" not in capsys.readouterr().out
+
+
+def test_roles_whose_kw_the_settings_fix():
+    columns = dict.fromkeys(["T_oa", "T_za_hall", "u_heat_hall", "u_cool_hall", "T_za_attic", "Q_heat_attic"], "x")
+    known = {"columns": columns, "estimator": {"known": {"Q_h": 6.0}}}
+    assert settings_from(known).scaled_roles == ["u_heat_hall"]
+    of_one = {"T_za": "a", "T_oa": "b", "Q_heat": "c", "u_heat_2": "d"}
+    electric = {"columns": of_one, "plant": {"electricity": True, "cop": 3.0}, "estimator": {"known": {"Q_h_2": 1.0}}}
+    assert settings_from(electric).scaled_roles == ["u_heat_2", "Q_heat"]
 
 
 @pytest.mark.parametrize("option", [["--timezone", "Europe/Berlin"], ["--format", "csv"]])

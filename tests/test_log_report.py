@@ -217,6 +217,9 @@ def test_electricity_is_not_taken_for_heat(frame):
     assert report.electricity() == ["Q_heat"]
     assert any("coefficient of performance" in f.text for f in report.findings)
     assert any(text.startswith("kW of Q_heat") for text in report.cannot)
+    told = LogReport(report.raw, report.roles, scaled=["Q_heat"])
+    assert not any("coefficient of performance" in f.text for f in told.findings)
+    assert not any(text.startswith("kW of") for text in told.cannot)
 
 
 def test_what_a_log_cannot_tell(frame):

@@ -57,6 +57,7 @@ def command(
             settings.scale,
             label=settings.label,
             holidays=settings.holidays,
+            scaled=settings.scaled_roles,
         )
     else:
         given = {} if timezone is None else {"timezone": timezone}

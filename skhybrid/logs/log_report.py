@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,8 @@ class LogReport:
         Whether a stamp begins or ends the interval of its row.
     holidays : str or list of dates, optional
         As in :class:`skhybrid.HybridPredictor`; such days count as Sundays.
+    scaled : iterable of str, optional
+        Roles of stages whose capacity is known, and of meters that are known to be heat or electricity.
 
     Attributes
     ----------
@@ -83,6 +85,7 @@ class LogReport:
         *,
         label: str | None = None,
         holidays: Any = None,
+        scaled: Iterable[str] = (),
     ) -> None:
         _refuse_short(frame.frame if isinstance(frame, RawLog) else frame)
         raw = frame if isinstance(frame, RawLog) else _log_of(frame)
@@ -91,6 +94,7 @@ class LogReport:
         self.step = usual_step(raw.frame)
         self.label = label or raw.label
         self._assumed: dict[str, str] = {}
+        self._scaled = set(scaled)
         ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
         stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
         rooms = {} if columns or raw.roles else zone_roles(stated)
@@ -109,7 +113,8 @@ class LogReport:
         self.excitation = excitation(self.frame)
         measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
-        unsure |= {c.role for c in channels if c.role.startswith("u_") and not measured}
+        stages = {c.role for c in channels if c.role.startswith("u_")}
+        unsure |= set() if measured or stages & self._scaled else stages  # one scale fixes those of all
         self.can, self.cannot, self.next_steps = abilities(
             self.excitation, sum(self.days.values()), unsure, [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         )
@@ -254,8 +259,10 @@ class LogReport:
         return [c._replace(unit="degF") if c is outdoor else c for c in channels]
 
     def _is_unsure(self, channel: Channel) -> bool:
-        electric = self._guesses[channel.name].is_electricity
-        return electric or "scale" in self._assumed.get(channel.role, "")
+        return self._seems_electric(channel) or "scale" in self._assumed.get(channel.role, "")
+
+    def _seems_electric(self, channel: Channel) -> bool:
+        return self._guesses[channel.name].is_electricity and channel.role not in self._scaled
 
     def _table(self, channels: list[Channel]) -> pd.DataFrame:
         by_name = {c.name: c for c in channels}
@@ -284,9 +291,9 @@ class LogReport:
                 found.append(Finding("error", channel.name, f"{n_infinite} values are infinite."))
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
             found += sensor_findings(role, channel.name, self.frame[channel.role])
-            if self._guesses[channel.name].is_electricity:
-                text = "this seems to be electricity, not heat: give a coefficient of performance"
-                found.append(Finding("warning", channel.name, f"{text} ([plant] cop = 3.0) or another column."))
+            if self._seems_electric(channel):
+                text = "this seems to be electricity, not heat: give a coefficient of performance ([plant] "
+                found.append(Finding("warning", channel.name, f"{text}electricity = true, cop = 3.0) or another column."))
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         return found + [Finding("note", "log", text) for text in self.raw.notes]

@@ -169,6 +169,14 @@ class Settings:
         """Given capacities of the plant, by parameter."""
         return {name: kw for name, kw in self.estimator.get("known", {}).items() if name.startswith("Q_")}
 
+    @property
+    def scaled_roles(self) -> list[str]:
+        """Roles of stages with a given capacity, and of meters that are said to be electricity, or not to be."""
+        ends = [f"_{zone}" for zone in self.zones]
+        stages = {role: [role, *map(role.removesuffix, ends)] for role in self.columns if role.startswith("u_")}
+        known = [role for role, names in stages.items() if any(capacity_name(n) in self.capacities for n in names)]
+        return known + [role for role in self.columns if role.startswith("Q_") and "electricity" in self.plant]
+
     def as_dict(self) -> dict[str, Any]:
         """All settings as plain values."""
         return asdict(self)
