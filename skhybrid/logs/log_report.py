@@ -292,8 +292,9 @@ class LogReport:
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
             found += sensor_findings(role, channel.name, self.frame[channel.role])
             if self._seems_electric(channel):
-                text = "this seems to be electricity, not heat: give a coefficient of performance ([plant] "
-                found.append(Finding("warning", channel.name, f"{text}electricity = true, cop = 3.0) or another column."))
+                remedy = "give a coefficient of performance ([plant] electricity = true, cop = 3.0)"
+                text = f"this seems to be electricity, not heat: {remedy} or another column."
+                found.append(Finding("warning", channel.name, text))
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         return found + [Finding("note", "log", text) for text in self.raw.notes]
