@@ -6,6 +6,7 @@ import json
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -179,6 +180,31 @@ def test_zones_with_set_points_of_their_own_are_forecast(held, tmp_path):
         text = f"{name} is not given for the rows ahead, .* such as --setpoint {zone}:21,24"
         with pytest.raises(ValueError, match=text):
             day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24", f"{zone}:20"), ZONES))
+
+
+def test_a_zone_without_a_plant_needs_no_set_point_and_leaves_others_their_thermostat(held, tmp_path):
+    rows, weather = held[1].drop(columns=["Q_hvac_hall"]), tmp_path / "weather.csv"
+    rows[N_KNOWN - 1 : N_KNOWN + 25][["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)
+    settings = tomllib.loads(CONFIG)
+    settings["columns"] = {role: role for role in rows}
+    model = ZoneModel.fit(settings_from(settings), rows[:N_KNOWN])
+    assert model.facts()["thermostat"] == "learned"
+    found = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("kitchen:21,24",), ZONES))
+    assert {"Q_hvac_0.1_kitchen", "q_0.1_kitchen", "q_0.1_hall"} <= set(found.frame)
+    assert not {"Q_hvac_hall", "T_heat_set_hall"} & set(found.frame)
+    assert not any("ideal" in text for text in found.remarks)
+
+
+def test_why_a_thermostat_is_ideal_names_the_zone():
+    roles = ("T_oa", "T_za_a", "Q_hvac_a", "T_heat_set_a", "T_za_b", "Q_hvac_b")
+    learned, not_learned = (
+        SimpleNamespace(thermostat_learned_=known, training_=SimpleNamespace(ranges={"Q_hvac": (0.0, 1.0)}))
+        for known in (True, False)
+    )
+    building = SimpleNamespace(own_={"a": learned, "b": not_learned})
+    model = ZoneModel(building, settings_from({"columns": {role: role for role in roles}}))
+    assert not model.thermostat_learned
+    assert model.why_ideal == "no set-points of b in the log"
 
 
 def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):

@@ -218,7 +218,8 @@ class FramesForecastMixin(FramesReadingMixin):
         """Whether rows ahead have set-points and no column of the plant."""
         names = future.roles if isinstance(future, ZoneTable) else list(future.columns)
         of = (lambda role: role) if isinstance(future, ZoneTable) else self._column_of
-        return any(of(role) in names for role in SETPOINT_ROLES) and not any(of(role) in names for role in self._plant)
+        held = bool(self._plant) and any(of(role) in names for role in SETPOINT_ROLES)
+        return held and not any(of(role) in names for role in self._plant)
 
     @property
     def _plant(self) -> list[str]:

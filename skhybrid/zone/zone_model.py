@@ -83,6 +83,12 @@ class ZoneModel:
         """The predictor of each zone by itself, by its name; of one zone by an empty name."""
         return dict(self.predictor.own_) if self.zones else {"": self.predictor}
 
+    @property
+    def _with_ideal(self) -> list[str]:
+        """The zones with a plant whose thermostat was not learned."""
+        found = self._of_zones.items()
+        return [z for z, m in found if not m.thermostat_learned_ and any(map(is_plant, m.training_.ranges))]
+
     def parts(self) -> dict[str, ZoneModel]:
         """The model of each zone by itself, by its name; of one zone this one, by an empty name."""
         if not self.zones:
@@ -91,8 +97,8 @@ class ZoneModel:
 
     @property
     def thermostat_learned(self) -> bool:
-        """Whether the thermostats of all zones were learned."""
-        return all(model.thermostat_learned_ for model in self._of_zones.values())
+        """Whether the thermostats of all zones with a plant were learned."""
+        return bool(self._plant()) and not self._with_ideal
 
     @property
     def known_until(self) -> pd.Timestamp:
@@ -136,10 +142,12 @@ class ZoneModel:
 
     @property
     def why_ideal(self) -> str:
-        """The reason for which no thermostat was learned."""
-        if not any(role in self.settings.columns for role in self.settings.setpoints):
-            return "no set-points in the log"
-        return "the log is too short, or its plant or set-points never moved"
+        """The reason for which the thermostat was not learned, of several zones that of the first one without."""
+        zone = next(iter(self._with_ideal), "")
+        of, columns = (f" of {zone}", self.parts()[zone].settings.columns) if zone else ("", self.settings.columns)
+        if not any(role in columns for role in SETPOINT_ROLES):
+            return f"no set-points{of} in the log"
+        return f"the log is too short, or the plant or set-points{of} never moved"
 
     def update(self, frame: pd.DataFrame, *, relearn: bool = False) -> int:
         """Take in the rows of a log that are new, and learn from them if wanted; returns their number.

@@ -303,7 +303,8 @@ class BuildingForecastMixin:
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             history, rows, levels = (among, with_next(ahead, T), None) if T else (known, ahead, quantiles)
-            return columns_of(model.forecast(history, rows, now.get(zone), wanted.get(zone), levels, limits=limits))
+            held, within = (wanted.get(zone), limits) if model._plant else (None, None)
+            return columns_of(model.forecast(history, rows, now.get(zone), held, levels, limits=within))
 
         return of
 
