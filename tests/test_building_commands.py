@@ -18,6 +18,7 @@ from skhybrid.persistence import load_model, save_model
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import ZoneModel, day_ahead
+from skhybrid.zone.day_ahead import _summary
 from skhybrid.zone.tomorrow import schedules_of
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
@@ -193,6 +194,15 @@ def test_a_zone_without_a_plant_needs_no_set_point_and_leaves_others_their_therm
     assert {"Q_hvac_0.1_kitchen", "q_0.1_kitchen", "q_0.1_hall"} <= set(found.frame)
     assert not {"Q_hvac_hall", "T_heat_set_hall"} & set(found.frame)
     assert not any("ideal" in text for text in found.remarks)
+
+
+def test_a_day_of_a_building_sums_heating_and_cooling_of_each_zone():
+    day = pd.date_range("2024-07-01", periods=4, freq="2h")
+    given = pd.DataFrame({"T_za_kitchen": 20.0, "T_za_hall": 21.0, "Q_hvac_kitchen": [1.0, 0.0, -2.0, -1.0]}, day)
+    found = _summary(given.assign(Q_hvac_hall=[0.5, 0.0, -1.0, 0.0]), settings_from(tomllib.loads(CONFIG)), scaled=True)
+    assert (found["heating of kitchen [kWh]"], found["cooling of kitchen [kWh]"]) == (2.0, 6.0)
+    assert (found["heating of hall [kWh]"], found["cooling of hall [kWh]"]) == (1.0, 2.0)
+    assert found["largest load [kW]"] == 3.0
 
 
 def test_why_a_thermostat_is_ideal_names_the_zone():

@@ -143,21 +143,19 @@ def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, A
     """Sums and ranges of the day, those of heat where its kW are ``scaled``."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
     found: dict[str, Any] = {"from": str(out.index[0]), "to": str(out.index[-1])}
-    for zone, role in zip(settings.zones or [""], settings.roles_of("T_za"), strict=True):
+    zones = settings.zones or [""]
+    for zone, role in zip(zones, settings.roles_of("T_za"), strict=True):
         of = f" of {zone}" if zone else ""
         found[f"lowest temperature{of} [degC]"] = round(float(out[role].min()), 2)
         found[f"highest temperature{of} [degC]"] = round(float(out[role].max()), 2)
-    loads = [role for role in settings.roles_of("Q_hvac") if role in out]
-    if settings.zones and loads and scaled:
-        of_all = out[loads].sum(axis=1)
-        kWh = {role.removeprefix("Q_hvac_"): float(out[role].clip(lower=0).sum() * hours) for role in loads}
-        found |= {f"heating of {zone} [kWh]": round(heat, 2) for zone, heat in kWh.items()}
-        found["largest load [kW]"] = round(float(of_all.abs().max()), 2)
-    if "Q_hvac" not in out or not scaled:
+    loads = {z: role for z, role in zip(zones, settings.roles_of("Q_hvac"), strict=True) if role in out}
+    if not loads or not scaled:
         return found  # a sum of kW without a scale would mislead
-    heat, cold = (float(part.sum() * hours) for part in (out["Q_hvac"].clip(lower=0), -out["Q_hvac"].clip(upper=0)))
-    found |= {"heating [kWh]": round(heat, 2)} | ({"cooling [kWh]": round(cold, 2)} if cold > 0.0 else {})
-    found["largest load [kW]"] = round(float(out["Q_hvac"].abs().max()), 2)
+    for zone, role in loads.items():
+        of = f" of {zone}" if zone else ""
+        heat, cold = (round(float(out[role].mul(sign).clip(lower=0).sum() * hours), 2) for sign in (1, -1))
+        found |= {f"heating{of} [kWh]": heat} | ({f"cooling{of} [kWh]": cold} if cold else {})
+    found["largest load [kW]"] = round(float(out[list(loads.values())].sum(axis=1).abs().max()), 2)
     if "electricity_kW" in out:
         found["electricity [kWh]"] = round(float(out["electricity_kW"].sum() * hours), 2)
     cost = energy_cost(out, settings.tariff, settings.plant, settings.holidays)
