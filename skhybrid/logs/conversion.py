@@ -10,13 +10,12 @@ import pandas as pd
 
 from .._table import listed, role_of
 from ..preprocessing._units import CONTRACT_UNIT, UNITS, conversion_of, convert
+from .counters import hours_between, is_counter, power_of_counter
 from .raw_log import RawLog
 from .unit_names import COUNTERS, ENERGY
 
 #: times that a plant ran in each row, in seconds
 TIMES = {"s": 1.0, "min": 60.0}
-_FEW_RESETS = 0.01  # share of a counter's readings that fall at most, when it is reset or replaced
-_SLOW = 0.1  # rise of a counter, relative to its readings, that an energy per row cannot have without ever falling
 
 
 class Channel(NamedTuple):
@@ -102,11 +101,10 @@ def to_roles(raw: RawLog, channels: list[Channel], label: str = "left") -> pd.Da
 
 def _converted(raw: RawLog, channel: Channel, label: str) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
-    if channel.role.startswith("Q_") and unit in COUNTERS:
-        values = COUNTERS[unit] * _power_of_counter(series, label)
+    if (counter := counter_of(raw, channel)) is not None:
+        values = power_of_counter(counter, label)
     elif channel.role.startswith("Q_") and unit in ENERGY:
-        power = _power_of_counter(series, label) if is_counter(series) else series.to_numpy(float) / row_hours(series)
-        values = ENERGY[unit] * power
+        values = ENERGY[unit] * series.to_numpy(dtype=np.float64) / row_hours(series)
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
@@ -118,32 +116,15 @@ def _converted(raw: RawLog, channel: Channel, label: str) -> np.ndarray:
     return values * channel.scale
 
 
-def is_counter(values: pd.Series) -> bool:
-    """Whether readings only rise, but for a few resets, as those of a meter do."""
-    readings = values.dropna().to_numpy(dtype=np.float64)
-    steps = np.diff(readings)
-    if len(steps) <= 20 or not (steps > 0).any():
-        return False
-    slow = (steps >= 0).all() and readings[-1] - readings[0] < _SLOW * readings[0]
-    return bool(slow or ((steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS))
-
-
-def _power_of_counter(readings: pd.Series, label: str) -> np.ndarray:
-    """Readings of a counter as mean power over each row: energy unit per hour."""
-    known = readings.dropna()
-    used = np.append(np.diff(known.to_numpy(dtype=np.float64)), np.nan)
-    hours = np.append(_hours_between(known), np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        power = pd.Series(np.where(used < 0.0, np.nan, used / hours), index=known.index)
-    power = power[~power.index.duplicated()].reindex(readings.index)
-    return (power.shift() if label == "right" else power).to_numpy()
+def counter_of(raw: RawLog, channel: Channel) -> pd.Series | None:
+    """The readings of a channel that is a counter [kWh]; None for any other."""
+    series, unit = raw.frame[channel.name], channel.unit or ""
+    if not channel.role.startswith("Q_") or not (unit in COUNTERS or (unit in ENERGY and is_counter(series))):
+        return None
+    return (COUNTERS | ENERGY)[unit] * series
 
 
 def row_hours(values: pd.Series) -> float:
     """Usual distance of two values [h]; other columns of the log may have more of them."""
-    between = _hours_between(values.dropna())
+    between = hours_between(values.dropna())
     return float(np.median(between)) if len(between) else 1.0
-
-
-def _hours_between(values: pd.Series) -> np.ndarray:
-    return np.diff(pd.DatetimeIndex(values.index).as_unit("ns").asi8) / 3.6e12

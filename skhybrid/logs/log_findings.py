@@ -10,6 +10,7 @@ import pandas as pd
 
 from .._ranges import range_of
 from .._time import spell
+from .counters import counter_jumps
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
@@ -82,6 +83,15 @@ def sensor_findings(role: str, name: str, values: pd.Series) -> Iterator[Finding
         yield from _jumping(name, known, _JUMP[role])
     if role.startswith("q_sol"):
         yield from _sun_clock(name, known)
+
+
+def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
+    """A remark on the jumps of a counter [kWh]."""
+    at = counter_jumps(readings)
+    if len(at):
+        more = f" and at {len(at) - 1} more; these rows are" if len(at) > 1 else "; that row is"
+        text = f"the counter jumps at {at[0]}{more} left out: was the meter replaced, or did a reading fail?"
+        yield Finding("warning", name, text)
 
 
 def _jumping(name: str, known: pd.Series, least: float) -> Iterator[Finding]:

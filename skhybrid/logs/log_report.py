@@ -13,9 +13,10 @@ from .._ranges import range_of
 from .._table import is_plant
 from .._time import spell, wall_clock
 from .abilities import abilities, excitation
-from .conversion import Channel, contract_unit, fitting_unit, is_counter, to_roles
+from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
+from .counters import is_counter
 from .even_steps import usual_step
-from .log_findings import Finding, clock_findings, gaps_of, guessed_label, sensor_findings
+from .log_findings import Finding, clock_findings, counter_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
 from .naming import NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
@@ -118,7 +119,7 @@ class LogReport:
         self.can, self.cannot, self.next_steps = abilities(
             self.excitation, sum(self.days.values()), unsure, [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         )
-        self.findings = sorted(self._find(logged, channels), key=lambda f: ("error", "warning", "note").index(f.level))
+        self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
 
     @property
     def roles(self) -> dict[str, str]:
@@ -280,8 +281,8 @@ class LogReport:
         names = ["role", "unit", "scale", "assumed", "reason"]
         return pd.DataFrame.from_dict(rows, orient="index", columns=names).rename_axis("column")
 
-    def _find(self, logged: pd.DatetimeIndex, channels: list[Channel]) -> list[Finding]:
-        found = list(clock_findings(logged, self.step, self.label))
+    def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
+        found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
         if len(self.gaps):
             widest = self.gaps.iloc[int(self.gaps["hours"].to_numpy().argmax())]
             text = f"{len(self.gaps)} gaps; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
@@ -291,6 +292,8 @@ class LogReport:
                 found.append(Finding("error", channel.name, f"{n_infinite} values are infinite."))
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
             found += sensor_findings(role, channel.name, self.frame[channel.role])
+            if (counter := counter_of(raw, channel)) is not None:
+                found += counter_findings(channel.name, counter)
             if self._seems_electric(channel):
                 remedy = "give a coefficient of performance ([plant] electricity = true, cop = 3.0)"
                 text = f"this seems to be electricity, not heat: {remedy} or another column."

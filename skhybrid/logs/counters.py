@@ -1,0 +1,97 @@
+"""Counters of energy: how they are known, and the mean power between their readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from .._ranges import range_of
+
+_FEW_RESETS = 0.01  # share of a counter's readings that fall at most, when it is reset or replaced
+_SLOW = 0.1  # rise of a counter, relative to its readings, that an energy per row cannot have without ever falling
+_FAR_ABOVE = 20.0  # a rise this many times above all others is a replaced meter
+_BACK_ABOVE = 2.0  # and one this many times above them, that makes up for a fall, ends a failed reading
+_LEAST_JUMP = 20.0  # [kW]; a plant that starts may rise that much above its losses at rest
+_FEWEST_RISES = 10  # that show what is usual
+_LONGEST_DIP = 1000  # failed readings in a row
+
+
+def is_counter(values: pd.Series) -> bool:
+    """Whether readings only rise, but for a few resets, as those of a meter do."""
+    readings = values.dropna().to_numpy(dtype=np.float64)
+    steps = np.diff(readings)
+    if len(steps) <= 20 or not (steps > 0).any():
+        return False
+    slow = (steps >= 0).all() and readings[-1] - readings[0] < _SLOW * readings[0]
+    return bool(slow or ((steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS))
+
+
+def power_of_counter(readings: pd.Series, label: str = "left") -> np.ndarray:
+    """Readings of a counter [kWh] as mean power over each row [kW].
+
+    What :func:`counter_jumps` finds is missing, as are falls: the counter was set to zero, or replaced.
+    """
+    known = readings.dropna()
+    failed, replaced = _jumps(known)
+    known, replaced = known[~failed], replaced[~failed]
+    used = np.append(np.diff(known.to_numpy(dtype=np.float64)), np.nan)
+    hours = np.append(hours_between(known), np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = pd.Series(np.where((used < 0.0) | replaced, np.nan, used / hours), index=known.index)
+    power = power[~power.index.duplicated()].reindex(readings.index)
+    return (power.shift() if label == "right" else power).to_numpy()
+
+
+def counter_jumps(readings: pd.Series) -> pd.DatetimeIndex:
+    """Stamps at which a counter [kWh] falls and comes back, as by a failed reading, or rises far above all else."""
+    known = readings.dropna()
+    failed, replaced = _jumps(known)
+    begins = failed & ~np.append(False, failed[:-1])
+    return pd.DatetimeIndex(known.index[begins | np.append(False, replaced[:-1])])
+
+
+def _jumps(known: pd.Series) -> tuple[np.ndarray, np.ndarray]:
+    """Whether each reading has failed, and whether the rise from it to the next good one is that to another meter."""
+    values = known.to_numpy(dtype=np.float64)
+    power, dips = _power_of_rises(known), _dips(values)
+    failed, replaced = np.zeros((2, len(values)), dtype=bool)
+    others = np.delete(power, [back - 1 for _, back in dips])
+    usual = _usual(others[others > 0.0])
+    for fall, back in dips:
+        failed[fall:back] |= power[back - 1] > _BACK_ABOVE * usual
+    good, highest = np.flatnonzero(~failed), range_of("Q_").highest
+    limit = max(_FAR_ABOVE * usual, _LEAST_JUMP)
+    if (others > 0.0).sum() >= _FEWEST_RISES and len(good) > 1:
+        replaced[good[:-1]] = _power_of_rises(known.iloc[good]) > (min(limit, highest) if usual < highest else limit)
+    return failed, replaced
+
+
+def _power_of_rises(known: pd.Series) -> np.ndarray:
+    """Mean power between readings (n - 1,); a rise at once, as in a log of changes, took as long as they usually do."""
+    steps, hours = np.diff(known.to_numpy(dtype=np.float64)), hours_between(known)
+    usual = np.median(hours[steps > 0.0]) if (steps > 0.0).any() else 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.nan_to_num(steps / np.maximum(hours, usual))
+
+
+def _dips(values: np.ndarray) -> list[tuple[int, int]]:
+    """Positions of the first reading after each fall, and of the one that makes up for it in one rise."""
+    found = []
+    for fall in np.flatnonzero(np.diff(values) < 0.0) + 1:
+        high = values[fall : fall + _LONGEST_DIP] >= values[fall - 1]
+        back = int(fall + high.argmax())
+        if high.any() and 2.0 * (values[back] - values[back - 1]) >= values[fall - 1] - values[fall]:
+            found.append((int(fall), back))
+    return found
+
+
+def _usual(rises: np.ndarray) -> float:
+    """The largest of some rises, but for the few that may be faults; 0 where there is none."""
+    n = len(rises)
+    left_out = max(min(1 + n // 100, 3), n // 1000) if n >= _FEWEST_RISES else 0
+    return float(np.sort(rises)[-1 - left_out]) if n else 0.0
+
+
+def hours_between(values: pd.Series) -> np.ndarray:
+    """Distances of the stamps of values (n,) [h], (n - 1,)."""
+    return np.diff(pd.DatetimeIndex(values.index).as_unit("ns").asi8) / 3.6e12

@@ -1,0 +1,122 @@
+"""Counters of energy: failed readings and replaced meters are left out, and what a plant does is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.logs import LogReport
+from skhybrid.logs.counters import counter_jumps, power_of_counter
+
+N = 960
+
+
+def counter(energy, start=0.0, step="15min"):
+    """Readings before each of the energies (n,) per row."""
+    readings = start + np.append(0.0, np.cumsum(energy))[:-1]
+    return pd.Series(readings, pd.date_range("2024-01-15", periods=len(readings), freq=step, tz="UTC", name="time"))
+
+
+@pytest.fixture
+def plant():
+    """A plant of 6 kW that is on for about a third of the time, in energies per quarter of an hour."""
+    return np.where(np.random.default_rng(1).random(N) < 0.3, 1.5, 0.0)
+
+
+def _check(readings, at, truth, n_missing):
+    """Which stamps jump, and the power of all other rows."""
+    assert counter_jumps(readings).tolist() == readings.index[at].tolist()
+    power = power_of_counter(readings)[:-1]
+    known = np.isfinite(power)
+    assert (~known).sum() == n_missing
+    np.testing.assert_allclose(power[known], truth[:-1][known], atol=1e-9)
+
+
+@pytest.mark.parametrize("start", [14.0, 83214.0])
+def test_a_reading_that_falls_and_comes_back_is_left_out(plant, start):
+    readings = counter(plant, start)
+    readings.iloc[400] = 0.0
+    truth = plant / 0.25
+    truth[399] = truth[399:401].mean()  # from the reading before to the one after
+    _check(readings, [400], truth, 1)
+    for row in (500, 501, 502, 700):
+        readings.iloc[row] = 0.0
+    truth[499], truth[699] = truth[499:503].mean(), truth[699:701].mean()
+    _check(readings, [400, 500, 700], truth, 5)
+
+
+@pytest.mark.parametrize("rise", [600.0, 6500.0])
+def test_a_meter_that_was_replaced_is_left_out(plant, rise):
+    readings = counter(plant, 83214.0)
+    readings.iloc[300:] += rise
+    _check(readings, [300], plant / 0.25, 1)
+    readings.iloc[600] += 90000.0  # one reading alone: neither the rise to it nor the fall from it counts
+    _check(readings, [300, 600], plant / 0.25, 3)
+    readings.iloc[800:] -= readings.iloc[800]  # a new meter begins at zero
+    _check(readings, [300, 600], plant / 0.25, 4)
+
+
+def test_a_standing_meter_with_a_failed_reading_stands_still():
+    readings = counter(np.zeros(N), 800.0)
+    readings.iloc[50] = 0.0
+    _check(readings, [50], np.zeros(N), 1)
+
+
+def _late(n):
+    energy = np.full(N, 0.0125)  # 50 W of losses at rest, and 4 kW at the end
+    energy[N - n :] = 1.0
+    return energy
+
+
+@pytest.mark.parametrize(
+    "energy",
+    [
+        np.where(np.arange(N) % 200 == 199, 1.0, 0.0),  # ticks of 1 kWh
+        np.where(np.arange(N) % 40 == 39, 1.0, 0.0),
+        np.where(np.arange(N) < N - 5, 0.0, 2.0),  # a plant that starts late
+        np.where(np.arange(N) < N - 1, 0.0, 5.0),
+        np.where(np.arange(N) == N - 2, 9.0, 0.0),
+        _late(2),
+        _late(40),
+        np.where(np.arange(N) % 96 < 4, 30.0, 0.05),  # 120 kW for an hour each day, and 0.2 kW at rest
+        np.where(np.arange(N) % 96 == 30, 2.0, 0.0),  # one row each day
+        np.random.default_rng(0).lognormal(0.0, 1.0, N) / 4.0,
+    ],
+)
+def test_what_a_plant_does_is_no_jump(energy):
+    _check(counter(energy, 12345.0), [], energy / 0.25, 0)
+
+
+def test_a_counter_that_is_set_to_zero_is_no_failed_reading():
+    """Once a day, also where the whole heat of a day falls into one row."""
+    energy = np.where(np.arange(N) % 96 == 0, 12.0, 0.1)
+    readings = counter(energy)
+    readings = readings - readings.groupby(readings.index.date).transform("first")
+    _check(readings, [], energy / 0.25, 9)
+
+
+def test_small_rises_at_once_and_gaps_are_no_jumps(plant):
+    """A log of changes may have two rises within a second; after a gap the heat of days comes at once."""
+    readings = counter(plant, 500.0)
+    twin = readings.iloc[[100]].shift(freq="1s") + 0.01
+    assert counter_jumps(pd.concat([readings, twin]).sort_index()).empty
+    gap = readings.drop(readings.index[200:700])
+    assert counter_jumps(gap).empty
+    assert power_of_counter(gap)[199] == pytest.approx(plant[199:700].sum() / (501 * 0.25))
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("kWh", 1.0), ("Wh", 1e3), ("MWh", 1e-3)])
+def test_the_report_names_the_counter_and_the_stamp(plant, unit, factor):
+    readings = counter(plant, 83214.0)
+    readings.iloc[300:] += 600.0
+    readings.iloc[500] = 0.0
+    log = pd.DataFrame({"Room temp (C)": 20.0 + np.sin(np.arange(N) / 15), f"Heat meter [{unit}]": readings * factor})
+    report = LogReport(log)
+    (found,) = [f for f in report.findings if f.where == f"Heat meter [{unit}]"]
+    assert found.level == "warning"
+    assert found.text == (
+        "the counter jumps at 2024-01-18 03:00:00+00:00 and at 1 more; these rows are left out: was the meter "
+        "replaced, or did a reading fail?"
+    )
+    assert report.frame["Q_heat"].max() == pytest.approx(6.0)
