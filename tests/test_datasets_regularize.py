@@ -175,6 +175,16 @@ def test_a_held_value_ends_after_the_longest_hold():
     assert not report.filled
 
 
+def test_a_set_point_holds_over_a_weekend():
+    index = pd.date_range("2024-01-05 19:00", "2024-01-15 19:00", freq="1h")  # from a Friday
+    log = pd.DataFrame({"T_oa": 5.0, "T_heat_set": np.nan, "T_cool_set": np.nan, "u_heat": np.nan}, index)
+    log.iloc[0, 1:] = [16.0, 26.0, 1.0]
+    out = regularize(log, held=["T_heat_set", "T_cool_set", "u_heat"])
+    assert out[["T_heat_set", "T_cool_set"]].notna().sum().tolist() == [7 * 24 + 1] * 2
+    assert out["u_heat"].notna().sum() == 24
+    assert regularize(log, held=["T_heat_set"], max_hold="9D")["T_heat_set"].notna().sum() == 9 * 24 + 1
+
+
 def test_held_columns_beside_sampled_ones(log):
     changes = log["u_heat"].where(log["u_heat"] != log["u_heat"].shift())
     worn = log.assign(u_heat=changes)

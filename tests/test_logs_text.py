@@ -254,6 +254,26 @@ def test_grouped_long_log_in_autumn(write):
     assert log.frame["b"].tolist() == list(range(len(truth)))
 
 
+@pytest.mark.parametrize(
+    ("hours", "is_held"),
+    [
+        ((6, 19), True),
+        ((6, 18), True),
+        ((6, 9, 17, 22), True),
+        (range(24), False),
+        (range(0, 24, 3), False),
+        ((0,), False),
+    ],
+)
+def test_a_channel_with_a_few_values_a_day_is_held_beside_fine_ones(write, hours, is_held):
+    """Set-points by the clock; but not the weather of each hour, nor one reading a day."""
+    stamps = pd.date_range("2024-01-01", "2024-01-15", freq="10min", inclusive="left")
+    rows = [
+        f"{t},{20 + k % 3}," + (str(k % 2) if t.hour in hours and t.minute == 0 else "") for k, t in enumerate(stamps)
+    ]
+    assert read_log(write("\n".join(["time,T,set", *rows]))).held == ({"set"} if is_held else frozenset())
+
+
 def test_wide_log_of_changes(write):
     rows = [
         "00:00:00,20,1",

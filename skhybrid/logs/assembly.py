@@ -16,6 +16,9 @@ from .stamps import in_zone, localize
 from .unit_names import unit_named, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
+_SPARSE = 10.0  # times the shortest usual interval of the others, from which on a channel is sparse; then also if
+_EVEN_OF_SPARSE = 0.75  # fewer than this share are even, or it has
+_FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few values a day; daily readings are samples
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 
 
@@ -270,19 +273,30 @@ def _counted(notes: Sequence[str]) -> Iterator[str]:
 
 
 def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
-    """Channels whose values come at uneven times, as in a log of changes; with ``sparse_only``, only sparse columns."""
+    """Channels whose values come at uneven times, as in a log of changes; with ``sparse_only``, only sparse columns.
+
+    Among channels with many values, one with a few a day is held too: a schedule changes its set-point at even times.
+    """
     ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
+    spacings = {name: _spacing(ticks[frame[name].notna().to_numpy()]) for name in frame}
+    shortest = min((np.median(spacing) for spacing in spacings.values() if len(spacing) > 2), default=0.0)
     found = []
-    for name in frame:
+    for name, spacing in spacings.items():
         known = frame[name].notna().to_numpy()
         if sparse_only and known.mean() > 0.8:
             continue
-        spacing = np.diff(ticks[known])
-        spacing = spacing[spacing > 0]
         if len(spacing) < 3:
             found += [str(name)] if known.any() and len(ticks) > 10 else []
             continue
         usual = np.median(spacing)
-        if (np.abs(spacing - usual) <= 0.1 * usual).mean() < _EVEN:
+        even = (np.abs(spacing - usual) <= 0.1 * usual).mean()
+        sparse = usual >= _SPARSE * shortest
+        if even < _EVEN or (sparse and (even < _EVEN_OF_SPARSE or _FEW_A_DAY[0] < usual < _FEW_A_DAY[1])):
             found.append(str(name))
     return found
+
+
+def _spacing(ticks: np.ndarray) -> np.ndarray:
+    """Intervals between stamps, but for those that occur twice."""
+    spacing = np.diff(ticks)
+    return spacing[spacing > 0]

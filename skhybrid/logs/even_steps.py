@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import is_history, numeric
+from .._table import SETPOINT_ROLES, is_history, numeric
 from .._time import duration_from_zero, positive_duration, spell
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
 _CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
+_SET_POINT_HOLD = pd.Timedelta("7D")  # a set-point stays in force until the next, also over a weekend
 _MOST_ROWS = 40_000_000  # more than a year of one-second steps comes from a mistaken step or stamp
 
 
@@ -85,7 +86,8 @@ def regularize(
     held : collection of str
         Columns that were logged by change (:attr:`skhybrid.logs.RawLog.held`): a value holds until the next one.
     max_hold : timedelta-like
-        Longest time for which a value of a held column holds; after it the column is missing.
+        Longest time for which a value of a held column holds; after it the column is missing.  A set-point
+        (``T_heat_set``, ``T_cool_set``) holds for a week, or for ``max_hold`` if that is longer.
     return_report : bool
 
     Returns
@@ -269,7 +271,7 @@ def _held_column(
     if not known.any():
         return np.full(len(grid), np.nan)
     wanted, logged = _seconds(index, grid, known)
-    longest = hold.total_seconds()
+    longest = (max(hold, _SET_POINT_HOLD) if str(name).startswith(SETPOINT_ROLES) else hold).total_seconds()
     if str(name).startswith("T_") or is_history(name):
         last = np.searchsorted(logged, wanted, side="right") - 1
         inside = (last >= 0) & (wanted - logged[last] <= longest)
