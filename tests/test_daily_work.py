@@ -79,6 +79,37 @@ def test_meters_of_electricity_become_heat_one_by_one():
     np.testing.assert_allclose(of_heat["Q_hvac"], [0.5, 1.0, -0.5])
 
 
+def test_heat_of_two_meters_that_are_logged_by_change(tmp_path):
+    """They share no stamps, so that their sum is made at even steps; a set-point by the clock is held too."""
+    quarters = pd.date_range("2024-05-01", periods=20 * 96, freq="15min")
+    day = np.asarray(quarters.hour * 4 + quarters.minute // 15)
+    heat, cool = np.where((day > 20) & (day < 30), 4.0, 0.0), np.where((day > 50) & (day < 60), 3.0, 0.0)
+    wanted = np.where((day >= 24) & (day < 76), 21.0, 16.0)
+    room = 20.0 + np.round(np.sin(np.arange(len(day)) / 9.0), 2)
+    rows = ["time,point,value"]
+    for at, point, values in (
+        (0, "room", room),
+        (30, "out", room - 9.0),
+        (60, "heat", heat),
+        (120, "cool", cool),
+        (0, "set", wanted),
+    ):
+        kept = np.append(True, values[1:] != values[:-1])
+        stamps = quarters[kept] + pd.Timedelta(seconds=at)
+        rows += [f"{t},{point},{value}" for t, value in zip(stamps, values[kept], strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(rows), encoding="utf-8")
+    columns = {"T_za": "room", "T_oa": "out", "Q_heat": "heat", "Q_cool": "cool", "T_heat_set": "set"}
+    frame, _ = read_log(tmp_path / "log.csv", settings_from({"columns": columns, "step": "15min"}))
+    known = frame["Q_hvac"].notna().to_numpy()
+    assert known.mean() > 0.95
+    np.testing.assert_allclose(frame["Q_hvac"][known], (heat - cool)[: len(frame)][known], atol=4.0 * 2 / 15)
+    assert frame["Q_hvac"].sum() == pytest.approx(heat.sum() - cool.sum(), rel=0.02)
+    np.testing.assert_array_equal(frame["T_heat_set"], wanted[: len(frame)])
+    del columns["Q_cool"]
+    alone, _ = read_log(tmp_path / "log.csv", settings_from({"columns": columns, "step": "15min"}))
+    assert set(np.round(alone["Q_hvac"].dropna().unique(), 2)) == {0.0, 0.27, 3.73, 4.0}  # held, not a line
+
+
 @pytest.mark.parametrize(
     ("plant", "message"),
     [({"electricity": True}, "needs a coefficient"), ({"cop": 0}, "between 0 and 20"), ({"cop": "3"}, "a number"),

@@ -90,18 +90,21 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
-    return frame, str(report)
+    return plant_heat(frame, settings), str(report)
 
 
 def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[Channel], frozenset[str]]:
-    """One column per role at the stamps of the log, its channels, and which of these were logged by change."""
+    """One column per role at the stamps of the log, its channels, and which of these were logged by change.
+
+    :func:`plant_heat` comes after the even steps: meters that are logged by change share no stamps.
+    """
     columns = dict(settings.columns)
     wanted = settings.load.get("setpoint", "measured")
     if isinstance(wanted, str) and wanted != "measured":
         columns[SETPOINT] = wanted
     raw = read_raw_log(path, settings)
     channels = channels_of(raw, columns, settings.units, settings.scale)
-    frame = plant_heat(to_roles(raw, _with_setpoint_units(channels, raw), settings.label), settings)
+    frame = to_roles(raw, _with_setpoint_units(channels, raw), settings.label)
     _refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)

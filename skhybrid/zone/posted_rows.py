@@ -13,7 +13,7 @@ from .._ranges import check_range
 from .._table import refuse_infinite_columns, role_of
 from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.zone_csv import to_left_label
-from ..study.data import on_even_steps, read_by_role
+from ..study.data import on_even_steps, plant_heat, read_by_role
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
@@ -44,6 +44,7 @@ def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = 
         _refuse_sums(channel)
     if changed:
         frame = on_even_steps(frame, settings, [c.role for c in channels if c.name in changed])[0]
+    frame = plant_heat(frame, settings)
     refuse_infinite_columns(frame)
     for role in frame:
         if role_of(str(role)) is not None:
