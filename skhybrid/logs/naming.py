@@ -25,21 +25,25 @@ _SET = (
     r"gewenst|streef|setpunt|instel"
 )
 _SET_POINT = r"set ?point|\bsp\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
-_HEAT = r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme"
-_COOL = r"cool|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b"
+_HEAT = (
+    r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
+    r"\bhtg|\bhhwv?\b"
+)
+_COOL = r"cool|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|\bclg|\bchwv?\b"
 _TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
 )
 _POWER = r"power|leistung|vermogen|puissance|potenza|thermal|hvac|energy|energie|delivered|heat meter|warmtemeter|load"
+_METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|energ"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
 _ELECTRICITY = r"elec|strom(?!ung)|stroom|heat ?pump|warmepumpe|\bwp\b|\bhp\b|consumption|verbrauch|plug|socket"
 #: what no model reads
 _OTHER = (
     r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
-    r"\bfan\b|pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|number|\bid$|price|mode\b|"
-    r"event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap"
+    r"\bfan\b|(?<!heat)(?<!heat )pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
+    r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap"
 )
 
 #: the reason where a column has the name of its role, whose unit it then has
@@ -84,8 +88,9 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     words = plain(name)
     if re.search(_OTHER, words):
         return Guess(None, 0, "no model reads such a quantity")
-    of = _kind(words, unit)
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (_HEAT, _COOL, _SET))
+    is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
+    of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
         if wanted:
             if heat or cool:
@@ -103,7 +108,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if of == "power" and (heat or cool or electric or re.search(_POWER, words)):
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way
-        return Guess(role, 2, "its unit is that of a power or energy" + " (electricity?)" * electric, electric)
+        reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
+        return Guess(role, 2, reason + " (electricity?)" * electric, electric)
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):

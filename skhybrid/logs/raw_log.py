@@ -22,7 +22,7 @@ class RawLog:
         Name of the format, as users know it: ``"CSV"``, ``"ecobee portal"``.
     units : mapping of channel to unit
         Units that the source states, as :class:`skhybrid.preprocessing.UnitConverter` names them, and ``"kWh"``,
-        ``"Wh"``, ``"MWh"``, ``"kBtu"`` and ``"MJ"`` of energies; a channel without a unit is absent.
+        ``"Wh"``, ``"MWh"``, ``"kBtu"``, ``"MJ"`` and ``"GJ"`` of energies; a channel without a unit is absent.
     roles : mapping of role to channel
         Roles that the format itself defines; empty where channels have free names.
     scale : mapping of channel to number

@@ -21,7 +21,7 @@ _SPELLINGS = {
 }
 _UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 #: units of energy [kWh]: per row, or a counter where the readings only rise; they become kW once the step is known
-ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6}
+ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6, "GJ": 1e3 / 3.6}
 #: units of a counter [kWh], also where a few rows or a standing meter do not show that it is one
 COUNTERS = {f"{unit} counter": factor for unit, factor in ENERGY.items()}
 _ENERGIES = {name.lower(): name for name in ENERGY}
@@ -34,7 +34,7 @@ _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?W/m(?:2|²|\^2)|percent|pct|k?W|k?Btu/?h|Celsius|"
-    r"Fahrenheit|(?i:[km]?wh|mj|kbtu)))\s*\Z"
+    r"Fahrenheit|(?i:[km]?wh|[mg]j|kbtu)))\s*\Z"
 )
 _SYMBOLS = (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("⋅", ""), ("*", ""), ("⁻", "-"))
 

@@ -9,7 +9,10 @@ from collections.abc import Iterable, Mapping
 from ..preprocessing._units import UNITS
 from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, guess_role, plain
 
-_NO_ZONES = {"heat", "cool", "heating", "cooling", "min", "max", "mean", "low", "high", "set", "sp", "actual", "target"}
+_NO_ZONES = {
+    "heat", "cool", "heating", "cooling", "htg", "clg", "hhw", "chw", "min", "max", "mean", "low", "high", "set", "sp",
+    "actual", "target",
+}  # fmt: skip
 _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
 
 
