@@ -91,9 +91,11 @@ def test_parquet(tmp_path, zone, indexed, monkeypatch):
 
 def test_long_parquet(tmp_path):
     long = FRAME.astype(float).melt(ignore_index=False, var_name="point", value_name="value")
+    long["unit"] = long["point"].map({"valve": "%"})
     long.to_parquet(tmp_path / "log.parquet")
     log = read_log(tmp_path / "log.parquet")
     np.testing.assert_array_equal(log.frame, FRAME.astype(float))
+    assert log.units == {"Room (°C)": "degC", "valve": "percent"}
     (tmp_path / "log.parquet").write_bytes((tmp_path / "log.parquet").read_bytes()[:-40])
     with pytest.raises(ValueError, match=r"'log.parquet' cannot be read as a Parquet file"):
         read_log(tmp_path / "log.parquet")
@@ -106,7 +108,7 @@ def _fill(engine, zoned=False):
     with engine.begin() as connection:
         frame.rename(columns={"Room (°C)": "Room"}).to_sql("wide", connection)
         long = frame.astype(float).melt(ignore_index=False, var_name="sensor", value_name="reading")
-        long.to_sql("long", connection)
+        long.assign(unit=long["sensor"].map({"valve": "%"})).to_sql("long", connection)
         connection.execute(sa.text("CREATE TABLE blank (time TIMESTAMP, x FLOAT)"))
 
 
@@ -143,6 +145,7 @@ def test_sqlite(sqlite, tmp_path, monkeypatch):
     assert (log.frame.index == INDEX).all()
     np.testing.assert_array_equal(log.frame, FRAME.astype(float))
     np.testing.assert_array_equal(read_log(sqlite, table="long").frame, FRAME.astype(float))
+    assert read_log(sqlite, table="long").units["valve"] == "percent"
     few = read_log(tmp_path / "log.db", query="SELECT time AS t, Room FROM wide WHERE valve = 1", time_column="t")
     assert few.frame["Room"].tolist() == FRAME["Room (°C)"].tolist()[1::2]
     assert not list(tmp_path.glob("log.db-*"))

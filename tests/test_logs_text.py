@@ -236,6 +236,18 @@ def test_long_log_of_changes(write, grouped):
     assert list(read_log(write("\n".join([lines[0], *body])), columns=["AHU1.T"]).frame) == ["AHU1.T"]
 
 
+def test_a_long_log_with_a_column_of_units(write):
+    lines = ["time,point,value,unit"]
+    for k in range(30):
+        at = pd.Timestamp("2024-01-01") + pd.Timedelta(minutes=7 * k + k % 3)
+        lines += [f"{at},heat,{1200 + k},kWh", f"{at},sun,{k * 10},W/m²", f"{at},out,{40 + k},{'°F' if k else ''}"]
+        lines += [f"{at},air,{1013 + k},hPa", f"{at},fan,{k},AHU 1"]
+    log = read_log(write("\n".join(lines)))
+    assert log.units == {"heat": "kWh", "sun": "W/m2", "out": "degF"}
+    with pytest.raises(ValueError, match="cells in kWh and in Wh in the column 'heat'"):
+        read_log(write("\n".join([*lines, "2024-01-02 00:00,heat,1300000,Wh"])))
+
+
 def test_long_log_with_other_names_and_even_values(write):
     rows = [f"2024-01-01 {k:02}:00;{p};{k},5" for p in ("a", "b") for k in range(12)]
     path = write("\n".join(["Zeit;Kennung;Messung", *rows]))

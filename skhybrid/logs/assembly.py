@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,12 +14,13 @@ from .cell_numbers import NumberColumn
 from .raw_log import RawLog
 from .stamp_cells import read_stamps
 from .stamps import in_zone, localize
-from .unit_names import unit_named, unit_or_energy, unit_text
+from .unit_names import is_unit, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
 _SPARSE = 10.0  # times the shortest usual interval of the others, from which on a channel is sparse; then also if
 _EVEN_OF_SPARSE = 0.75  # fewer than this share are even, or it has
 _FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few values a day; daily readings are samples
+_UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 
 
@@ -113,7 +115,7 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
 
 
 def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> RawLog:
-    """The log of a long table, one row per value of a channel."""
+    """The log of a long table, one row per value of a channel; a column may name the unit of each."""
     channels: dict[str, NumberColumn] = {}
     rows: dict[str, list[np.ndarray]] = {}
     texts, n_rows = [], 0
@@ -123,7 +125,10 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
         kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
         texts.append(_stamp_cells(kept, pieces))
         for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
-            channels.setdefault(str(name).strip(), NumberColumn()).add(kept[value].iloc[places], pieces.decimal)
+            channel = channels.setdefault(str(name).strip(), NumberColumn())
+            channel.add(kept[value].iloc[places], pieces.decimal)
+            for units in (kept[column].iloc[places].dropna() for column in unit_columns(kept)):
+                channel.units.update(text for text in units.astype(str).unique() if is_unit(text))
             rows.setdefault(str(name).strip(), []).append(np.asarray(places) + n_rows)
         n_rows += len(kept)
     if wanted is not None:
@@ -139,6 +144,11 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
         column[np.searchsorted(ticks, found[places_of[name]])] = channel.values()
         frame[name] = column
     return _finish(pd.DataFrame(frame, index=index.rename("time"), copy=False), kept_channels, pieces, choice)
+
+
+def unit_columns(names: Iterable[str]) -> list[str]:
+    """The columns of a long table that have the usual name of one of units."""
+    return [name for name in names if _UNIT_COLUMN.fullmatch(str(name).strip())]
 
 
 def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
@@ -256,7 +266,7 @@ def _finish(
 
 def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:
     """The unit that is written in the cells of a channel, refused where there are several."""
-    first, *others = {unit_named(text): text for text in channel.units}.values()
+    first, *others = {unit_or_energy(text): text for text in channel.units}.values()
     if others:
         raise ValueError(f"{where} has cells in {first} and in {others[0]} in the column {name!r}; export one unit.")
     return first

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from .assembly import Choice, assemble_long
+from .assembly import Choice, assemble_long, unit_columns
 from .delimited import open_table, pieces_of
 from .raw_log import RawLog
 from .stamp_cells import find_stamp_columns
@@ -47,7 +47,8 @@ def read(
     point, value = chosen_columns(table.layout.names, point_column, value_column, where)
     others = table.sample.drop(columns=[point, value])
     stamps = find_stamp_columns(others, choice.time_column, where)
-    frames = table.pieces(stamps, (point, value), text=(point, value))
+    text = (point, value, *unit_columns(others))
+    frames = table.pieces(stamps, text, text)
     return assemble_long(pieces_of(table, frames, stamps, "change of value"), point, value, choice)
 
 

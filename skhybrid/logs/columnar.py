@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble, assemble_long
+from .assembly import Choice, Pieces, assemble, assemble_long, unit_columns
 from .change_of_value import long_columns
 from .raw_log import RawLog
 from .stamp_cells import find_stamp_columns
@@ -55,7 +55,7 @@ def _read(file: Any, choice: Choice, where: str) -> RawLog:
     long = long_columns([name for name in names if name not in stamps])
     pieces = Pieces((), stamps, where, "Parquet", {})
     if long is not None:
-        pieces.frames = _frames(file, [*stamps, *long], size)
+        pieces.frames = _frames(file, [*stamps, *long, *unit_columns(names)], size)
         return assemble_long(pieces, *long, choice)
     wanted = [name for name in choice.wanted(names, stamps, where) if name not in indices or choice.columns is not None]
     pieces.frames = _frames(file, [*stamps, *wanted], size)
