@@ -61,6 +61,26 @@ def frame():
         ("Current Humidity (%RH)", None, None),
         ("T_ctrl", "T_za", None),
         ("Sensor 3", None, None),
+        ("Heat pump electricity [kWh]", "Q_heat", "kWh"),
+        ("Heat pump power [kW]", "Q_heat", "kW"),
+        ("Heat pump status", "u_heat", None),
+        ("Heat pump supply temp", None, None),
+        ("Heat pump circulation pump", None, None),
+        ("Htg SP (°F)", "T_heat_set", "degF"),
+        ("Clg SP (°F)", "T_cool_set", "degF"),
+        ("Clg SP", "T_cool_set", None),
+        ("Htg Valve (%)", "u_heat", "percent"),
+        ("Clg Valve (%)", "u_cool", "percent"),
+        ("CHW Valve", "u_cool", None),
+        ("HHW Valve", "u_heat", None),
+        ("CHW supply temp", None, None),
+        ("sensor.heat_meter", "Q_heat", None),
+        ("Wärmezähler", "Q_heat", None),
+        ("Wärmemengenzähler (GJ)", "Q_heat", "GJ"),
+        ("Kältezähler", "Q_cool", None),
+        ("Cooling energy", "Q_cool", None),
+        ("Heat counter [m3]", "u_heat", None),
+        ("Room thermometer", None, None),
     ],
 )
 def test_names_in_the_languages_of_buildings(name, role, unit):
@@ -112,6 +132,25 @@ def test_seconds_of_a_stage_are_not_scaled_by_their_largest_value(frame):
     assert LogReport(seconds).frame["u_heat"].iloc[0] == pytest.approx(90 / 900)
     raw = RawLog(seconds, "ecobee", {"Heat Stage 1 (sec)": "s"}, scale={"Heat Stage 1 (sec)": 1 / 300})
     assert LogReport(raw).frame["u_heat"].iloc[0] == pytest.approx(0.3)
+
+
+def test_a_stage_beyond_every_known_scale_is_not_used(frame):
+    odd = frame.iloc[:, :2].assign(**{"Heizung Ventil": np.arange(960) % 256.0})
+    report = LogReport(odd)
+    assert "u_heat" not in report.roles
+    assert report.columns.loc["Heizung Ventil", "reason"] == (
+        "values reach 255, beyond 100 %; give u_heat and 1 / its full scale under [scale] if it is a stage, or Q_heat "
+        "and its unit if it is heat"
+    )
+    known = {"T_za": frame.columns[0], "u_heat": "Heizung Ventil"}
+    assert LogReport(odd, known, scale={"u_heat": 1 / 255}).frame["u_heat"].max() == 1.0
+    assert LogReport(odd, known).findings[0].level == "error"  # not scaled by its largest value
+
+
+def test_a_meter_without_a_unit_is_a_counter(frame):
+    meter = 1200.0 + np.arange(960) // 2
+    report = LogReport(frame.iloc[:, :2].assign(**{"Wärmezähler": meter}))
+    assert report.columns.loc["Wärmezähler", ["role", "unit", "assumed"]].tolist() == ["Q_heat", "kWh counter", True]
 
 
 def test_meters_become_kilowatts(frame):
@@ -220,6 +259,13 @@ def test_electricity_is_not_taken_for_heat(frame):
     told = LogReport(report.raw, report.roles, scaled=["Q_heat"])
     assert not any("coefficient of performance" in f.text for f in told.findings)
     assert not any(text.startswith("kW of") for text in told.cannot)
+
+
+@pytest.mark.parametrize("name", ["Heat pump electricity [kW]", "Heat pump power [kW]", "Heat Pump Energy (kWh)"])
+def test_a_heat_pump_is_electricity_with_a_proposed_plant(frame, name):
+    report = LogReport(frame.iloc[:, :2].assign(**{name: 1.0 + np.arange(960) % 7}))
+    assert report.electricity() == ["Q_heat"]
+    assert "\n[plant]\nelectricity = true" in propose_settings("log.csv", report)
 
 
 def test_what_a_log_cannot_tell(frame):

@@ -106,7 +106,7 @@ class LogReport:
             for name, guess in self._guesses.items()
             if guess.role is not None
         ]
-        channels = self._outdoor_as_room(channels)
+        channels = self._outdoor_as_room(self._of_known_scale(channels, {*(columns or {}), *raw.roles}))
         self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
         self.columns = self._table(channels)
         self.gaps = gaps_of(logged, self.step)
@@ -227,8 +227,11 @@ class LogReport:
             if top == 1.0:
                 return None, factor
             if top is None:
-                self._assumed[role] = f"values reach {high:g}, and their scale is not known"
-                return None, 1.0 / high
+                self._assumed[role] = (
+                    f"values reach {high:g}, beyond 100 %; give {role} and 1 / its full scale under [scale] if it is a "
+                    f"stage, or Q_{role[2:]} and its unit if it is heat"
+                )
+                return None, factor
             self._assumed[role] = f"values reach {high:g}: percent is assumed, so kW have no certain scale"
             return "percent", factor
         if role.startswith("Q_") and is_counter(values):
@@ -247,6 +250,16 @@ class LogReport:
         if not is_contract and not role.startswith("T_"):
             self._assumed[role] = f"no unit is stated: {contract_unit(role)} is assumed"
         return None, factor
+
+    def _of_known_scale(self, channels: list[Channel], given: set[str]) -> list[Channel]:
+        """The channels without stages that only a name suggests, and values of no known scale deny."""
+        kept = []
+        for c in channels:
+            if c.role.startswith("u_") and c.unit is None and c.role in self._assumed and c.role not in given:
+                self._guesses[c.name] = Guess(None, 0, self._assumed.pop(c.role))
+            else:
+                kept.append(c)
+        return kept
 
     def _outdoor_as_room(self, channels: list[Channel]) -> list[Channel]:
         """Take degF for the outdoor temperature too where rooms have it: on cold days values do not show the unit."""
