@@ -286,6 +286,26 @@ def test_a_channel_with_a_few_values_a_day_is_held_beside_fine_ones(write, hours
     assert read_log(write("\n".join(["time,T,set", *rows]))).held == ({"set"} if is_held else frozenset())
 
 
+def test_a_long_log_that_is_polled_and_written_on_change(write):
+    """Its values come at multiples of five minutes, most of them one apart."""
+    stamps = pd.date_range("2024-01-01", periods=4 * 288, freq="5min")
+    hour = np.arange(len(stamps)) / 12.0
+    rng = np.random.default_rng(0)
+    series = {
+        "sun": np.round(
+            500.0 * np.clip(np.sin(2.0 * np.pi * hour / 24.0), 0.0, None) + rng.normal(0.0, 9.0, len(hour))
+        ),
+        "room": np.round(20.0 + np.sin(hour / 4.0) + rng.normal(0.0, 0.04, len(hour)), 1),
+        "hall": 18.0 + rng.normal(0.0, 0.1, len(hour)),
+    }
+    series["sun"][np.sin(2.0 * np.pi * hour / 24.0) <= 0.0] = 0.0
+    rows = ["time,point,value"]
+    for name, values in series.items():
+        kept = rng.random(len(values)) > 0.05 if name == "hall" else np.append(True, values[1:] != values[:-1])
+        rows += [f"{t},{name},{value}" for t, value in zip(stamps[kept], values[kept], strict=True)]
+    assert read_log(write("\n".join(rows))).held == {"room", "sun"}  # the hall is a sensor with failures
+
+
 def test_wide_log_of_changes(write):
     rows = [
         "00:00:00,20,1",

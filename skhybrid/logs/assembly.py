@@ -20,6 +20,7 @@ _EVEN = 0.5  # share of intervals about as long as the usual one, below which a 
 _SPARSE = 10.0  # times the shortest usual interval of the others, from which on a channel is sparse; then also if
 _EVEN_OF_SPARSE = 0.75  # fewer than this share are even, or it has
 _FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few values a day; daily readings are samples
+_REPEATS, _OFTEN, _SKIPPED = 0.01, 10, 0.2  # equal neighbours; long intervals: their number, their share of the time
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 
@@ -286,6 +287,7 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
     """Channels whose values come at uneven times, as in a log of changes; with ``sparse_only``, only sparse columns.
 
     Among channels with many values, one with a few a day is held too: a schedule changes its set-point at even times.
+    So is one of a long table that never repeats a value and often skips some: it is polled and written on change.
     """
     ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
     spacings = {name: _spacing(ticks[frame[name].notna().to_numpy()]) for name in frame}
@@ -301,9 +303,17 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
         usual = np.median(spacing)
         even = (np.abs(spacing - usual) <= 0.1 * usual).mean()
         sparse = usual >= _SPARSE * shortest
-        if even < _EVEN or (sparse and (even < _EVEN_OF_SPARSE or _FEW_A_DAY[0] < usual < _FEW_A_DAY[1])):
+        polled = not sparse_only and _is_change_of_polled(frame[name].to_numpy()[known], spacing, usual)
+        if even < _EVEN or polled or (sparse and (even < _EVEN_OF_SPARSE or _FEW_A_DAY[0] < usual < _FEW_A_DAY[1])):
             found.append(str(name))
     return found
+
+
+def _is_change_of_polled(values: np.ndarray, spacing: np.ndarray, usual: float) -> bool:
+    """Whether values never repeat, and often keep others waiting for a good part of the time."""
+    long = spacing > 1.5 * usual
+    repeats = (np.diff(values) == 0.0).mean()
+    return bool(repeats < _REPEATS and long.sum() >= _OFTEN and spacing[long].sum() > _SKIPPED * spacing.sum())
 
 
 def _spacing(ticks: np.ndarray) -> np.ndarray:
