@@ -149,7 +149,7 @@ def test_a_stage_beyond_every_known_scale_is_not_used(frame):
 
 def test_a_meter_without_a_unit_is_a_counter(frame):
     meter = 1200.0 + np.arange(960) // 2
-    report = LogReport(frame.iloc[:, :2].assign(**{"Wärmezähler": meter}))
+    report = LogReport(frame.iloc[:, :2].assign(Wärmezähler=meter))
     assert report.columns.loc["Wärmezähler", ["role", "unit", "assumed"]].tolist() == ["Q_heat", "kWh counter", True]
 
 
@@ -274,6 +274,23 @@ def test_what_a_log_cannot_tell(frame):
     unnamed = LogReport(frame.iloc[:, [0]].set_axis(["Sensor 3"], axis=1))
     assert any("no room temperature" in text for text in unnamed.cannot)
     assert unnamed.roles == {}
+
+
+def test_days_of_a_log_of_changes_are_counted_after_holding(frame):
+    """Its channels share no stamps, and few rows have the room's temperature."""
+    rounded = frame.iloc[:, :4].round(1)
+    parts = [
+        rounded.iloc[:, [k]][rounded.iloc[:, k] != rounded.iloc[:, k].shift()].shift(freq=f"{60 * k + 7}s")
+        for k in range(4)
+    ]
+    changes = pd.concat(parts).sort_index()
+    report = LogReport(RawLog(changes, "change of value", held=frozenset(rounded)))
+    assert sum(report.days.values()) in (9, 10)
+    assert not [f for f in report.findings if "no value" in f.text]
+    assert report.excitation.loc["u_heat", "hours run"] == pytest.approx(10 * (13.75 + 10.25 / 12), rel=0.01)
+    text = propose_settings("log.csv", report)
+    assert "\n[train]\nstart = 2024-01-1" in text
+    assert 'step = "15min"' in text
 
 
 def test_no_rows_are_refused():

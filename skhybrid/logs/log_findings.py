@@ -68,13 +68,13 @@ def gaps_of(index: pd.DatetimeIndex, step: pd.Timedelta) -> pd.DataFrame:
     return pd.DataFrame({"last": before, "next": after, "hours": (after - before) / pd.Timedelta("1h")})
 
 
-def sensor_findings(role: str, name: str, values: pd.Series) -> Iterator[Finding]:
-    """Remarks on one column in its contract unit."""
+def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | None = None) -> Iterator[Finding]:
+    """Remarks on one column in its contract unit; ``even`` are its values at even steps, where it is held."""
     known = values.dropna()
     if known.empty:
         yield Finding("error" if role in ("T_za", "T_oa") else "warning", name, "no row has a number.")
         return
-    absent = 1.0 - len(known) / len(values)
+    absent = float((values if even is None else even).isna().mean())
     if absent > 0.02:
         yield Finding("note", name, f"{absent:.0%} of the rows have no value.")
     yield from _beyond(role, name, known)

@@ -12,10 +12,10 @@ from .._holidays import read_holidays
 from .._ranges import range_of
 from .._table import is_plant
 from .._time import spell, wall_clock
-from .abilities import abilities, excitation
+from .abilities import Abilities, abilities, excitation
 from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
 from .counters import is_counter
-from .even_steps import usual_step
+from .even_steps import regularize, usual_step
 from .log_findings import Finding, clock_findings, counter_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
 from .naming import NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
@@ -24,6 +24,7 @@ from .unit_names import ENERGY
 from .zone_names import zone_guesses, zone_roles, zones_of
 
 _SHOWN_ROWS = 3
+_STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
 _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
 
 
@@ -55,8 +56,11 @@ class LogReport:
         a guess from values), ``scale`` and ``reason``.
     frame : DataFrame of shape (n_rows, n_roles)
         The columns with a role, in the units of the data contract, at the stamps of the log.
+    even : DataFrame
+        ``frame`` at even steps, with values that are logged by change held until the next; ``frame`` where none is.
     zones : list of str, the rooms of a log with several; empty for one
-    step : Timedelta, usual distance of two rows
+    step, even_step : Timedelta
+        Usual distance of two rows, and a step that divides a day and is about as long.
     gaps : DataFrame, ``last``, ``next`` and ``hours`` of each gap of the rows
     days : dict, number of whole days by kind: working days, weekends, holidays
     excitation : DataFrame, how each role moved
@@ -91,8 +95,8 @@ class LogReport:
         _refuse_short(frame.frame if isinstance(frame, RawLog) else frame)
         raw = frame if isinstance(frame, RawLog) else _log_of(frame)
         self.raw = raw
-        logged = pd.DatetimeIndex(raw.frame.index)
         self.step = usual_step(raw.frame)
+        self.even_step = next((s for s in _STEPS if s >= 0.9 * self.step), _STEPS[-1])
         self.label = label or raw.label
         self._assumed: dict[str, str] = {}
         self._scaled = set(scaled)
@@ -109,17 +113,22 @@ class LogReport:
         channels = self._outdoor_as_room(self._of_known_scale(channels, {*(columns or {}), *raw.roles}))
         self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
         self.columns = self._table(channels)
-        self.gaps = gaps_of(logged, self.step)
-        self.days = _days(self.frame, self.step, holidays)
-        self.excitation = excitation(self.frame)
+        self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
+        held = [c.role for c in channels if c.name in raw.held]
+        self.even = regularize(self.frame, self.even_step, "0h", held=held) if held else self.frame
+        self.days = _days(self.even, self.even_step if held else self.step, holidays)
+        self.excitation = excitation(self.even)
+        self.can, self.cannot, self.next_steps = self._abilities(channels)
+        self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
+
+    def _abilities(self, channels: list[Channel]) -> Abilities:
         measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
         stages = {c.role for c in channels if c.role.startswith("u_")}
         unsure |= set() if measured or stages & self._scaled else stages  # one scale fixes those of all
-        self.can, self.cannot, self.next_steps = abilities(
+        return abilities(
             self.excitation, sum(self.days.values()), unsure, [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         )
-        self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
 
     @property
     def roles(self) -> dict[str, str]:
@@ -304,7 +313,7 @@ class LogReport:
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
                 found.append(Finding("error", channel.name, f"{n_infinite} values are infinite."))
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
-            found += sensor_findings(role, channel.name, self.frame[channel.role])
+            found += sensor_findings(role, channel.name, self.frame[channel.role], self.even[channel.role])
             if (counter := counter_of(raw, channel)) is not None:
                 found += counter_findings(channel.name, counter)
             if self._seems_electric(channel):

@@ -16,7 +16,6 @@ from ..logs import LogReport, read_log, to_left_label
 from .settings import SCHEDULE, as_toml
 
 _SHORTEST_LOG = 4  # fewest days to train and test on
-_STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
 #: roles that a proposal names even where no column was found, with what they are
 _WANTED = {
     "T_za": "room temperature",
@@ -66,7 +65,6 @@ def propose_settings(log: str | PathLike[str], report: LogReport | None = None) 
 def _log_lines(report: LogReport, name: str) -> list[str]:
     """Format of the log: its clock and its step."""
     index = pd.DatetimeIndex(report.raw.frame.index)
-    step = next((s for s in _STEPS if s >= 0.9 * report.step), _STEPS[-1])
     # pandas writes a fixed offset as "UTC-06:00", and reads "-06:00"
     zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
     known = index.tz is not None
@@ -77,7 +75,7 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
         '# holidays = "NL"  # a country, a state or a list of dates: days on which the building is used as on a Sunday',
         f"label = {as_toml(report.assumed_label)}  # whether a stamp marks the start (left) or the end (right) of the "
         "means in its row",
-        f'step = "{step.total_seconds() / 60:g}min"',
+        f'step = "{report.even_step.total_seconds() / 60:g}min"',
         'origin_step = "1D"  # a forecast from every local midnight of the test span',
         *_adjacency_lines(report.zones),
     ]
@@ -192,7 +190,7 @@ def _span_lines(report: LogReport) -> list[list[str]]:
 
 def _segment(report: LogReport) -> pd.DatetimeIndex:
     """Stamps of the longest segment without a long gap in any input, up to the last known temperature."""
-    frame = report.frame
+    frame = report.even
     if report.assumed_label == "right" and frame.index.is_unique:
         frame = to_left_label(frame)
     rooms = [f"T_za_{zone}" for zone in report.zones] or [role for role in ("T_za",) if role in frame]
