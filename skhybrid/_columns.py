@@ -232,7 +232,7 @@ def refuse_infinite(v: np.ndarray, label: str, index: Any) -> None:
     bad = np.isinf(v)
     if bad.any():
         raise ValueError(
-            f"{label} contains inf in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            f"{label} contains inf in {several(int(bad.sum()), 'row')} (first at {index[int(np.argmax(bad))]}); "
             "set it to NaN where the sensor failed."
         )
 
@@ -257,7 +257,7 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
         raise ValueError(f"column {name} is empty: it contains NaN in all {len(v)} rows; give its values, or drop it.")
     if bad.any():
         raise ValueError(
-            f"column {name} contains NaN in {int(bad.sum())} rows (first at {index[int(np.argmax(bad))]}); "
+            f"column {name} contains NaN in {several(int(bad.sum()), 'row')} (first at {index[int(np.argmax(bad))]}); "
             "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
         )
     return np.ascontiguousarray(v, dtype=np.float64)
@@ -282,6 +282,11 @@ def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
             filled[name] = X[name].where(np.arange(len(X)) < known, 0.0) if known else 0.0
             n_known = min(n_known, known)
     return filled, n_known
+
+
+def several(n: int, thing: str) -> str:
+    """A number of things, such as "1 row" and "2 rows"."""
+    return f"{n} {thing}{'' if n == 1 else 's'}"
 
 
 def listed(names: Iterable[object], most: int = 12) -> str:

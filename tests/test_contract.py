@@ -294,7 +294,7 @@ def test_numbers_of_any_kind_become_float64():
     assert {v.dtype for v in table.inputs.values()} == {np.dtype(np.float64)}
     assert all(v.flags.c_contiguous for v in table.inputs.values())
     assert table.order == ("T_oa", "u_heat", "u_cool", "Q_x")
-    with pytest.raises(ValueError, match="column 'u_cool' contains NaN in 1 rows"):
+    with pytest.raises(ValueError, match="column 'u_cool' contains NaN in 1 row"):
         read(X.assign(u_cool=pd.array([1, None, 1], dtype="Int8")))
 
 
@@ -315,7 +315,7 @@ def test_the_callers_table_is_not_written_to(office):
     [
         ([np.nan, np.nan], "NaN in 2 rows", "fill short gaps"),
         ([np.inf, -np.inf], "inf in 2 rows", "set it to NaN"),
-        ([np.inf, np.nan], "inf in 1 rows", "set it to NaN"),
+        ([np.inf, np.nan], "inf in 1 row", "set it to NaN"),
     ],
 )
 def test_bad_input_names_column_count_and_first_stamp(office, values, found, remedy):
@@ -338,7 +338,7 @@ def test_history_may_be_missing_but_not_infinite(office):
     X.iloc[5:50, X.columns.get_loc("T_za")] = np.nan
     assert np.isfinite(gray_box(office, X).predict(X)).all()
     X.iloc[60, X.columns.get_loc("T_za")] = np.inf
-    with pytest.raises(ValueError, match=r"column 'T_za' contains inf in 1 rows .first at 2023-07-08 15:00:00."):
+    with pytest.raises(ValueError, match=r"column 'T_za' contains inf in 1 row .first at 2023-07-08 15:00:00."):
         gray_box(office, X)
 
 
@@ -386,7 +386,7 @@ def test_parts_accept_what_the_whole_does(office):
 def test_bad_targets(office):
     y = office.y.copy()
     y.iloc[96] = np.inf
-    with pytest.raises(ValueError, match=r"y contains inf in 1 rows .first at 2023-07-09 00:00:00.; set it to NaN"):
+    with pytest.raises(ValueError, match=r"y contains inf in 1 row .first at 2023-07-09 00:00:00.; set it to NaN"):
         gray_box(office, y=y)
     with pytest.raises(ValueError, match="the target y is None"):
         GrayBoxRC().fit(office.X, None)
@@ -468,7 +468,7 @@ def test_physical_ranges_on_both_sides(column, value, ok):
         if ok:
             read(X, reset=False)
         else:
-            with pytest.raises(ValueError, match=f"column '{column}' holds {value:g}.* in 1 rows"):
+            with pytest.raises(ValueError, match=f"column '{column}' holds {value:g}.* in 1 row"):
                 read(X, reset=False)
 
 
@@ -484,17 +484,17 @@ def test_few_values_are_no_unit():
     """One row in degF may as well be a failed sensor."""
     X = stamped(400, T_za=20.0)
     with pytest.raises(
-        ValueError, match=r"column 'T_za' holds 85 degC in 1 rows.*likely degF rather than degC, .*sensor"
+        ValueError, match=r"column 'T_za' holds 85 degC in 1 row.*likely degF rather than degC, .*sensor"
     ):
         read(X.assign(T_za=X["T_za"].mask(X.index == X.index[5], 85.0)))
-    with pytest.raises(ValueError, match="column 'T_za' holds 72 degC in 1 rows"):
+    with pytest.raises(ValueError, match="column 'T_za' holds 72 degC in 1 row"):
         read(X[:1].assign(T_za=72.0), expected_step=QUARTER)
 
 
 def test_the_target_has_a_range_too(office):
     bad = office.y.mask(office.y.index == office.y.index[9], -9999.0)
     X = office.X.drop(columns="T_za")
-    with pytest.raises(ValueError, match=r"^y holds -9999 degC in 1 rows .first at 2023-07-08 02:15:00"):
+    with pytest.raises(ValueError, match=r"^y holds -9999 degC in 1 row .first at 2023-07-08 02:15:00"):
         gray_box(office, X, bad)
     with pytest.raises(ValueError, match=r"^y holds 1e\+200"):
         gray_box(office, X, office.y * 0 + 1e200)
@@ -608,7 +608,7 @@ def test_masked_values_are_missing(office):
     np.testing.assert_array_equal(model.predict(X), expected.predict(np.where(hidden, np.nan, plain)))
     assert model.score(X, y) == expected.score(X, y)
     hidden[5, 0] = True
-    with pytest.raises(ValueError, match=r"column 0 contains NaN in 1 rows .first at 5"):
+    with pytest.raises(ValueError, match=r"column 0 contains NaN in 1 row .first at 5"):
         model.predict(np.ma.masked_array(plain, hidden))
 
 
@@ -1049,7 +1049,7 @@ def test_parsed_tables_that_are_refused():
     assert not hasattr(reader, "feature_names_in_")
     assert read(gappy, gaps=True).breaks == (0, 30)
     hole = read(stamped(6, T_za=[20, 20, np.nan, 20, 20, 20]))
-    with pytest.raises(ValueError, match=r"column 'T_za' contains NaN in 1 rows .first at 2023-07-08 00:30:00"):
+    with pytest.raises(ValueError, match=r"column 'T_za' contains NaN in 1 row .first at 2023-07-08 00:30:00"):
         read(hole, history_roles=("zeta",))
 
 

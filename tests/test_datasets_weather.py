@@ -157,7 +157,7 @@ def test_refused_tables(table, change, message):
         make_office(3, start="2024-05-01", weather=change(table), random_state=0)
 
 
-@pytest.mark.parametrize(("value", "words"), [("inf", "contains inf in 1 rows"), ("99.9", "holds 99.9 degC in 1 rows")])
+@pytest.mark.parametrize(("value", "words"), [("inf", "contains inf in 1 row"), ("99.9", "holds 99.9 degC in 1 row")])
 def test_epw_values_that_stand_for_none_are_refused(tmp_path, value, words):
     fields = ["2001", "1", "1", "1", "60", "A7", *["5.1"] * 29]
     stamps = pd.date_range("2001-01-01", periods=8760, freq="1h")

@@ -84,7 +84,7 @@ FOUND = {
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
     Call("diagnose", arguments=(("level", "word"),)): "must be a probability",
     Call("backtest", arguments=(("origin_step", "word"),)): "origin_step=",
-    Call("split_log", Table(spoilt=(Spoilt("T_za", "inf", "last"),))): "column 'T_za' contains inf in 1 rows",
+    Call("split_log", Table(spoilt=(Spoilt("T_za", "inf", "last"),))): "column 'T_za' contains inf in 1 row",
     Call("FacadeIrradiance.transform", Table(spoilt=(Spoilt("q_sol", "inf", "all"),))): "'q_sol' contains inf in",
     Call("split_log", Table(names="twice the same")): "appears twice in X",
     Call("split_log", Table(index="two levels")): "no time stamps as its index",

@@ -244,7 +244,7 @@ def test_jumps_gaps_duplicates_and_the_clock(frame):
     report = LogReport(broken)
     texts = {f.where: f.text for f in report.findings if f.level == "warning"}
     assert "jumps by" in texts[room]
-    assert any("occur twice" in f.text for f in report.findings)
+    assert any("1 stamp occurs twice" in f.text for f in report.findings)
     assert any("no time zone" in f.text for f in report.findings)
     assert report.gaps["hours"].tolist() == [10.25]
     shifted = LogReport(frame.set_axis(frame.index + pd.Timedelta("6h"), axis=0))
@@ -309,6 +309,35 @@ def test_columns_without_numbers_are_named(frame):
     assert "mode" not in report.columns.index
     with pytest.raises(ValueError, match="two columns 'a'"):
         LogReport(frame.iloc[:, :2].set_axis(["a", "a"], axis=1))
+
+
+def test_numbers_and_units_in_words(frame):
+    room = frame.columns[0]
+    plain = frame.set_axis(["Room (°F)", "Outdoor (°C)", "Sun (W/m²)", "Heat valve", "RH"], axis=1)
+    plain["Room (°F)"] = plain["Room (°F)"] * 1.8 + 32.0
+    plain.loc["2024-01-18":"2024-01-19 14:15", "Room (°F)"] = 65.9
+    plain.iloc[5, 1] = 90.0
+    plain = plain.drop(plain.index[500:540])
+    report = LogReport(
+        plain, {"u_heat": "Heat valve", "T_za": "Room (°F)", "T_oa": "Outdoor (°C)"}, scale={"u_heat": 0.01}
+    )
+    found = {f.where: f.text for f in reversed(report.findings)}
+    assert found["Room (°F)"].startswith("stays at 18.83 degC for 38 h from 2024-01-18")
+    assert found["Outdoor (°C)"].startswith("1 value beyond -90 to 60 degC, first 90 at")
+    assert found["clock"].startswith("the log does not say") or found["clock"].startswith("1 gap; the longest")
+    assert "; 1 gap, the longest of" in str(report)
+    assert "u_heat      'Heat valve': fraction, 0.01 times the column;" in str(report)
+    assert room not in str(report)
+
+
+@pytest.mark.parametrize(
+    ("zone", "line"),
+    [("Europe/Berlin", 'timezone = "Europe/Berlin"\n'), ("UTC", 'timezone = "UTC"  # better the local zone'),
+     ("-06:00", 'timezone = "-06:00"  # better the local zone'), (None, '# timezone = "UTC"  # better the local zone')],
+)  # fmt: skip
+def test_a_proposal_asks_for_the_local_zone_where_the_log_has_none(frame, zone, line):
+    index = pd.date_range("2024-01-15", periods=960, freq="15min", tz=zone, name="time")
+    assert f"\n{line}" in propose_settings("log.csv", LogReport(frame.set_axis(index, axis=0)))
 
 
 def test_infinite_values_are_an_error(frame):

@@ -385,7 +385,7 @@ def test_a_load_after_the_last_known_stage_has_no_later_origin(fitted, X):
     pd.testing.assert_frame_equal(model.predict_load(ends, 21.0), one_origin, check_exact=True)
     assert not known.equals(one_origin)
     ends.loc[ends.index[3], "u_cool"] = np.nan
-    with pytest.raises(ValueError, match="column 'u_cool' contains NaN in 1 rows"):
+    with pytest.raises(ValueError, match="column 'u_cool' contains NaN in 1 row"):
         model.predict_load(ends, 21.0)
 
 

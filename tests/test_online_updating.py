@@ -244,13 +244,13 @@ def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, ei
         X.iloc[7, X.columns.get_loc(column)] = bad
         given = (X,) if method in ("update", "predict") else (X, X["T_za"])
         stamp = str(X.index[7])
-        with pytest.raises(ValueError, match=f"'{column}' holds .* in 1 rows .first at {stamp}.*fill value"):
+        with pytest.raises(ValueError, match=f"'{column}' holds .* in 1 row .first at {stamp}.*fill value"):
             getattr(model, method)(*given)
     if method in ("partial_fit", "fit"):
         X = office.X[N_TRAIN + 5 : N_TRAIN + 25]
         y = X["T_za"].copy()
         y.iloc[3] = bad
-        with pytest.raises(ValueError, match=r"^y holds .* in 1 rows"):
+        with pytest.raises(ValueError, match=r"^y holds .* in 1 row"):
             getattr(model, method)(X, y)
     assert vars(model).keys() == attributes.keys()
     assert all(vars(model)[name] is value for name, value in attributes.items())

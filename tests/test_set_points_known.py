@@ -196,7 +196,7 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
 def test_what_cannot_be_right_is_refused(log, model):
     train, future = log[:TRAINED], ahead(log, TRAINED)
     broken = train.assign(T_heat_set=train["T_heat_set"].where(np.arange(TRAINED) != 40))
-    with pytest.raises(ValueError, match=r"T_heat_set is missing in 1 rows .first at 2023-10-03 16:00"):
+    with pytest.raises(ValueError, match=r"T_heat_set is missing in 1 row .first at 2023-10-03 16:00"):
         SchedulePredictor().fit(broken, train["T_za"])
     with pytest.raises(ValueError, match=r"T_heat_set is above T_cool_set .first at 2023-10-02"):
         SchedulePredictor().fit(train.assign(T_heat_set=27.0, T_cool_set=24.0), train["T_za"])

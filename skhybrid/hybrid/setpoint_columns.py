@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._table import SETPOINT_ROLES, ZoneTable
+from .._table import SETPOINT_ROLES, ZoneTable, several
 from ..control import Band
 
 _FREE = (-np.inf, np.inf)
@@ -41,8 +41,9 @@ def check_setpoints(table: ZoneTable) -> None:
         missing = np.isnan(values)
         if missing.any():
             raise ValueError(
-                f"{role} is missing in {int(missing.sum())} rows (first at {table.index[int(np.argmax(missing))]}); "
-                "fill in the set-point that was in force, or leave the column out."
+                f"{role} is missing in {several(int(missing.sum()), 'row')} (first at "
+                f"{table.index[int(np.argmax(missing))]}); fill in the set-point that was in force, or "
+                "leave the column out."
             )
     if len(given) == len(SETPOINT_ROLES):
         heating, cooling = given.values()

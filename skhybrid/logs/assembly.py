@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
+from .._table import several
 from .cell_numbers import NumberColumn
 from .raw_log import RawLog
 from .stamp_cells import read_stamps
@@ -147,9 +148,9 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
     return _finish(pd.DataFrame(frame, index=index.rename("time"), copy=False), kept_channels, pieces, choice)
 
 
-def unit_columns(names: Iterable[str]) -> list[str]:
+def unit_columns(names: Iterable[Hashable]) -> list[str]:
     """The columns of a long table that have the usual name of one of units."""
-    return [name for name in names if _UNIT_COLUMN.fullmatch(str(name).strip())]
+    return [str(name) for name in names if _UNIT_COLUMN.fullmatch(str(name).strip())]
 
 
 def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
@@ -162,7 +163,7 @@ def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
         return piece
     filled = piece[~known].replace(r"^\s*$", np.nan, regex=True).notna().any(axis=1)
     if filled.any():
-        pieces.notes.append(f"{_several(int(filled.sum()), 'row')} without a time stamp left out")
+        pieces.notes.append(f"{several(int(filled.sum()), 'row')} without a time stamp left out")
     return piece[known]
 
 
@@ -221,7 +222,7 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
         elif channel.n_numbers or not name.startswith("column "):
             kept[name] = channel
             if n:
-                pieces.notes.append(f"{name!r}: {_several(n, 'cell')} such as {word!r} taken as missing")
+                pieces.notes.append(f"{name!r}: {several(n, 'cell')} such as {word!r} taken as missing")
             if channel.thousands:
                 pieces.notes.append(
                     f"{name!r}: cells such as {channel.thousands!r} are read as thousands; if they are decimals, pass "
@@ -235,7 +236,7 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
 def _note_disorder(stamps: pd.DatetimeIndex, pieces: Pieces) -> None:
     back = np.flatnonzero(np.diff(stamps.as_unit("ns").asi8) < 0)
     hint = "; if clocks were put back then, pass timezone=" if stamps.tz is None else ""
-    pieces.notes.append(f"stamps go back {_several(len(back), 'time')}, first at {stamps[back[0] + 1]}: sorted{hint}")
+    pieces.notes.append(f"stamps go back {several(len(back), 'time')}, first at {stamps[back[0] + 1]}: sorted{hint}")
 
 
 def _finish(
@@ -271,10 +272,6 @@ def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:
     if others:
         raise ValueError(f"{where} has cells in {first} and in {others[0]} in the column {name!r}; export one unit.")
     return first
-
-
-def _several(n: int, thing: str) -> str:
-    return f"{n} {thing}{'' if n == 1 else 's'}"
 
 
 def _counted(notes: Sequence[str]) -> Iterator[str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import range_of
-from .._time import spell
+from .._table import several
 from .counters import counter_jumps
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
@@ -31,11 +31,12 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
     """Remarks on stamps as the log has them, in the order of the log."""
     ticks = index.as_unit("ns").asi8
     if (back := int((np.diff(ticks) < 0).sum())) > 0:
-        yield Finding("note", "clock", f"stamps go back {back} times; rows are sorted.")
+        yield Finding("note", "clock", f"stamps go back {several(back, 'time')}; rows are sorted.")
     if (twice := int(index.duplicated().sum())) > 0:
         first = index[index.duplicated()][0]
         hint = ": a local clock at the end of daylight saving?" if index.tz is None and first.month in (10, 11) else ""
-        text = f"{twice} stamps occur twice, first {first}{hint}; the first value of each column is used."
+        occur = f"{several(twice, 'stamp')} {'occurs' if twice == 1 else 'occur'} twice"
+        text = f"{occur}, first {first}{hint}; the first value of each column is used."
         yield Finding("warning", "clock", text)
     if index.tz is None:
         text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right"
@@ -104,7 +105,9 @@ def _jumping(name: str, known: pd.Series, least: float) -> Iterator[Finding]:
     if len(at):
         worst = at[np.abs(change[at]).argmax()]
         text = f"jumps by {change[worst]:+.1f} K at {known.index[int(worst) + 1]}"
-        yield Finding("warning", name, f"{text} ({len(at)} such rows); is the sensor loose, or a cell wrong?")
+        yield Finding(
+            "warning", name, f"{text} ({several(len(at), 'such row')}); is the sensor loose, or a cell wrong?"
+        )
 
 
 def _beyond(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
@@ -116,7 +119,8 @@ def _beyond(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
         yield Finding("error", name, f"{text}; split the log there, or correct the column.")
     elif bad.any():
         worst = float(known[bad].iloc[0])
-        text = f"{int(bad.sum())} values beyond {kind.lowest:g} to {kind.highest:g} {kind.unit}"
+        unit = "" if kind.unit == "-" else f" {kind.unit}"
+        text = f"{several(int(bad.sum()), 'value')} beyond {kind.lowest:g} to {kind.highest:g}{unit}"
         yield Finding("error", name, f"{text}, first {worst:.4g} at {known.index[int(bad.to_numpy().argmax())]}.")
 
 
@@ -167,7 +171,8 @@ def _rows(found: pd.DataFrame) -> list[tuple[pd.Timestamp, pd.Timestamp, float]]
 
 def _standing_still(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
     for first, last, value in _rows(standstills(role, known))[:_MOST_NAMED]:
-        text = f"stays at {value:g} for {spell(last - first)} from {first}: is the sensor stuck?"
+        hours = (last - first) / pd.Timedelta("1h")
+        text = f"stays at {value:.4g} {range_of(role).unit} for {hours:.0f} h from {first}: is the sensor stuck?"
         yield Finding("warning", name, text + (" These rows are taken as missing." if role == "T_za" else ""))
 
 

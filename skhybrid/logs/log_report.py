@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 
 from .._holidays import read_holidays
 from .._ranges import range_of
-from .._table import is_plant
+from .._table import is_plant, several
 from .._time import spell, wall_clock
 from .abilities import Abilities, abilities, excitation
 from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
@@ -115,7 +115,9 @@ class LogReport:
         self.columns = self._table(channels)
         self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
         held = [c.role for c in channels if c.name in raw.held]
-        self.even = regularize(self.frame, self.even_step, "0h", held=held) if held else self.frame
+        self.even = self.frame
+        if held:
+            self.even = cast("pd.DataFrame", regularize(self.frame, self.even_step, "0h", held=held))
         self.days = _days(self.even, self.even_step if held else self.step, holidays)
         self.excitation = excitation(self.even)
         self.can, self.cannot, self.next_steps = self._abilities(channels)
@@ -186,7 +188,7 @@ class LogReport:
         n_days = ", ".join(f"{n} {kind}" for kind, n in self.days.items() if n)
         return (
             f"{self.raw.format}: {len(index)} rows from {index.min()} to {index.max()}, every {spell(self.step)}; "
-            f"whole days: {n_days or 'none'}; {len(self.gaps)} gaps"
+            f"whole days: {n_days or 'none'}; {several(len(self.gaps), 'gap')}"
             + (f", the longest of {self.gaps['hours'].max():.1f} h." if len(self.gaps) else ".")
         )
 
@@ -307,11 +309,17 @@ class LogReport:
         found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
         if len(self.gaps):
             widest = self.gaps.iloc[int(self.gaps["hours"].to_numpy().argmax())]
-            text = f"{len(self.gaps)} gaps; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
+            text = f"{several(len(self.gaps), 'gap')}; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
             found.append(Finding("note", "clock", text))
         for channel in channels:
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
-                found.append(Finding("error", channel.name, f"{n_infinite} values are infinite."))
+                found.append(
+                    Finding(
+                        "error",
+                        channel.name,
+                        f"{several(n_infinite, 'value')} {'is' if n_infinite == 1 else 'are'} infinite.",
+                    )
+                )
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
             found += sensor_findings(role, channel.name, self.frame[channel.role], self.even[channel.role])
             if (counter := counter_of(raw, channel)) is not None:
@@ -363,5 +371,6 @@ def _rows(table: pd.DataFrame) -> list[tuple[str, str, Any]]:
 
 
 def _unit_words(row: Any) -> str:
-    scale = "" if row["scale"] in (None, 1.0) else f" x {row['scale']:.4g}"
-    return f"{row['unit']}{scale}{' (assumed)' if row['assumed'] else ''}"
+    scale = "" if row["scale"] in (None, 1.0) else f", {row['scale']:.4g} times the column"
+    unit = "fraction" if row["role"].startswith("u_") and row["unit"] == "-" else row["unit"]
+    return f"{unit}{scale}{' (assumed)' if row['assumed'] else ''}"

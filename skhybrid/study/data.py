@@ -257,8 +257,8 @@ def standstill(temperature: pd.Series) -> str | None:
         return None
     at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
     return (
-        f"{temperature.name} is {at['value']:g} from {at['first']} to {at['last']}: is the sensor stuck? Such rows are "
-        "taken as missing."
+        f"{temperature.name} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck? Such "
+        "rows are taken as missing."
     )
 
 

@@ -67,11 +67,12 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
     index = pd.DatetimeIndex(report.raw.frame.index)
     # pandas writes a fixed offset as "UTC-06:00", and reads "-06:00"
     zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
-    known = index.tz is not None
+    local = "/" in zone and not zone.startswith("Etc/")
+    hint = "" if local else '  # better the local zone, such as "Europe/Amsterdam"'
     return [
         f"# Proposed for {name} ({report.raw.format}); check every line.",
         f"name = {as_toml(name)}",
-        f'{"" if known else "# "}timezone = {as_toml(zone)}  # better the local zone, such as "Europe/Amsterdam"',
+        f"{'' if index.tz is not None else '# '}timezone = {as_toml(zone)}{hint}",
         '# holidays = "NL"  # a country, a state or a list of dates: days on which the building is used as on a Sunday',
         f"label = {as_toml(report.assumed_label)}  # whether a stamp marks the start (left) or the end (right) of the "
         "means in its row",
