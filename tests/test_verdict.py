@@ -12,7 +12,7 @@ from skhybrid.identification import OutputDisturbanceID
 from skhybrid.study import Settings, split_log
 from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
 from skhybrid.study.identified_building import describe, identified_only, parameter_table
-from skhybrid.study.judgement import judge_load, load_of
+from skhybrid.study.judgement import judge_load, load_of, of_whole_plant
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.settings import is_scaled
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
@@ -174,6 +174,16 @@ def test_a_back_test_judges_stages_in_their_unit_and_in_kw_where_a_capacity_is_k
 )
 def test_heat_or_a_given_parameter_fixes_the_scale(roles, known, scaled):
     assert is_scaled(roles, known) == scaled
+
+
+def test_a_load_of_stages_and_a_meter_is_that_of_the_whole_plant():
+    rows = pd.DataFrame({"u_heat": [0.5, 1.0], "Q_hvac": [-1.0, 0.0]})
+    known, unknown = Settings(columns={}, estimator={"known": {"Q_h": 6.0}}), Settings(columns={})
+    assert load_of(rows, known, list(rows)).values.tolist() == [2.0, 6.0]
+    assert load_of(rows, unknown, list(rows)).values.tolist() == [-1.0, 0.0]  # what is known in kW
+    load = rows.assign(Q_hvac_unclipped=-1.0, Q_total=[2.0, 6.0], Q_total_unclipped=9.0)
+    assert of_whole_plant(load)[["Q_hvac", "Q_hvac_unclipped"]].to_numpy().tolist() == [[2.0, 9.0], [6.0, 9.0]]
+    pd.testing.assert_frame_equal(of_whole_plant(rows), rows)
 
 
 def test_a_load_of_further_stages_is_in_kilowatts_by_their_capacities():

@@ -105,18 +105,23 @@ def plant_roles(rows: pd.DataFrame) -> list[str]:
 
 
 def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Load | None:
-    """The load of a plant with these roles: measured heat, or stages by their known capacities, else as they are.
+    """The load of a plant with these roles: measured heat and stages by their known capacities, else as they are.
 
-    Where stages have no known capacity, those of cooling count as negative; None where nothing heats or cools.
+    Where stages have no known capacity, those of cooling count as negative, and beside measured heat they are left out;
+    None where nothing heats or cools.
     """
-    if any(role.startswith("Q_") for role in roles):
+    stages, known = [role for role in roles if role.startswith("u_")], settings.capacities
+    scaled = all(capacity_name(role) in known for role in stages)
+    signs = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in stages}
+    factors = {role: float(known[capacity_name(role)]) for role in stages} if scaled else signs
+    parts = rows[stages] * pd.Series(factors, dtype=float)
+    if len(stages) < len(roles):
         heat = ["Q_hvac"] if "Q_hvac" in rows else [role for role in roles if role.startswith("Q_")]
-        return Load(rows[heat].sum(axis=1, skipna=False), "kW")
-    if not roles:
-        return None
-    known = settings.capacities
-    scaled = all(capacity_name(role) in known for role in roles)
-    signs = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in roles}
-    factors = {role: float(known[capacity_name(role)]) for role in roles} if scaled else signs
-    parts = rows[list(roles)] * pd.Series(factors)
-    return Load(parts.sum(axis=1, skipna=False), "kW" if scaled else "-")
+        return Load((rows[heat].join(parts) if scaled else rows[heat]).sum(axis=1, skipna=False), "kW")
+    return Load(parts.sum(axis=1, skipna=False), "kW" if scaled else "-") if roles else None
+
+
+def of_whole_plant(load: pd.DataFrame) -> pd.DataFrame:
+    """A load whose ``Q_hvac`` is the heat of the whole plant also where a meter beside stages has that name."""
+    whole = {f"Q_hvac{end}": f"Q_total{end}" for end in ("", "_unclipped") if f"Q_total{end}" in load}
+    return load.drop(columns=list(whole)).rename(columns={total: name for name, total in whole.items()})

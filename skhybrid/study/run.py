@@ -21,7 +21,7 @@ from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
 from .data import StudyData
 from .identified_building import describe, parameter_table
-from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, plant_roles
+from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
 from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
 from .verdict import Verdict
@@ -278,7 +278,7 @@ def _load_error(load: pd.Series, delivered: pd.Series | None, data: StudyData) -
 
 def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
     """A load of stages in kW by the identification's capacities, since other models have no certain scale."""
-    stages = plant_roles(rows)
+    load, stages = of_whole_plant(load), plant_roles(rows)
     if not stages or any(role.startswith("Q_") for role in stages):
         return load
     heat = {}

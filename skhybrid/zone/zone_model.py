@@ -18,6 +18,7 @@ from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
 from ..study.data import NO_ROWS, SETPOINT, TRAINING_DAYS, with_facades
+from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.zone_part import roles_of, rows_of, settings_of
@@ -280,12 +281,12 @@ class ZoneModel:
         wanted, limits = self._wanted(future), self._limits(future)
         ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
         if wanted is None or self.thermostat_learned:
-            return self._with_intervals(history, ahead, wanted, limits)
+            return of_whole_plant(self._with_intervals(history, ahead, wanted, limits))
         found = self.predictor.forecast(history, ahead, setpoint=wanted, limits=limits)
         bands = self._with_intervals(history, ahead.assign(**{r: found[r] for r in self._plant() if r in found}))
         if self.zones:  # each model of a zone has its own heat, and the temperature is that under their blend
             found = found.assign(**{role: bands[role] for role in self.settings.roles_of("T_za")})
-        return found.join(bands[[c for c in bands if str(c).startswith("q_")]])
+        return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_")]])
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write predictor and settings to one file, which is replaced in one step.
