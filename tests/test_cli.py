@@ -364,7 +364,7 @@ def test_a_sensor_that_stands_still_is_told(files, capsys):
     log.iloc[-60:, 0] = 21.0
     log.to_csv(files / "log.csv")
     assert _run(files) == 0
-    assert "T_za is 21 from 2024-01-12 12:00:00" in capsys.readouterr().err
+    assert "T_za is 21 degC from 2024-01-12 12:00:00" in capsys.readouterr().err
     log.iloc[:, 0] = 21.0
     log.to_csv(files / "log.csv")
     assert _run(files, "-q") == 1

@@ -25,7 +25,7 @@ def plant():
 
 
 def _check(readings, at, truth, n_missing):
-    """Which stamps jump, and the power of all other rows."""
+    """Compare the stamps that jump, and the power of all other rows."""
     assert counter_jumps(readings).tolist() == readings.index[at].tolist()
     power = power_of_counter(readings)[:-1]
     known = np.isfinite(power)

@@ -104,7 +104,7 @@ FOUND = {
     ),
     Call("ARXRegressor.predict_quantiles", arguments=(("quantiles", "word"),)): "quantiles='median'",
     Call("ARXRegressor.score", arguments=(("sample_weight", "short"),)): "sample_weight",
-    Call("HybridPredictor.forecast", Table(container="masked array")): "give a DataFrame",
+    Call("HybridPredictor.forecast", Table(container="masked array")): "give a pandas DataFrame",
     Call("regularize", arguments=(("step", "word"),)): "step='step' is not a duration",
     Call("regularize", arguments=(("max_gap", "word"),)): "max_gap='gap' is not a duration",
     Call("regularize", Table(step="1ns")): "most stamps are 1e-09 s apart",

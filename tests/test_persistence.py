@@ -85,7 +85,7 @@ def test_a_hybrid_comes_back_whole(tmp_path, model):
     """pandas objects, NamedTuples, a network declared as data, and the weights of a torch module as arrays."""
     office = make_office(n_days=9, random_state=0, sampling_time="30min")
     gray_box = InputDisturbanceID("1R1C", known={"Q_h": 6.0}, n_starts=1, random_state=0)
-    forecaster = DisturbanceForecaster(model=model, max_epochs=1, hidden_size=3)
+    forecaster = DisturbanceForecaster(model=model, max_epochs=1, **({} if model == "ridge" else {"hidden_size": 3}))
     hybrid = HybridPredictor(gray_box, forecaster, random_state=0).fit(office.X[:-48], office.y[:-48])
     save_model(hybrid, tmp_path / "m")
     back = load_model(tmp_path / "m")
