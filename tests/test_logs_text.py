@@ -390,3 +390,13 @@ def test_numbers_are_read_as_they_are_and_months_above_twelve_decide():
     np.testing.assert_array_equal(channel.values(), [1.125, np.nan])
     assert _day_first_by_order(pd.Series(["01/12/2024", "02/12/2024"])) is True
     assert _day_first_by_order(pd.Series(["01/13/2024", "02/13/2024"])) is None
+
+
+def test_names_that_occur_twice_follow_those_of_the_rooms_above_them(write):
+    """Exports with merged cells name the room in a line of its own."""
+    rows = "".join(f"2024-03-0{d} {h:02d}:00;{h / 3:.1f};2{h % 3}.5;19.{h % 5}\n" for d in (1, 2) for h in range(24))
+    log = read_log(write(";Weather;Office;Meeting room\nTime;Outdoor;Temperature;Temperature\n;°C;°C;°C\n" + rows))
+    assert list(log.frame) == ["Weather Outdoor", "Office Temperature", "Meeting room Temperature"]
+    assert set(log.units.values()) == {"degC"}
+    plain = read_log(write("Site;A;B;C\nTime;Outdoor;Office;Meeting room\n" + rows))
+    assert list(plain.frame) == ["Outdoor", "Office", "Meeting room"]  # no name occurs twice

@@ -81,9 +81,22 @@ def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -
             units = row if sum(unit_named(cell) is not None for cell in row) or not units else units
             continue
         if len(rest) >= 1 and len(rest) >= 0.4 * (width - 1):
-            return row, units
+            return _grouped(row, rows[i - 1] if i else [], place), units
         break
     return units, []  # a channel may be called "kW"
+
+
+def _grouped(header: list[str], above: Sequence[str], place: int) -> list[str]:
+    """The names after those of their groups, such as rooms in merged cells above them, where names occur twice."""
+    named = [cell for j, cell in enumerate(header) if cell and j != place]
+    groups = [cell for j, cell in enumerate(above) if cell and j != place]
+    if len(set(named)) == len(named) or len(groups) < 2 or len(above) < 0.5 * len(header):
+        return header
+    out, group = [], ""
+    for j, cell in enumerate(header):
+        group = (above[j] if j < len(above) else "") or group
+        out.append(cell if j == place or not cell else f"{group} {cell}".strip())
+    return out
 
 
 def _names(header: Sequence[str], width: int, place: int) -> tuple[str, ...]:
