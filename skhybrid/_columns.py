@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import sparse
 from sklearn.utils import check_array, column_or_1d
 
-from ._warnings import warn_user
+from ._warnings import several, warn_user
 from .exceptions import RoleWarning
 
 #: role (or its pattern), unit and meaning of every column that an estimator can read
@@ -282,11 +282,6 @@ def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
             filled[name] = X[name].where(np.arange(len(X)) < known, 0.0) if known else 0.0
             n_known = min(n_known, known)
     return filled, n_known
-
-
-def several(n: int, thing: str) -> str:
-    """A number of things, such as "1 row" and "2 rows"."""
-    return f"{n} {thing}{'' if n == 1 else 's'}"
 
 
 def listed(names: Iterable[object], most: int = 12) -> str:

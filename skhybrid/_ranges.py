@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ._warnings import warn_user
+from ._warnings import several, warn_user
 from .exceptions import UnitWarning
 
 
@@ -109,9 +109,8 @@ def _refusal(v: np.ndarray, bad: np.ndarray, kind: PhysicalRange, name: str, ind
         unit = next((unit.name for unit in kind.others if unit.fits(worst, worst)), "another unit")
         likely = f"{unit}, scaled values or a failed sensor"
     value = f"{worst:.4g}" if kind.unit == "-" else f"{worst:.4g} {kind.unit}"
-    rows = f"{int(bad.sum())} row{'' if bad.sum() == 1 else 's'}"
     return (
-        f"{name} holds {value} in {rows} (first at {index[int(np.argmax(bad))]}), beyond "
+        f"{name} holds {value} in {several(int(bad.sum()), 'row')} (first at {index[int(np.argmax(bad))]}), beyond "
         f"{kind.lowest:g} to {kind.highest:g}: likely {likely}; set such values to NaN, or convert the column with "
         "skhybrid.preprocessing.UnitConverter."
     )

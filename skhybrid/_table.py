@@ -41,7 +41,6 @@ from ._columns import refuse_infinite as refuse_infinite
 from ._columns import refuse_infinite_columns as refuse_infinite_columns
 from ._columns import refuse_shape as refuse_shape
 from ._columns import role_of as role_of
-from ._columns import several as several
 from ._columns import unmasked as unmasked
 from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range

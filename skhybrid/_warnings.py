@@ -23,6 +23,11 @@ def without_class(message: object) -> str:
     return re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message))
 
 
+def several(n: int, thing: str) -> str:
+    """A number of things, such as "1 row" and "2 rows"."""
+    return f"{n} {thing}{'' if n == 1 else 's'}"
+
+
 @contextmanager
 def warnings_prefixed_with(subject: str) -> Iterator[None]:
     """Begin the warnings of the block with what they are about, such as a zone."""

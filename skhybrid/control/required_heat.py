@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,14 @@ class HeatedZone(NamedTuple):
     A: np.ndarray  # (n, n) over one step
     heat: np.ndarray  # (n,) effect of 1 kW of the plant over a step
     output: np.ndarray  # (n,) output row of the measured node
+
+
+class WantedPaths(NamedTuple):
+    """Set-points that a plant shall keep from some origins on."""
+
+    band: Band  # (N,) of the rows of a table [degC]
+    limits: tuple[float, float]  # of the plant [kW]
+    delivered: np.ndarray | None = None  # (O,) heat of the origins' own rows [kW], where the plant begins after them
 
 
 class LoadPaths(NamedTuple):
@@ -66,6 +74,11 @@ def required_heat(
         loads.append(load)
         paths.append(path)
     return np.concatenate(loads), np.concatenate(paths) + offset
+
+
+def heat_column(names: Container[object], ending: str = "") -> str:
+    """The column of a load that holds the heat of the whole plant; beside stages ``Q_hvac`` may be that of a meter."""
+    return f"Q_total{ending}" if f"Q_total{ending}" in names else f"Q_hvac{ending}"
 
 
 def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:

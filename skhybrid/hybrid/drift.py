@@ -221,10 +221,12 @@ def _errors(measured: pd.DataFrame, forecast: pd.DataFrame) -> tuple[pd.DataFram
 
 def _refuse_other_steps(steps: pd.Index, fitted: pd.Index) -> None:
     """Refuse days whose steps are not those of the reference, of which each has errors of its own."""
+    if steps.equals(fitted):
+        return
     if len(steps) != len(fitted):
         raise ValueError(f"the days have {len(steps)} steps, but those of fit have {len(fitted)}; give the same steps.")
     for j, (here, there) in enumerate(zip(steps, fitted, strict=True)):
-        if here != there and not steps.equals(fitted):
+        if here != there:
             raise ValueError(
                 f"step {j} of the days is the column {here!r}, but that of fit is {there!r}; give the columns of fit "
                 "in their order."

@@ -120,7 +120,8 @@ def make_schedule_scheme(
         raise ValueError(f"purpose={purpose!r} is neither 'forecast' nor 'plan'.")
     if prior is not None:
         _check_prior(prior, purpose)
-    found, given = get_network(DEFAULT_NETWORK if network is None else network), _capacities(known_values(known))
+    found, given = get_network(DEFAULT_NETWORK if network is None else network), known_values(known)
+    _refuse_other_than_capacities(given)
     return ScheduleScheme(found, known=given, horizon=horizon, adapt=adapt, purpose=purpose, prior=prior)
 
 
@@ -133,11 +134,10 @@ def _check_prior(prior: Any, purpose: str) -> None:
         )
 
 
-def _capacities(known: dict[str, float]) -> dict[str, float]:
+def _refuse_other_than_capacities(known: dict[str, float]) -> None:
     for name in known:
         if not str(name).startswith("Q_"):
             raise ValueError(
                 f"known= gives {name!r}, but the schedule model takes capacities such as 'Q_h' only; give a gray_box "
                 "to fix other parameters of a network."
             )
-    return known

@@ -12,7 +12,7 @@ import pandas as pd
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of, rows_per_day, rows_per_hour
 from .._warnings import warn_user
-from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, refuse_boundary
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, refuse_boundary
 from ..exceptions import ScaleNotIdentifiableWarning
 from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
@@ -97,7 +97,8 @@ class ScheduleScheme(Scheme):
         n_leads = rows_of(self.horizon if self.horizon is not None else "1D", measured.step)
         self.rows = KnownRows.of(measured, keep_all=True)
         self.disturbance_step_ = measured.step
-        training, per_day = self.rows.training, rows_per_day(measured.step)
+        training = self.rows.training
+        per_day = rows_per_day(training.step)
         young = training.n_rows < _NETWORK_PRIOR_DAYS * per_day
         network_prior = self.prior.network if self.prior is not None and young else None
         self._physics = ScheduleMember(self.network, self.known, self.purpose, network_prior).fit(training, n_leads)
@@ -113,7 +114,8 @@ class ScheduleScheme(Scheme):
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
         priors = first_shares(self._members, has_prior=self.prior is not None)
-        every, n_days, plausible = rows_per_hour(training.step), training.n_rows / per_day, self.rows.plausible
+        every = rows_per_hour(training.step)
+        n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
             sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
         )
@@ -240,20 +242,13 @@ class ScheduleScheme(Scheme):
             states.append(rolling.state())
         return view, states
 
-    def load_paths(
-        self,
-        table: ZoneTable,
-        origins: np.ndarray,
-        n_leads: int,
-        setpoint: Band,
-        limits: tuple[float, float],
-        delivered: np.ndarray | None = None,
-    ) -> LoadPaths:
+    def load_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
         """As of every scheme, from increasing origins, in one pass through the rows."""
         rows, moved = self._numbered(table)
         view, states = self._states(rows, origins + moved)
-        held = Band(*(np.append(np.full(moved, free), side) for side, free in zip(setpoint, _FREE, strict=True)))
-        return load_paths(self._physics.fit_, view.segment, origins + moved, states, held, limits, n_leads, delivered)
+        band = Band(*(np.append(np.full(moved, free), side) for side, free in zip(wanted.band, _FREE, strict=True)))
+        wanted = wanted._replace(band=band)
+        return load_paths(self._physics.fit_, view.segment, origins + moved, states, wanted, n_leads)
 
     def plant_heat(self, table: ZoneTable) -> np.ndarray:
         return plant_heat(self._physics.fit_, table)

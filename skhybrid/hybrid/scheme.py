@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, heat_column
 from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
@@ -150,47 +150,29 @@ class Scheme(ABC):
         ``setpoint`` and ``limits`` are of these (n_rows - n_history) rows; each origin is forecast up to the next one.
         """
 
-    def load_paths(
-        self,
-        table: ZoneTable,
-        origins: np.ndarray,
-        n_leads: int,
-        setpoint: Band,
-        limits: tuple[float, float],
-        delivered: np.ndarray | None = None,
-    ) -> LoadPaths:
-        """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on.
-
-        Where the heat ``delivered`` (n_origins,) [kW] in the origins' own rows is given, the plant begins after them.
-        """
+    def load_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
+        """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on."""
         out = LoadPaths(*np.full((3, len(origins), n_leads), np.nan))
         in_history = origins < table.n_history  # rows that are kept: forecast as in a table of their own
         for chosen, rows in ((in_history, table.replace(n_history=0)), (~in_history, table)):
             for group in spans_apart(origins, np.flatnonzero(chosen), n_leads + 1):
-                self._fill(out, group, rows, origins, setpoint, limits, delivered)
+                self._fill(out, group, rows, origins, wanted)
         return out
 
     def _fill(
-        self,
-        out: LoadPaths,
-        group: np.ndarray,
-        table: ZoneTable,
-        origins: np.ndarray,
-        setpoint: Band,
-        limits: tuple[float, float],
-        delivered: np.ndarray | None,
+        self, out: LoadPaths, group: np.ndarray, table: ZoneTable, origins: np.ndarray, wanted: WantedPaths
     ) -> None:
         """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
         n_leads, n, begin = out.heat.shape[1], table.n_rows, table.n_history
         between = np.setdiff1d(np.arange(begin, n, n_leads + 1), origins[group])
         starts = np.unique(np.concatenate([[begin], between, origins[group]]))
-        band = Band(*(side[begin:] for side in setpoint))
-        within = Limits(*(np.full(n - begin, limit) for limit in limits))
-        if delivered is not None:
+        band = Band(*(side[begin:] for side in wanted.band))
+        within = Limits(*(np.full(n - begin, limit) for limit in wanted.limits))
+        if wanted.delivered is not None:
             for side in within:
-                side[origins[group] - begin] = delivered[group]
+                side[origins[group] - begin] = wanted.delivered[group]
         found = self.required_heat(table, starts, band, within)
-        load = found[["Q_total" if "Q_total" in found else "Q_hvac", "T_za", "zeta"]].to_numpy().T
+        load = found[[heat_column(found), "T_za", "zeta"]].to_numpy().T
         for i in group:
             rows = np.minimum(origins[i] - begin + np.arange(n_leads), n - begin - 1)
             out.heat[i], out.zeta[i] = load[0, rows], load[2, rows]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._table import SETPOINT_ROLES, ZoneTable, several
+from .._table import SETPOINT_ROLES, ZoneTable
+from .._warnings import several
 from ..control import Band
 
 _FREE = (-np.inf, np.inf)

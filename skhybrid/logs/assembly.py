@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from .._table import several
+from .._warnings import several
 from .cell_numbers import NumberColumn
 from .raw_log import RawLog
 from .stamp_cells import read_stamps

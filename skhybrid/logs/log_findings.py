@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import range_of
-from .._table import several
+from .._warnings import several
 from .counters import counter_jumps
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long

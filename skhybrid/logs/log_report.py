@@ -10,8 +10,9 @@ import pandas as pd
 
 from .._holidays import read_holidays
 from .._ranges import range_of
-from .._table import is_plant, several
+from .._table import is_plant
 from .._time import spell, wall_clock
+from .._warnings import several
 from .abilities import Abilities, abilities, excitation
 from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
 from .counters import is_counter

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.isotonic import isotonic_regression
 
 from .._table import ZoneTable
-from ..control import MOST_AHEAD, Band, Limits, LoadPaths, Plant, load_frame, make_plant, steps_ahead
+from ..control import MOST_AHEAD, Band, Limits, LoadPaths, Plant, WantedPaths, load_frame, make_plant, steps_ahead
 from ..filtering import simulate_inverse, solve_lq_path
 from .channels import ChannelPlan, deviation, equipment, knot_name, known_heat
 from .filter_model import NOISE
@@ -57,15 +57,12 @@ def load_paths(
     segment: Segment,
     origins: np.ndarray,
     states: Sequence[OriginState],
-    setpoint: Band,
-    limits: tuple[float, float],
+    wanted: WantedPaths,
     n_leads: int,
-    delivered: np.ndarray | None = None,
 ) -> LoadPaths:
     """Least heat that keeps the network within the set-points (N,) of its rows, from each origin on.
 
-    After the last row the values are those of the last one.  The heat of the origins' own rows may be given as
-    ``delivered`` (n_origins,) [kW].
+    After the last row the values are those of the last one.
     """
     out = LoadPaths(*np.empty((3, len(origins), n_leads)))
     for i, (origin, state) in enumerate(zip(origins, states, strict=True)):
@@ -73,10 +70,10 @@ def load_paths(
         ahead, n = segment.between(rows.start, rows.stop), rows.stop - rows.start
         zeta = _zeta(ahead, state)
         system, begin = _system(fit, state, ahead, zeta), np.append(state.nodes, state.emitter)
-        band = [side[rows] - fit.reference for side in setpoint]
-        within = [np.full(n, limit) for limit in limits]
-        if delivered is not None:
-            within[0][0] = within[1][0] = delivered[i]
+        band = [side[rows] - fit.reference for side in wanted.band]
+        within = [np.full(n, limit) for limit in wanted.limits]
+        if wanted.delivered is not None:
+            within[0][0] = within[1][0] = wanted.delivered[i]
         load, path = simulate_inverse(*system, *band, *within, begin, steps_ahead(system.A, system.effect, system.c))
         for part, values in zip(out, (load, path + fit.reference, zeta), strict=True):
             part[i, :n], part[i, n:] = values, values[-1]

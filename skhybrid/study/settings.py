@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import json
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -14,6 +13,7 @@ from typing import Any
 
 import pandas as pd
 
+from .._arguments import is_number
 from .._holidays import read_holidays
 from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
@@ -136,7 +136,7 @@ class Settings:
         if self.estimator.get("name", "periodic") not in list(ESTIMATORS):  # a TOML list cannot be hashed
             raise ValueError(f"[estimator] name = {self.estimator['name']!r} is none of {', '.join(ESTIMATORS)}.")
         for role, factor in self.scale.items():
-            if not _is_number(factor) or not factor:
+            if not is_number(factor) or not factor:
                 raise ValueError(f"[scale] {role} = {factor!r} must be a number other than 0.")
         _check_tables(self)
         _check_plant(self.plant)
@@ -252,10 +252,6 @@ def _check_keys(table: str, given: Mapping[str, Any], known: tuple[str, ...]) ->
             raise ValueError(f"unknown key {key!r}{f' in [{table}]' if table else ''}; {hint}")
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _check_plain(settings: Settings) -> None:
     """Check the values outside tables."""
     optional = ("timezone", "time_column", "format", "sep", "decimal")
@@ -286,15 +282,15 @@ def _check_tables(settings: Settings) -> None:
     if isinstance(n_starts, bool) or not isinstance(n_starts, int) or n_starts < 1:
         raise ValueError(f"[estimator] n_starts = {n_starts!r} must be an integer of at least 1.")
     for name, value in _inner_table(settings.estimator, "estimator", "known").items():
-        if not _is_number(value):
+        if not is_number(value):
             raise ValueError(f"[estimator] known: {name} = {value!r} must be a number.")
     for name, value in _inner_table(settings.estimator, "estimator", "bounds").items():
-        if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(_is_number, value)):
+        if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(is_number, value)):
             raise ValueError(f"[estimator] bounds: {name} = {value!r} must be two numbers, [lower, upper].")
     for key in ("capacitances", "resistors", "solar"):
         _inner_table(settings.network, "network", key)
     held = settings.load.get("setpoint", "measured")
-    if not isinstance(held, str) and not (_is_number(held) and 0 <= held <= 45):
+    if not isinstance(held, str) and not (is_number(held) and 0 <= held <= 45):
         raise ValueError(f"[load] setpoint = {held!r} must be a temperature [degC], 'measured' or a column in quotes.")
 
 
@@ -302,7 +298,7 @@ def _check_plant(plant: Mapping[str, Any]) -> None:
     _check_keys("plant", plant, _PLANT)
     Performance.of(plant)
     for key in ("most_heat", "most_cold"):
-        if key in plant and not (_is_number(plant[key]) and plant[key] >= 0):
+        if key in plant and not (is_number(plant[key]) and plant[key] >= 0):
             raise ValueError(f"[plant] {key} = {plant[key]!r} must be a number of at least 0.")
 
 
@@ -311,7 +307,7 @@ def _check_site(site: Mapping[str, Any], columns: Mapping[str, str]) -> None:
     for key, bound in _SITE.items():
         if site and key not in site:
             raise ValueError(f"[site] does not say {key}.")
-        if site and not (_is_number(site[key]) and abs(site[key]) <= bound):
+        if site and not (is_number(site[key]) and abs(site[key]) <= bound):
             raise ValueError(f"[site] {key} = {site[key]!r} must be a number of degrees from {-bound:g} to {bound:g}.")
     if site and "q_sol" not in columns:
         raise ValueError("[site] needs the irradiance on the horizontal, q_sol, in [columns].")

@@ -14,6 +14,7 @@ from ..._joining import read_now, refuse_no_frames
 from ..._table import as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
 from ..._warnings import warnings_prefixed_with
+from ...control import heat_column
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ..base import BaseHybrid
 from .building_tables import tables_of_zones, with_neighbour_temperatures
@@ -368,7 +369,7 @@ def _blended(
     both = {name: (1.0 - share) * values + share * coupled[name] for name, values in own.items() if name in coupled}
 
     def moved(name: str) -> np.ndarray:  # q_0.1 and Q_hvac_0.1
-        of = "T_za" if name.startswith("q_") else "Q_total" if "Q_total" in both else "Q_hvac"
+        of = "T_za" if name.startswith("q_") else heat_column(both)
         return both[of] + (own[name] - own[of]) * (widths if of == "T_za" else 1.0)
 
     return {name: both[name] if name in both else moved(name) for name in own}

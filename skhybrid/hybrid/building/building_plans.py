@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..._arguments import check_integer
 from ..._joining import refuse_no_frames
 from ..._table import is_plant, listed
-from ...control import AffineForecast, Limits
+from ...control import AffineForecast, Limits, heat_column
 from ...control.setpoints import read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
@@ -113,7 +113,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             under, key = with_next(rows, T) if T else rows, (zone, bool(T))
             load = columns_of(model.predict_load(under, wanted.get(zone), limits[key]))
-            heat[key] = load.get("Q_total", load["Q_hvac"])
+            heat[key] = load[heat_column(load)]
             return load
 
         return pd.DataFrame(self._joined(of, first_lead=1), getattr(rows, "index", None)), heat
@@ -128,7 +128,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         span = max(1, len(rows) // _SPANS)
         while True:
             loads, heat = self._loads(rows, wanted, limits)
-            by_zone = [loads[f"Q_total_{z}" if f"Q_total_{z}" in loads else f"Q_hvac_{z}"] for z in self.zones_]
+            by_zone = [loads[heat_column(loads, f"_{zone}")] for zone in self.zones_]
             sides = [np.sum([side(q, 0.0) for q in by_zone], axis=0) for side in (np.minimum, np.maximum)]
             over = [np.abs(taken) > np.abs(most) + _ROUNDING for taken, most in zip(sides, shared, strict=True)]
             if not np.any(over):

@@ -13,7 +13,7 @@ import pandas as pd
 
 from ..._table import ZoneTable, is_plant
 from ..._time import rows_per_day, rows_per_hour
-from ...control import Band, LoadPaths
+from ...control import Band, LoadPaths, WantedPaths
 from ...exceptions import TooFewDaysError
 from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ...forecasting.quantiles import path_clock
@@ -120,9 +120,8 @@ class ClosedLoop:
         self._refits, self._tail, self.n_leads, self._capacity = refits, tail, n_leads, capacity
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
         self._per_day = rows_per_day(training.step)
-        self._sides = [
-            bool(np.isfinite(side).any()) for side in band_of(training)
-        ]  # whether heating and cooling had set-points
+        #: whether heating and cooling had set-points
+        self._sides = [bool(np.isfinite(side).any()) for side in band_of(training)]
 
     @classmethod
     def fit(cls, scheme: Scheme, n_leads: int) -> Self | None:
@@ -134,7 +133,7 @@ class ClosedLoop:
             return None
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
         capacity = PlantCapacity.of(scheme, training, heat)
-        ideal = scheme.adapting(None).load_paths(training, origins, n_leads, band, capacity.range)
+        ideal = scheme.adapting(None).load_paths(training, origins, n_leads, WantedPaths(band, capacity.range))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_FIT_SHARE * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
@@ -177,7 +176,7 @@ class ClosedLoop:
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
         span = max(n_leads, self.n_leads)
-        ideal = IdealPaths(every, scheme.load_paths(table, every, span, rows.band, self._capacity.range))
+        ideal = IdealPaths(every, scheme.load_paths(table, every, span, WantedPaths(rows.band, self._capacity.range)))
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
         for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
@@ -192,12 +191,15 @@ class ClosedLoop:
         within, begin = self._capacity.range, weeks.zero if table.n_history else weeks.begin
         if limits is not None:
             within = _within(within, limits)
-            limited = scheme.load_paths(table, origins, n_leads, rows.band, within)
+            limited = scheme.load_paths(table, origins, n_leads, WantedPaths(rows.band, within))
             wanted = wanted._replace(shift=_between(limited, free, n_leads), limits=limits)
         if delivered is not None:
             expected = self._blended(scheme, table, wanted, errors, begin, None).paths.heat[:, 0]
-            both = [scheme.load_paths(table, origins, n_leads, rows.band, within, q) for q in (delivered, expected)]
-            wanted = wanted._replace(shift=wanted.shift + _between(both[0], both[1], n_leads))
+            actual, forecast = (
+                scheme.load_paths(table, origins, n_leads, WantedPaths(rows.band, within, heat))
+                for heat in (delivered, expected)
+            )
+            wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         return self._blended(scheme, table, wanted, errors, begin, levels)
 
     def rows_back(self, known: KnownRows) -> int:
