@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.compose import make_column_transformer
 from sklearn.exceptions import FitFailedWarning
-from sklearn.linear_model import Lasso, Ridge
+from sklearn.linear_model import Lasso, LinearRegression, Ridge
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, OutputDisturbanceID, _table
 from skhybrid.datasets import make_office
@@ -430,6 +431,17 @@ def test_baselines_are_scored_on_the_same_splits_as_the_matrix(office, estimator
     alone = DesignMatrixSearchCV(estimator, matrix, **settings).fit(office.X, office.y)
     wanted, found = (table.drop(columns="error") for table in (alone.results_, results[:2]))
     pd.testing.assert_frame_equal(found, wanted, check_dtype=False)
+
+
+def test_a_baseline_that_reads_the_temperature_it_predicts_has_failed(office):
+    weather = make_pipeline(make_column_transformer(("passthrough", ["T_oa", "q_sol"])), LinearRegression())
+    baselines = {"leaky": make_pipeline(StandardScaler(), LinearRegression()), "weather": weather}
+    with pytest.warns(FitFailedWarning, match="1 of 3 candidates failed"):
+        search = DesignMatrixSearchCV(
+            ARXRegressor(), {"alpha": [1.0]}, cv=CV, baselines=baselines, refit=False, verbose=0
+        ).fit(office.X, office.y)
+    assert "its predict reads column 'T_za'" in search.results_.loc[1, "error"]
+    assert search.results_.loc[[0, 2], "error"].isna().all()
 
 
 def test_a_fitted_search_is_saved_with_its_tables(office, estimator, tmp_path):

@@ -26,7 +26,9 @@ SETPOINT = click.option(
     help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24; of one zone of several: hall:21,24.",
 )
 WEATHER = click.option(
-    "--weather", type=click.Path(path_type=Path), help="Weather to come: CSV, EPW, or Open-Meteo's forecast JSON."
+    "--weather",
+    type=click.Path(path_type=Path),
+    help="Weather to come: CSV (with set-points, if it has them), EPW, or Open-Meteo's forecast JSON.",
 )
 HELP_NAMES = {"help_option_names": ["-h", "--help"]}
 MODEL = click.option(

@@ -89,8 +89,9 @@ class ScheduleScheme(Scheme):
     def fit(self, measured: ZoneTable, like: Scheme | None = None) -> Self:
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured, like._others if isinstance(like, ScheduleScheme) else ())
-        self._warn_scale()
-        warn_of_gain(self._physics.fit_, self.rows.training, self.known)
+        if like is None:  # else the other has warned of the zone's heat
+            self._warn_scale()
+            warn_of_gain(self._physics.fit_, self.rows.training, self.known)
         return self
 
     def _learn(self, measured: ZoneTable, like: Sequence[Member] = ()) -> None:

@@ -58,7 +58,7 @@ def day_ahead(
     weather : path-like, optional
         CSV, EPW or Open-Meteo's JSON of the rows ahead.
     schedule : Schedule, or mapping of zone to Schedule, optional
-        Set-points; by default those of the rows ahead, then of the settings.
+        Set-points; by default those of the rows ahead in the log, then in the CSV, then of the settings.
 
     Returns
     -------

@@ -69,7 +69,8 @@ def rows_ahead(
     origin : Timestamp, the last row of the history
     inputs : list of roles that the model reads, besides ``T_za``
     weather : DataFrame, optional
-        Columns by role over the rows ahead, at any step: from a forecast, or the end of the log.
+        Columns by role over the rows ahead, at any step: from a forecast, or the end of the log.  Set-points among them
+        count where ``plan`` has none.
     plan : DataFrame, optional
         Planned heat or stages, or set-points, by role; rows as in ``weather``.
     schedule : Schedule, or mapping of zone to Schedule, optional
@@ -95,20 +96,23 @@ def rows_ahead(
     heat = {role: plan[role].reindex(index) for role in plant if plan is not None and role in plan}
     if schedule is None and heat and all(values.notna().any() for values in heat.values()):
         return RowsAhead(frame.assign(**{r: _whole(v, r, "planned heat") for r, v in heat.items()}), True)
-    return RowsAhead(frame.join(_setpoints(settings, index, plan, schedule, plant)), False)
+    return RowsAhead(frame.join(_setpoints(settings, index, plan, weather, schedule, plant)), False)
 
 
 def _setpoints(
     settings: Settings,
     index: pd.DatetimeIndex,
     plan: pd.DataFrame | None,
+    weather: pd.DataFrame | None,
     schedule: Schedules | None,
     plant: list[str],
 ) -> pd.DataFrame:
-    """Set-points by role: as given, else of the plan, else of the settings."""
-    of_plan = [role for role in settings.setpoints if plan is not None and role in plan]
-    if schedule is None and plan is not None and of_plan and plan[of_plan].reindex(index).notna().any(axis=None):
-        return pd.DataFrame({role: _whole(plan[role].reindex(index), role, "set-point") for role in of_plan})
+    """Set-points by role: as given, else of the plan, of the weather, or of the settings."""
+    for rows in (plan, weather) if schedule is None else ():
+        roles = [] if rows is None else [role for role in settings.setpoints if role in rows]
+        given = {role: _held(rows[role], index) for role in roles}
+        if any(values.notna().any() for values in given.values()):
+            return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
     if found is None:
         names = " and ".join(plant) or "heat"
@@ -143,6 +147,14 @@ def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeInd
         pair.attrs = dict(given.attrs)
         out[role] = weather_on_steps(pair, index)[kind]
     return pd.DataFrame(out, index).rename_axis("time")
+
+
+def _held(values: pd.Series, index: pd.DatetimeIndex) -> pd.Series:
+    """Set-points at the rows ahead, each held to the next of its own rows."""
+    if len(values) < 2:
+        return values.reindex(index)
+    row = pd.DatetimeIndex(values.index).to_series().diff().median()
+    return values.reindex(index, method="ffill", tolerance=row - pd.Timedelta("1ns"))
 
 
 def _whole(values: pd.Series, role: str, what: str) -> pd.Series:

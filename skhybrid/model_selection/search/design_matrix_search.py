@@ -67,6 +67,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
     baselines : mapping of str to regressor, optional
         Further estimators, such as ``{"arx": ARXRegressor()}``, fitted and scored on the same splits.  They are rows of
         ``results_`` without a case, which :func:`select_case` ranks with the others, but none can be the best.
+        Beside forecasters, one without ``predict_from`` fails if it reads the measurements of the row that it predicts.
     retry_failed : bool, default False
         Whether to try again the candidates that failed in an earlier run with this store.
     chunk_size : int, default 12

@@ -21,6 +21,7 @@ from ..._table import ZoneTable, as_numbers, refuse_huge
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.joint_fit import fit_each
 from ...parallel.shared import Shared
+from ..later_measurements import refuse_later_measurements
 from ..single_reading import read_alike, read_once, reading_of, takes_tables
 from .candidates import BASELINE, forecaster_prefix, last_step
 from .store import Result, Task
@@ -183,6 +184,8 @@ def _score(given: Problem, model: Any, split: int, fit_time: float, catch_errors
     X, y = given.test_rows(split, model)
     started = time.perf_counter()
     try:
+        if hasattr(last_step(given.estimator), "predict_from"):
+            _refuse_leak(model, X, y)
         scores = given.scorer(model, X, y)
         scores = dict(scores) if isinstance(scores, Mapping) else {"score": scores}
         error = next((value for value in scores.values() if isinstance(value, str)), None)  # of several, one may fail
@@ -197,6 +200,14 @@ def _score(given: Problem, model: Any, split: int, fit_time: float, catch_errors
     inner = last_step(model)
     n_epochs = getattr(getattr(inner, "forecaster_", inner), "n_epochs_", None) or None
     return Result(scores, rmse, fit_time, time.perf_counter() - started, n_epochs, None)
+
+
+def _refuse_leak(model: Any, X: Any, y: Any) -> None:
+    """Refuse what is compared with forecasts and reads the measurements of the row that it predicts."""
+    if hasattr(last_step(model), "predict_from") or len(X) < 2:
+        return
+    predicted = np.asarray(model.predict(X), dtype=np.float64)
+    refuse_later_measurements(model, X, as_numbers(y, "y").ravel(), predicted, np.arange(len(X) - 1), 1)
 
 
 def failed(error: str, fit_time: float = 0.0) -> Result:
