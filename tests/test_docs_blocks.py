@@ -10,14 +10,18 @@ import doctest
 import importlib
 import os
 import re
+import shlex
 import warnings
 from contextlib import suppress
 from pathlib import Path
+from textwrap import dedent
 from unittest import SkipTest
 
 import pytest
 from sybil import Sybil
 from sybil.parsers import markdown, rest
+
+from skhybrid.cli import main
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,6 +57,33 @@ def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch):
             with suppress(SkipTest):  # a block that says why it is skipped, such as one for a cluster
                 example.evaluate()
     plt.close("all")
+
+
+def test_the_output_on_the_first_pages_is_that_of_the_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    start = ROOT / "docs" / "start" / "index.rst"
+    next(iter(Sybil(parsers=REST).parse(start).examples())).evaluate()  # writes the log
+    for command in re.findall(r"^   \$ skhybrid (.+)$", start.read_text("utf-8"), re.MULTILINE):
+        assert main(shlex.split(command)) == 0
+    printed = capsys.readouterr().out.splitlines()
+    for page in (start, ROOT / "docs" / "how_to" / "your_log.rst"):
+        shown = re.search(r"code-block:: text\n\n(   +room.+?)\n\n(?=\S)", page.read_text("utf-8"), re.DOTALL)
+        lines = [line for line in dedent(shown[1]).splitlines() if line not in ("", "...")]
+        assert len(lines) > 3
+        for line in lines:
+            assert any(_reads_alike(line, other) for other in printed), line
+
+
+def _reads_alike(line: str, other: str) -> bool:
+    """Whether two lines have the same words, and numbers that differ by rounding at most."""
+    words, others = line.split(), other.split()
+    return len(words) == len(others) and all(map(_alike, words, others))
+
+
+def _alike(word: str, other: str) -> bool:
+    with suppress(ValueError):
+        return float(word) == pytest.approx(float(other), abs=0.02)
+    return word == other
 
 
 @pytest.mark.parametrize("name", MODULES)
