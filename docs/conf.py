@@ -3,6 +3,7 @@
 import logging
 import re
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -60,10 +61,13 @@ class _Offline(logging.Filter):
 logging.getLogger("sphinx.sphinx.ext.intersphinx").addFilter(_Offline())
 
 # --------------------------------------------------------------------------------------------------------- gallery
+# a warning that an example prints, without the path of the machine that built the page
+warnings.formatwarning = lambda message, category, *_, **__: f"{category.__name__}: {message}\n"
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "auto_examples",
     "filename_pattern": r"/plot_",
+    "within_subsection_order": "gallery_order.NewcomersOrder",
     # each class links to the examples that use it
     "backreferences_dir": "generated/backreferences",
     "doc_module": ("skhybrid",),
@@ -84,7 +88,8 @@ html_js_files = ["skhybrid.js"]
 html_theme_options = {
     "navigation_with_keys": False,
     "show_prev_next": False,
-    "secondary_sidebar_items": ["page-toc"],
+    # tables of results need the width
+    "secondary_sidebar_items": {"**": ["page-toc"], "results/**": []},
     "header_links_before_dropdown": 6,
     "logo": {"text": "skhybrid"},
 }

@@ -38,6 +38,7 @@ load[last].resample("1D")[["Q_hvac"]].agg(["min", "mean", "max"]).round(1)
 # A pair of columns is a band: between the two set-points the load is zero, and the temperature floats.  The morning
 # step of the heating set-point is met at once and causes the peak of the day.
 fig, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6), layout="constrained")
+fig.suptitle("Temperature and load of the last day between two set-points")
 time = later[last].index
 above.fill_between(time, band[last]["set_heat"], band[last]["set_cool"], step="post", color="#eeeeee", label="band")
 above.plot(time, later[last]["T_za"], color="black", label="measured")
@@ -79,6 +80,7 @@ night = (later.index.hour >= 20) | (later.index.hour < 4)
 small = model.predict_load(later, band, limits=(0.0, np.where(night, 0.0, 9.0)))
 
 fig, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6), layout="constrained")
+fig.suptitle("The same day with a small plant that is off at night")
 above.fill_between(time, band[last]["set_heat"], band[last]["set_cool"], step="post", color="#eeeeee", label="band")
 above.plot(time, load[last]["T_za"], color="tab:blue", label="as it is")
 above.plot(time, small[last]["T_za"], color="tab:orange", label="9 kW, off at night")

@@ -52,11 +52,11 @@ print(choice)
 # The evidence: which ingredients reduce the error (several sizes of one case do not count as several experiments) ...
 
 print(choice.expressiveness.summary_.round(3).to_string())
-PosteriorDisplay.from_estimator(choice.expressiveness)
+PosteriorDisplay.from_estimator(choice.expressiveness).figure_.suptitle("Effect of each ingredient on the error")
 plt.show()
 
 # %%
 # ... and how robust each case is to its size.
 
-RobustnessDisplay.from_estimator(choice.robustness)
+RobustnessDisplay.from_estimator(choice.robustness).figure_.suptitle("Error of each case over its sizes")
 plt.show()

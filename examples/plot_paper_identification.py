@@ -76,11 +76,13 @@ table.round(2)
 # ---------------
 true = make_state_space("2R2C", office.theta)
 bode = BodeDisplay.from_estimator(models, truth=true)
+bode.figure_.suptitle("Bode magnitudes of the identified networks and the true one")
 
 # %%
 # Step responses over 12 hours
 # ----------------------------
 steps = StepResponseDisplay.from_estimator(models, truth=true, duration="12h")
+steps.figure_.suptitle("Step responses of the identified networks and the true one")
 
 # %%
 # Three days ahead, the gain given
@@ -95,15 +97,16 @@ for label, theta in thetas.items():
     with_gain[label] = network.predict(informed[n_train:])
 
 
-def draw_days(frame, ylabel):
+def draw_days(frame, ylabel, title):
     """Draw one line per column, the first in black."""
-    _, axes = plt.subplots(figsize=(9, 3.8), layout="constrained")
+    figure, axes = plt.subplots(figsize=(9, 3.8), layout="constrained")
+    figure.suptitle(title)
     frame.plot(ax=axes, color=["black", "#999999", "#0072B2", "#D55E00", "#009E73", "#CC79A7"], linewidth=1.2)
     axes.set_ylabel(ylabel)
     axes.legend(ncols=6, loc="lower left", bbox_to_anchor=(0, 1), frameon=False)
 
 
-draw_days(with_gain, "zone temperature [degC]")
+draw_days(with_gain, "zone temperature [degC]", "Three days ahead, the heat gain given")
 
 # %%
 # Root mean square errors [K].
@@ -119,14 +122,14 @@ runtime = pd.DataFrame({"measured": X_test["u_cool"].resample("1h").mean()})
 for label, network in plain.items():
     load = network.required_heat(X_test, y_test, [0], gain[n_train:].to_numpy()[None])
     runtime[label] = np.minimum(load["Q_hvac_unclipped"].resample("1h").mean(), 0) / thetas[label]["Q_c"]
-draw_days(runtime, "cooling runtime [-]")
+draw_days(runtime, "cooling runtime [-]", "Cooling that holds the measured temperature")
 
 # %%
 # A day ahead, the gain unknown
 # -----------------------------
 # No parameters, not even the true ones, make up for heat that nobody forecasts.
 without = pd.DataFrame({"measured": y_test, **{label: network.predict(X_test) for label, network in plain.items()}})
-draw_days(without, "zone temperature [degC]")
+draw_days(without, "zone temperature [degC]", "A day ahead, the heat gain unknown")
 
 # %%
 # Root mean square errors [K].
@@ -138,5 +141,6 @@ errors.pow(2).mean().pow(0.5).round(2)
 # -------------------------------------
 # Each network inverted: the heat that explains the measured temperature, with the true gain for comparison.
 fig, axes = plt.subplots(3, 1, figsize=(9, 8), sharex=True, layout="constrained")
+fig.suptitle("Estimated disturbance of a week")
 for ax, label in zip(axes, ("true", "ours", "CONV"), strict=True):
     DisturbanceWeekDisplay.from_estimator(plain[label], X, truth=gain, ax=ax, title=f"parameters: {label}")

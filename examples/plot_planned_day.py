@@ -161,6 +161,7 @@ lived = planned.lived()[day]
 figure, (above, middle, below) = plt.subplots(
     3, 1, sharex=True, figsize=(8, 7), layout="constrained", height_ratios=[3, 2, 1]
 )
+figure.suptitle("A planned day and the day as it went")
 T = ahead.temperature(q)
 above.fill_between(
     ahead.index, *(T[:, None] + ahead.offsets).T, color="tab:blue", alpha=0.2, lw=0, label="80 % interval"

@@ -47,6 +47,7 @@ plain = gray_box.predict_from(X, [origin], horizon="1D")[0]
 # %%
 # The forecast and the measurement.
 fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
+fig.suptitle("Room temperature of tomorrow, forecast and measured")
 actual = y[n_train:]
 ax.fill_between(
     tomorrow.index, tomorrow["q_0.1"], tomorrow["q_0.9"], color="tab:blue", alpha=0.2, label="80 % interval"
@@ -62,7 +63,7 @@ fig.autofmt_xdate()
 # The learned schedules
 # ---------------------
 # The hybrid learns schedules of unmeasured heat and of additional conductance, for working days and weekends.
-ScheduleDisplay.from_estimator(hybrid)
+ScheduleDisplay.from_estimator(hybrid).figure_.suptitle("Learned schedules of the forecast network")
 
 # %%
 # The building
@@ -77,6 +78,7 @@ pd.DataFrame({"true": office.theta, "identified": identified.theta_, "gray box":
 week = slice(n_train - 7 * PER_DAY, n_train)
 zeta = identified.estimate_disturbance(X[:n_train], smooth=True)
 fig, ax = plt.subplots(figsize=(8, 3.5), layout="constrained")
+fig.suptitle("Unmeasured heat, estimated and true")
 ax.plot(X.index[week], office.heat_gain[week], color="black", label="true heat gain")
 ax.plot(X.index[week], zeta[week], color="tab:blue", label="estimated")
 ax.set_ylabel("unmeasured heat [kW]")

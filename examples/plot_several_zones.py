@@ -91,6 +91,7 @@ pd.DataFrame({name: np.sqrt(np.mean((path - true) ** 2, axis=(0, 1))) for name, 
 tomorrow = later[:24].drop(columns=list(y))
 both = building.forecast(None, tomorrow, quantiles=(0.1, 0.9))
 figure, axes = plt.subplots(len(rooms), sharex=True, figsize=(8, 7), layout="constrained")
+figure.suptitle("Tomorrow in three rooms, alone and with neighbours")
 for ax, room in zip(axes, rooms, strict=True):
     own = building.own_[room].forecast(None, tomorrow)
     ax.fill_between(

@@ -151,6 +151,7 @@ costs.round(4)
 figure, (above, middle, below) = plt.subplots(
     3, 1, sharex=True, figsize=(8, 7), layout="constrained", height_ratios=[3, 2, 1]
 )
+figure.suptitle("The planned day: temperature, heat and price")
 comfort = lowest + ahead.offsets[:, 0]
 T = ahead.temperature(plans["cvxpy"])
 edges = T[:, None] + ahead.offsets

@@ -77,6 +77,7 @@ import matplotlib.pyplot as plt
 
 zeta = model.estimate_disturbance(X, smooth=True)
 figure, axes = plt.subplots(2, sharex=True, layout="constrained")
+figure.suptitle("Unmeasured heat of two rooms, estimated and true")
 for ax, room, true in zip(axes, rooms, gain.T, strict=True):
     ax.plot(X.index, true, color="0.6", label="true")
     ax.plot(X.index, zeta[f"zeta_{room}"], label="estimated")

@@ -16,10 +16,14 @@ from skhybrid.thermal import draw, get_network
 
 
 class Frame(SphinxDirective):
-    """The table that an expression over the names of a module gives; its index is the first column."""
+    """The table that an expression over the names of a module gives; its index is the first column.
+
+    Its title is that of the report's section, or the line under the directive.
+    """
 
     required_arguments = 1
     final_argument_whitespace = True
+    has_content = True
 
     def run(self) -> list[nodes.Node]:
         module, expression = self.arguments[0].split(":", 1)
@@ -27,7 +31,8 @@ class Frame(SphinxDirective):
         if frame.index.name or not isinstance(frame.index, pd.RangeIndex):
             frame = frame.reset_index(names=[frame.index.name or ""])
         rows = [[_shown(value) for value in row] for row in frame.itertuples(index=False)]
-        return [_table([str(c) for c in frame.columns], rows)]
+        title = " ".join(self.content) or frame.attrs.get("title", "")
+        return [_table([str(c) for c in frame.columns], rows, title)]
 
 
 class Drawing(SphinxDirective):
@@ -73,11 +78,11 @@ def _shown(value: Any) -> str:
     return str(value)
 
 
-def _table(head: list[str], rows: list[list[str]]) -> nodes.table:
+def _table(head: list[str], rows: list[list[str]], title: str) -> nodes.table:
     group = nodes.tgroup("", *[nodes.colspec(colwidth=1) for _ in head], cols=len(head))
     group += nodes.thead("", _row(head))
     group += nodes.tbody("", *map(_row, rows))
-    return nodes.table("", group)
+    return nodes.table("", *([nodes.title(text=title)] if title else []), group)
 
 
 def _row(cells: list[str]) -> nodes.row:

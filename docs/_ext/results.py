@@ -30,7 +30,9 @@ def table(name: str, heading: str = "") -> pd.DataFrame:
     rows = [cells(line) for line in re.search(r"(?:^\|.*\n)+", text, re.M)[0].splitlines()] if found else []
     if not rows:
         raise ValueError(f"{name}.md has no table under {heading!r}.")
-    return pd.DataFrame(rows[2:], columns=rows[0]).set_index(rows[0][0])
+    frame = pd.DataFrame(rows[2:], columns=rows[0]).set_index(rows[0][0])
+    frame.attrs["title"] = heading.replace("`", "")
+    return frame
 
 
 def cells(line: str) -> list[str]:

@@ -25,6 +25,7 @@ _STYLE = """<style>
 .zone.care { border-left: 6px double #e69f00; } .zone.not { border-left: 6px dashed #d55e00; }
 .band { fill: var(--mark); opacity: 0.2; } .made { stroke: var(--mark); fill: none; stroke-width: 1.6;
   stroke-dasharray: 4 2; } .seen { stroke: var(--ink); fill: none; stroke-width: 1.6; }
+.now { stroke: var(--soft); stroke-width: 1; stroke-dasharray: 2 2; }
 .zone text { fill: var(--soft); font-size: 9px; }
 </style>
 """
@@ -42,7 +43,8 @@ def write_page(path: str | PathLike[str], table: pd.DataFrame, recent: Mapping[s
     sections = [
         f'<p class="soft">skhybrid: day-ahead forecasts of a fleet</p><h1>{len(table)} zones</h1>\n{html_cards(cards)}',
         "<h2>Zones, the worst first</h2>\n<p>Line: measured temperature. Dashes: its forecast, with the interval that "
-        f"should hold 80 % of the measurements.{more}</p>\n" + f'<div class="zones">{"".join(shown)}</div>',
+        f"should hold 80 % of the measurements. Dots: where the measurements end.{more}</p>\n"
+        + f'<div class="zones">{"".join(shown)}</div>',
         "<h2>Errors</h2>\n" + _errors(table.head(_MOST_CHARTS), key),
     ]
     with atomic_path(path) as made:
@@ -52,7 +54,7 @@ def write_page(path: str | PathLike[str], table: pd.DataFrame, recent: Mapping[s
 def _zone(row: pd.Series, recent: pd.DataFrame | None, key: str) -> str:
     facts = [
         f"error {row['rmse_yesterday']:.2f} K yesterday" if np.isfinite(row["rmse_yesterday"]) else "",
-        f"{row['rmse_training']:.2f} K in training" if np.isfinite(row["rmse_training"]) else "",
+        f"error {row['rmse_training']:.2f} K in training" if np.isfinite(row["rmse_training"]) else "",
         f"{row['coverage']:.0%} in the interval" if np.isfinite(row["coverage"]) else "",
     ]
     chart = "" if recent is None else _chart(recent)
@@ -77,11 +79,18 @@ def _chart(recent: pd.DataFrame) -> str:
     drawn = "".join(
         f'<path class="{kind}" d="{_path(x, y[:, k])}"/>' for k, kind in ((0, "seen"), (1, "made")) if _path(x, y[:, k])
     )
+    seen = np.flatnonzero(np.isfinite(lines[:, 0]))  # a line where the measurements end
+    now = (
+        f'<line class="now" x1="{x[seen[-1]]:.1f}" y1="0" x2="{x[seen[-1]]:.1f}" y2="{_HEIGHT:g}"/>'
+        if len(seen)
+        else ""
+    )
     text = f"{low:.1f} to {high:.1f} °C, {recent.index[0]} to {recent.index[-1]}"
     return (
-        f'<svg viewBox="0 0 {_WIDTH:g} {_HEIGHT + 12:g}" role="img" aria-label="{escape(text)}">{band}{drawn}'
+        f'<svg viewBox="0 0 {_WIDTH:g} {_HEIGHT + 24:g}" role="img" aria-label="{escape(text)}">{band}{now}{drawn}'
         f'<text x="0" y="{_HEIGHT + 9:g}">{_date(recent.index[0])}</text>'
-        f'<text x="{_WIDTH:g}" y="{_HEIGHT + 9:g}" text-anchor="end">{low:.1f}–{high:.1f} °C</text></svg>'
+        f'<text x="{_WIDTH:g}" y="{_HEIGHT + 9:g}" text-anchor="end">{_date(recent.index[-1])}</text>'
+        f'<text x="0" y="{_HEIGHT + 20:g}">{low:.1f}–{high:.1f} °C</text></svg>'
     )
 
 

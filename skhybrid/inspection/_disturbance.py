@@ -13,7 +13,7 @@ from .._time import wall_clock
 from ._display import Display
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, line_style, tidy
 
-_PANELS = {"gain": "unmeasured heat [kW]", "ua": "additional conductance\n[kW/K]"}
+_PANELS = {"gain": "scheduled heat [kW]", "ua": "scheduled conductance\n[kW/K]"}
 _HOURS = 24
 
 

@@ -129,7 +129,7 @@ def _draw_forecasts(ax: Any, frames: Mapping[str, pd.DataFrame]) -> None:
         ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **style)
         bands(ax, frame["time"], frame, style["color"], label if len(frames) > 1 else "")
     for origin in first["origin"].unique():
-        ax.axvline(origin, color="#bbbbbb", linewidth=0.6, zorder=0)
+        ax.axvline(origin, color="#888888", linewidth=0.8, linestyle="--", zorder=0.5)
 
 
 @dataclass(eq=False, repr=False)

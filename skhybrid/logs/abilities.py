@@ -60,7 +60,8 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
             cannot.append(f"anything: there is no {what} temperature ({role}).")
             steps.append(f"name the column of the {what} temperature as {role}, or log it.")
     if {rooms[0], "T_oa"} <= have:
-        _building(moved, n_days, can, cannot, rooms[0])
+        scaled = any(role not in unsure and moved["hours run"].get(role, 0.0) > 0.0 for role in plants)
+        _building(moved, n_days, can, cannot, rooms[0], scaled)
     if not plants:
         cannot.append("how the room responds to heating or cooling: no column shows when the plant ran.")
         steps.append("log the heat [kW], the stage of the plant or the opening of the valve.")
@@ -87,7 +88,7 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
     return Abilities(can, cannot, steps)
 
 
-def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str], room: str) -> None:
+def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str], room: str, scaled: bool) -> None:
     spread = moved["highest"] - moved["lowest"]
     if n_days < _FEW_DAYS:
         cannot.append(f"a day's course: {n_days} days are too few; three are the least, two weeks are good.")
@@ -99,4 +100,8 @@ def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str
     if spread["T_oa"] < _LEAST_WEATHER:
         cannot.append(f"the loss to outdoors: the outdoor temperature moved by {spread['T_oa']:.1f} K only.")
     elif spread[room] >= _LEAST_SPREAD and n_days >= _FEW_DAYS:
-        can.append("the loss to outdoors and the time constants, relative to the heat.")
+        can.append(
+            "the heat loss to outdoors [W/K], the heat capacities and the time constants."
+            if scaled
+            else "the time constants; the heat loss only up to a factor, since no capacity is known."
+        )

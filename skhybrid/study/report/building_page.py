@@ -211,8 +211,8 @@ def _accuracy(result: BuildingResult) -> str:
         )
         + in_two_widths(
             lambda width: weeks_figure(hybrid, _SHOWN["narrow" if width == NARROW else "wide"], width),
-            "Measured and forecast temperature of each zone on the last test days; a grey line marks the start of each "
-            "forecast.",
+            "Measured and forecast temperature of each zone on the last test days; a dashed line marks the start of "
+            "each forecast.",
             "weeks",
         )
         + "<p>All zones together:</p>\n"

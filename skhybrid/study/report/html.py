@@ -257,7 +257,7 @@ def _accuracy(
 ) -> str:
     ordered = {name: frames[name] for name in [label, *table.index.drop(label)] if name in frames}
     hours = frames[label]["lead"].max() / pd.Timedelta("1h")
-    days = "Measured and forecast temperature on the last test days; a grey line marks the start of each forecast."
+    days = "Measured and forecast temperature on the last test days; a dashed line marks the start of each forecast."
     interval = (
         ""
         if coverage is None
@@ -293,8 +293,9 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
         return ""
     words = (
         f"<p>Schedules that the {escape(label)} model learned from the training days, by hour: unmeasured heat at the "
-        "mean outdoor temperature, and conductance to the outside. Both are corrections to the thermal network, so "
-        "they may be negative. They are updated at the start of each forecast.</p>\n"
+        "mean outdoor temperature, and conductance to the outside. Both are what the thermal network of the forecast "
+        "lacks, so they may be negative, and are no properties of the building. They are updated at the start of each "
+        "forecast.</p>\n"
     )
     picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
     section = f"<h2>Learned schedules</h2>\n{words}{picture}"
@@ -339,11 +340,14 @@ def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identific
 
 
 def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
-    """A table of values with standard errors."""
-    rows = [
-        (str(name), number(row["value"], 3), number(row["std"], 2), *(str(row.get(c, "")) for c in texts))
-        for name, row in table.iterrows()
-    ]
+    """A table of values with standard errors, to two digits of the error."""
+    rows = []
+    for name, row in table.iterrows():
+        error = float(row["std"])
+        digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 4)) if 0.0 < error < np.inf else 3
+        rows.append(
+            (str(name), *(number(row[c], digits) for c in ("value", "std")), *(str(row.get(c, "")) for c in texts))
+        )
     return html_table((what, "value", "± std. error", *texts), rows, n_texts=len(texts))
 
 
