@@ -65,7 +65,7 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
 
         for option in (
             click.option("-q", "--quiet", is_flag=True, help="Write no progress and no warnings to stderr."),
-            click.option("--strict", is_flag=True, help="End with exit code 1 where something is warned of."),
+            click.option("--strict", is_flag=True, help="Exit with code 1 if there is any warning."),
             click.option("--json", "as_json", is_flag=True, help="Write the result to stdout as JSON."),
         ):
             run = option(run)

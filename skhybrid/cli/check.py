@@ -30,7 +30,7 @@ def command(
     say: Progress,
     as_json: bool,
 ) -> int:
-    """Show what a log holds, before anything is fitted.
+    """Check a log before anything is fitted.
 
     It lists columns, units, gaps and sensors, and says what can be learned.
 

@@ -20,7 +20,7 @@ from ._output import DONE, Progress
     "--token",
     envvar="SKHYBRID_TOKEN",
     show_envvar=True,
-    help="What requests must send, as Authorization: Bearer TOKEN; better the variable, which others cannot see.",
+    help="What requests must send, as Authorization: Bearer TOKEN; prefer the variable, which other users cannot see.",
 )
 @click.option("--weather", type=click.Path(path_type=Path), help="As for zone tick, read anew at each post.")
 @click.option("--setpoint", multiple=True, help="As for zone tick.")
