@@ -13,6 +13,7 @@ from skhybrid.datasets import make_office
 from skhybrid.datasets._office import TRUE_THETA as TRUE
 from skhybrid.exceptions import UnitWarning
 from skhybrid.filtering import simulate_inverse
+from skhybrid.thermal import RCNetwork
 
 DAY = 96
 #: rows that begin at a midnight and do not follow the training: every node starts at the first measurement
@@ -262,6 +263,45 @@ def test_a_heater_of_its_own_does_not_make_the_load_ring(office):
     swings = np.sign(np.diff(heat[:20].round(6)))
     assert (swings[1:] * swings[:-1] < 0).sum() < 3
     np.testing.assert_allclose(load["T_za"][20:], 21.0, atol=1e-3)
+
+
+def heated_in(office, heated, plants):
+    """A network of TRUE whose plants, columns of the log, heat the nodes that ``heated`` names; and its next day."""
+    walled = {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")}, {"za": "f", "w": None}
+    X = office.X.drop(columns=["u_heat", "u_cool"]).assign(**{role: plants[role] for role in heated})
+    network = RCNetwork("own", *walled, heated=heated)
+    known = {p.name: (TRUE | {"Q_h_2": 3.0})[p.name] for p in network.parameters(X.columns)}
+    return GrayBoxRC(network, known=known).fit(X[: 14 * DAY], office.y[: 14 * DAY]), X[HERE]
+
+
+@pytest.mark.parametrize(
+    "heated",
+    [
+        {"u_heat": "w", "u_cool": "za"},
+        {"u_heat": {"Q_h": "za", "Q_h_2": "w"}, "u_cool": "w"},
+        {"u_heat": "w", "u_heat_2": "za", "u_cool": "za"},
+        {"Q_floor": "w", "Q_coil": "za"},
+        {"Q_floor": "w", "u_cool": "za"},
+    ],
+    ids=["floor and air", "one valve of two", "two stages", "meters", "meter and stage"],
+)
+def test_a_load_of_plants_in_several_nodes_is_what_the_forecast_makes_of_them(heated, office):
+    heat, cool = office.X["u_heat"], office.X["u_heat"].shift(48, fill_value=0.0)
+    plants = {"u_heat": heat, "u_heat_2": 2.0 * heat, "u_cool": cool, "Q_floor": 6.0 * heat, "Q_coil": -6.0 * cool}
+    model, day = heated_in(office, heated, plants)
+    load = model.predict_load(day, np.where(np.arange(DAY) % 48 < 24, 24.0, 12.0))
+    assert load["Q_hvac"].max() > 2.0
+    assert load["Q_hvac"].min() < -2.0
+    parts = {"Q_floor": load["Q_hvac"].clip(lower=0.0), "Q_coil": load["Q_hvac"].clip(upper=0.0)} | dict(load)
+    T = model.simulate(day.assign(**{role: parts[role] for role in heated}))
+    np.testing.assert_allclose(load["T_za"], T, atol=1e-7)
+
+
+def test_a_load_of_a_stage_and_a_meter_in_different_nodes_is_refused(office):
+    heat = office.X["u_heat"]
+    model, day = heated_in(office, {"u_heat": "za", "Q_floor": "w"}, {"u_heat": heat, "Q_floor": 6.0 * heat})
+    with pytest.raises(ValueError, match=r"network own: 'u_heat', 'Q_floor' act on different nodes.* in heated="):
+        model.predict_load(day, 21.0)
 
 
 @pytest.mark.parametrize("held", [0.9, 1.0, 1.1, 1.3])

@@ -17,10 +17,10 @@ MOST_AHEAD = 24  # longest hold of a load that is tried [steps]
 
 
 class HeatedZone(NamedTuple):
-    """One measured node and the plant that heats it."""
+    """One measured node and the plant that heats and cools it."""
 
     A: np.ndarray  # (n, n) over one step
-    heat: np.ndarray  # (n,) effect of 1 kW of the plant over a step
+    heat: np.ndarray  # (2, n) effect of 1 kW of the plant over a step, where it heats and where it cools
     output: np.ndarray  # (n,) output row of the measured node
 
 
@@ -63,14 +63,13 @@ def required_heat(
     ``forcing`` (N, n) is the effect of all but the plant over each step; the temperature includes ``offset`` (N,) [K].
     Spans begin at the rows ``begins`` (n_spans,), from 0, with node temperatures ``states`` (n_spans, n) [degC].
     """
-    heat = np.tile(zone.heat, (2, 1))  # it heats as it cools
-    ahead = steps_ahead(zone.A, heat, zone.output)
+    ahead = steps_ahead(*zone)
     low, high = band.heating - offset, band.cooling - offset
     loads, paths = [], []
     for a, b, state in zip(begins, np.append(begins[1:], len(forcing)), states, strict=True):
         rows = slice(a, b)
         bounds = low[rows], high[rows], limits.lower[rows], limits.upper[rows]
-        load, path = simulate_inverse(zone.A, forcing[rows], heat, zone.output, *bounds, state, ahead)
+        load, path = simulate_inverse(zone.A, forcing[rows], zone.heat, zone.output, *bounds, state, ahead)
         loads.append(load)
         paths.append(path)
     return np.concatenate(loads), np.concatenate(paths) + offset
@@ -113,7 +112,7 @@ class Plant(NamedTuple):
     most: Mapping[str, float]  # highest stage of each role
     lower: float  # [kW], 0 or less; -inf where heat was measured
     upper: float  # [kW], 0 or more; inf where heat was measured
-    meters: Mapping[str, tuple[float, float]]  # least and most measured heat [kW] of each role, if beside stages
+    meters: Mapping[str, tuple[float, float]]  # least and most measured heat [kW] of each role
 
     def within(self, limits: Limits) -> Limits:
         """The narrower of given limits and the capacity of the stages."""
@@ -134,7 +133,7 @@ def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) 
     cools, heats = (any(ends[end] for ends in meters.values()) or bool(meters and not most) for end in (0, 1))
     lower = sum(q * most[role] for role, q in cooling) - (np.inf if cools else 0.0)
     upper = sum(q * most[role] for role, q in heating) + (np.inf if heats else 0.0)
-    return Plant(heating, cooling, most, lower, upper, meters if most else {})
+    return Plant(heating, cooling, most, lower, upper, meters)
 
 
 def load_frame(
@@ -150,18 +149,19 @@ def load_frame(
     Every stage has its columns; one without capacity stays at 0.  Beside stages metered heat has the columns of its
     roles, with what is left where the stages give what they can; a sum of all is then ``Q_total`` if one is ``Q_hvac``.
     """
-    roles = (*plant.most, *plant.meters)
+    meters = plant.meters if plant.most else {}
+    roles = (*plant.most, *meters)
     out = {role + suffix: np.zeros(len(index)) for suffix in ("", "_unclipped") for role in roles}
     for suffix, heat in (("", np.clip(clipped, plant.lower, plant.upper)), ("_unclipped", unclipped)):
         for end, side, stages in ((1, np.maximum, plant.heating), (0, np.minimum, plant.cooling)):
-            left, metered = side(heat, 0.0), sum(ends[end] for ends in plant.meters.values())
+            left, metered = side(heat, 0.0), sum(ends[end] for ends in meters.values())
             if stages:
                 full = sum(q * plant.most[role] for role, q in stages)
                 share = np.minimum(np.abs(left / full), 1.0 if metered else np.inf)
                 left = left - share * full
                 out |= {role + suffix: share * plant.most[role] for role, _ in stages}
-            for role, ends in plant.meters.items() if metered else ():
+            for role, ends in meters.items() if metered else ():
                 out[role + suffix] = out[role + suffix] + left * (ends[end] / metered)
-        out[("Q_total" if "Q_hvac" in plant.meters else "Q_hvac") + suffix] = heat
+        out[("Q_total" if "Q_hvac" in meters else "Q_hvac") + suffix] = heat
     out["T_za"], out["zeta"] = temperature, zeta
     return pd.DataFrame(out, index=index)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, is_plant
+from .._table import ZoneTable, is_plant, listed
 from ..control import (
     HeatedZone,
     Limits,
@@ -35,7 +35,6 @@ def plant_of(network: RCNetwork, theta: Mapping[str, float], table: ZoneTable) -
 
 def network_load(
     filtered: FilteredNetwork,
-    theta: Mapping[str, float],
     plant: Plant,
     table: ZoneTable,
     origins: np.ndarray,
@@ -57,7 +56,7 @@ def network_load(
         for paths in (start.heat, start.offset[..., 0])
     )
     forcing = _without_plant(filtered, table)[origins[0] :] @ kalman.B.T + heat @ kalman.heat.T
-    zone = HeatedZone(kalman.A, _unit_heat(filtered, theta), np.eye(kalman.n)[kalman.measured[0]])
+    zone = HeatedZone(kalman.A, _unit_heat(filtered, plant), np.eye(kalman.n)[kalman.measured[0]])
     band, within = read_setpoint(setpoint, here), plant.within(read_limits(limits, here))
     unlimited = Limits(np.full(here.n_rows, -np.inf), np.full(here.n_rows, np.inf))
     (clipped, path), (unclipped, _) = (
@@ -79,17 +78,30 @@ def _without_plant(filtered: FilteredNetwork, table: ZoneTable) -> np.ndarray:
     return inputs
 
 
-def _unit_heat(filtered: FilteredNetwork, theta: Mapping[str, float]) -> np.ndarray:
-    """(n,) effect on the states of 1 kW of the plant over a step."""
+def _unit_heat(filtered: FilteredNetwork, plant: Plant) -> np.ndarray:
+    """(2, n) effect on the states of 1 kW of the plant over a step, where it heats and where it cools.
+
+    Stages of a side run in proportion, as in ``load_frame``.  A side without a plant is felt as the other one.
+    """
     network, B = filtered.network, filtered.kalman.B
     columns = dict(zip(network.inputs(filtered.roles), B.T, strict=False))
-    sources = network.sources(filtered.roles)
-    for source in sources:
-        if source.role.startswith("Q_"):
-            return columns[source.role].copy()
-    for source in sources:
-        if source.role.startswith("u_") and source.parameter and theta[source.parameter] != 0:
-            return columns[source.role] / theta[source.parameter]
+    sides = []
+    for end, stages in ((1, plant.heating), (0, plant.cooling)):
+        metered = [role for role, ends in plant.meters.items() if ends[end]]
+        effects = [columns[role] for role in metered]
+        if stages:
+            full = sum(q * plant.most[role] for role, q in stages)
+            effects.append(np.sum([columns[role] * plant.most[role] for role, _ in stages], axis=0) / full)
+        if not np.allclose(effects, effects[:1]):
+            named = listed([*(role for role, _ in stages), *metered])
+            raise ValueError(
+                f"network {network.name}: {named} act on different nodes, so the effect of a load is unclear; name one "
+                "node for them in heated=."
+            )
+        sides.append(effects[:1])
+    heats, cools = sides
+    if heats or cools:
+        return np.array([*(heats or cools), *(cools or heats)])
     if network.heated == network.disturbed:
-        return B[:, -1].copy()
+        return np.tile(B[:, -1], (2, 1))
     raise ValueError("the network has no heating or cooling input, so no load can be predicted.")

@@ -305,7 +305,7 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         return self._plant
 
     def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
-        return network_load(self.filtered_network_, dict(self.theta_), self._plant, table, origins, start, *wanted)
+        return network_load(self.filtered_network_, self._plant, table, origins, start, *wanted)
 
 
 def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.ndarray:
