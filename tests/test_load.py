@@ -304,6 +304,14 @@ def test_a_load_of_a_stage_and_a_meter_in_different_nodes_is_refused(office):
         model.predict_load(day, 21.0)
 
 
+def test_a_meter_can_heat_after_known_rows_in_which_it_did_not_run(office):
+    heat = office.X["u_heat"]
+    model, day = heated_in(office, {"Q_hvac": "za", "u_cool": "za"}, {"Q_hvac": 6.0 * heat, "u_cool": 0.0})
+    still = model.with_rows(day.assign(Q_hvac=0.0), office.y[HERE])
+    assert still.plant == model.plant
+    assert still.predict_load(day, (24.0, 26.0))["Q_hvac"].max() > 1.0
+
+
 @pytest.mark.parametrize("held", [0.9, 1.0, 1.1, 1.3])
 def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
     """Room [degC] and the store of an emitter that gives back ``held`` of its heat later; more than all at 1.1."""

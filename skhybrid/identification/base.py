@@ -163,6 +163,7 @@ class NetworkIdentifier(NetworkModel):
         self.sampling_time_ = table.step
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
+        self._plant = plant_of(network, self._theta, table)
         self._know(kalman, table, experiment, self._first_state)
         return self
 
@@ -171,7 +172,6 @@ class NetworkIdentifier(NetworkModel):
         keep = rows_covering(self.warmup, table.step)
         self.filtered_network_ = filter_training(kalman, table, experiment, first_state, keep)
         self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
-        self._plant = plant_of(self.network_, self._theta, table)
 
     def _prepare(self, X: Any, y: Any) -> tuple[RCNetwork, ZoneTable, Experiment, tuple[Parameter, ...]]:
         """Read and check what ``fit`` is given."""
@@ -287,7 +287,7 @@ class NetworkIdentifier(NetworkModel):
 
     @one_blas_thread
     def with_rows(self, X: Any, y: Any) -> Any:
-        """A copy with the same parameters whose known rows, from which forecasts go on, are those of another table.
+        """A copy of the same parameters and plant whose known rows, from which forecasts go on, are of another table.
 
         Parameters
         ----------
