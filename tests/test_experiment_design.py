@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 from skhybrid import OutputDisturbanceID
 from skhybrid.datasets import make_office, make_prbs, make_weather
+from skhybrid.exceptions import UnitWarning
 from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experiment
 from skhybrid.identification.disturbance_models import HIDDEN_SD, MEASURED_SD
 from skhybrid.identification.experiment_design.information import FilterInformation, relative_errors, walk_root
@@ -253,6 +254,9 @@ def test_rows_of_a_log_are_means_of_its_steps():
 
 # ------------------------------------------------------------------------------------------------------------- the plan
 WEATHER = make_weather(8, "chicago", start="2023-10-07", step="30min", random_state=0)
+SET_POINTS = pd.DataFrame(
+    {"T_heat_set": np.where(WEATHER.index.hour < 6, 15.0, 20.0), "T_cool_set": 25.0}, WEATHER.index
+)
 PRBS = make_prbs(4, "2h", step="30min", low=18, high=25, random_state=0)
 SETTINGS = {"weather": WEATHER, "perturbations": {"prbs": PRBS}, "known": ["Q_h"], "n_draws": 1, "random_state": 0}
 
@@ -377,6 +381,15 @@ BAD = {
     "no draws": ({"n_draws": 0}, "n_draws=0 must be at least 1"),
     "negative theta": ({"theta": THETA | {"C_za": -1.0}}, "theta gives C_za the value -1"),
     "absent number": ({"theta": THETA | {"f": np.nan}}, "theta gives f the value nan"),
+    "other stamps": ({"setpoints": SET_POINTS[::-1]}, "setpoints bears other time stamps than weather"),
+    "no columns": ({"setpoints": SET_POINTS[["T_heat_set"]]}, "setpoints must be a pair"),
+    "mask of other stamps": ({"when": pd.Series(True, WEATHER.index)[::-1]}, "when bears other time stamps"),
+    "long mask": ({"when": np.ones(len(WEATHER) + 1, dtype=bool)}, "when has shape"),
+    "fill value of set-points": ({"setpoints": SET_POINTS.replace(15.0, -9999.0)}, "setpoints holds -9999 degC"),
+    "fill value of levels": ({"perturbations": {"p": [20.0, -9999.0]}}, "perturbation 'p' holds -1e.04 degC"),
+    "negative hours": ({"hours": [12, -5]}, "hours has -5; give 0 or a multiple of the step of weather, 0.5 h"),
+    "hours off the step": ({"hours": [3.7]}, "hours has 3.7"),
+    "all known": ({"known": list(THETA)}, "known= names every parameter"),
     "fill value": ({"weather": WEATHER.assign(T_oa=9999.0)}, "weather column 'T_oa' holds 9999 degC"),
 }
 
@@ -386,6 +399,11 @@ def test_bad_request_is_refused_with_its_name(case):
     change, message = BAD[case]
     with pytest.raises(ValueError, match=message):
         plan_experiment("2R2C", **{"theta": THETA, "hours": [12], **SETTINGS, **change})
+
+
+def test_a_perturbation_in_degf_is_told():
+    with pytest.warns(UnitWarning, match="perturbation 'prbs' .* likely degF"):
+        plan_experiment("2R2C", THETA, hours=[12], **{**SETTINGS, "perturbations": {"prbs": 1.8 * PRBS + 32.0}})
 
 
 @pytest.mark.parametrize(

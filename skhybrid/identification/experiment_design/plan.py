@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..._arguments import is_number
 from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
 from ..._ranges import check_range
@@ -129,7 +130,7 @@ def plan_experiment(
     known : iterable of str, optional
         Parameters that the identification will be given, such as ``["Q_h"]``; one of them must fix the network's scale.
     hours : sequence of float
-        Hours of perturbation to compare; 0 is the log without one, and is always looked at.
+        Hours of perturbation to compare, whole steps of ``weather``; 0, the log without one, is always looked at.
     target : float
         Relative standard error that every parameter is to reach [-].
     when : {"weekend", "any"} or array-like of bool
@@ -154,8 +155,9 @@ def plan_experiment(
     Raises
     ------
     ValueError
-        If a parameter has no value, nothing known fixes the scale, weather is uneven, incomplete or impossible, or a
-        perturbation does not fit into the rows that it may take.
+        If a parameter has no value, nothing known fixes the scale, nothing is left to identify, weather is uneven,
+        incomplete or impossible, set-points or ``when`` bear other stamps, or a perturbation does not fit into the rows
+        that it may take.
 
     Notes
     -----
@@ -177,17 +179,20 @@ def plan_experiment(
     """
     zone, known = _zone(network, theta, weather, known, gain)
     log = _read_weather(zone, weather, sampling_time)
-    usual = _usual_setpoints(setpoints, log)
+    usual = _usual_setpoints(setpoints, weather.index, log)
     cases = [_Case(_NONE, 0.0, usual)]
-    allowed = _allowed(when, log)
+    allowed = _allowed(when, weather.index, log)
+    perturbed = [h for h in _checked_hours(hours, log) if h > 0]
     for name, wanted in perturbations.items():
         levels = _levels(name, wanted)
-        cases += [_Case(name, float(h), _perturbed(usual, levels, allowed, float(h), log)) for h in hours if h > 0]
+        cases += [_Case(name, h, _perturbed(usual, levels, allowed, h, log)) for h in perturbed]
     if not (np.isfinite(target) and target > 0):
         raise ValueError(f"target={target!r} must be a positive relative error, such as 0.1 for 10 %.")
     if n_draws < 1:
         raise ValueError(f"n_draws={n_draws!r} must be at least 1.")
     free = tuple(name for name in zone.order if name not in known)
+    if not free:
+        raise ValueError("known= names every parameter, so nothing is left to identify; leave out what is to be found.")
     errors = _expected_errors(zone, log, cases, free, hysteresis, n_draws, np.random.default_rng(random_state))
     return _make_plan(cases, free, errors, float(target))
 
@@ -271,9 +276,16 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, stack_inputs(zone, columns, n_rows))
 
 
-def _usual_setpoints(setpoints: Any, log: _Log) -> np.ndarray:
+def _refuse_other_stamps(given: Any, index: pd.Index, name: str) -> None:
+    if isinstance(given, pd.Series | pd.DataFrame) and not given.index.equals(index):
+        raise ValueError(f"{name} bears other time stamps than weather; align it with .reindex(weather.index).")
+
+
+def _usual_setpoints(setpoints: Any, index: pd.Index, log: _Log) -> np.ndarray:
+    _refuse_other_stamps(setpoints, index, "setpoints")
     if isinstance(setpoints, pd.DataFrame):
-        wanted = setpoints[["T_heat_set", "T_cool_set"]].to_numpy(dtype=np.float64)[: len(log.time)]
+        both = setpoints.reindex(columns=["T_heat_set", "T_cool_set"])
+        wanted = both.to_numpy(dtype=np.float64)[: len(log.time)]
     else:
         wanted = np.tile(np.asarray(setpoints, dtype=np.float64).reshape(1, -1), (len(log.time), 1))
     if wanted.shape != (len(log.time), 2) or not np.isfinite(wanted).all() or (wanted[:, 0] > wanted[:, 1]).any():
@@ -281,17 +293,19 @@ def _usual_setpoints(setpoints: Any, log: _Log) -> np.ndarray:
             "setpoints must be a pair of heating and cooling set-point [degC], the first not above the second, or a "
             "DataFrame of T_heat_set and T_cool_set in the rows of weather."
         )
+    check_range(wanted.ravel(), "T_za", "setpoints", log.time.repeat(2))
     return wanted
 
 
-def _allowed(when: Any, log: _Log) -> np.ndarray:
+def _allowed(when: Any, index: pd.Index, log: _Log) -> np.ndarray:
     """Numbers of the rows that may be perturbed."""
     if isinstance(when, str):
         if when not in ("weekend", "any"):
             raise ValueError(f"when={when!r} is unknown; choose 'weekend', 'any', or a bool for every row of weather.")
         return np.flatnonzero(NO_HOLIDAYS.weekend(log.time) | (when == "any"))
+    _refuse_other_stamps(when, index, "when")
     mask = np.asarray(when)
-    if mask.dtype != bool or mask.ndim != 1 or len(mask) < len(log.time):
+    if mask.dtype != bool or mask.shape != index.shape:
         raise ValueError(f"when has shape {mask.shape} and type {mask.dtype}; give a bool for every row of weather.")
     return np.flatnonzero(mask[: len(log.time)])
 
@@ -306,7 +320,15 @@ def _levels(name: str, wanted: Any) -> np.ndarray:
             f"perturbation {name!r} has shape {np.shape(wanted)}; give finite temperatures [degC], (n,), or heating "
             "and cooling set-points, (n, 2)."
         )
+    check_range(levels.ravel(), "T_za", f"perturbation {name!r}", pd.RangeIndex(len(levels)).repeat(2))
     return levels
+
+
+def _checked_hours(hours: Sequence[float], log: _Log) -> list[float]:
+    for h in hours:
+        if not is_number(h) or h < 0 or abs(h / log.hours - round(h / log.hours)) > 1e-9:
+            raise ValueError(f"hours has {h!r}; give 0 or a multiple of the step of weather, {log.hours:g} h.")
+    return [float(h) for h in hours]
 
 
 def _perturbed(usual: np.ndarray, levels: np.ndarray, allowed: np.ndarray, hours: float, log: _Log) -> np.ndarray:
