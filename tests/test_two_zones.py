@@ -60,6 +60,17 @@ def test_simulation_with_the_true_gains_is_the_matrix_exponential(rooms):
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
+def test_gains_of_a_frame_are_found_by_name(rooms):
+    X, model = rooms["X"][:96], rooms["model"]
+    gain = pd.DataFrame(rooms["gain"][:96], X.index, ["north", "south"])
+    expected = model.simulate(X, gain.to_numpy())
+    for frame in (gain.iloc[:, ::-1], gain.add_prefix("zeta_").iloc[:, ::-1], gain.add_prefix("heat_gain_")):
+        np.testing.assert_array_equal(model.simulate(X, frame), expected)
+    for frame in (gain.set_axis(OUTPUTS, axis=1), gain.assign(zeta_south=0.0), gain[["north"]]):
+        with pytest.raises(ValueError, match=r"heat_gain has the columns .* give one for each of 'north', 'south'"):
+            model.simulate(X, frame)
+
+
 def test_predictions_have_a_column_a_room(rooms):
     X = rooms["X"].copy()
     model = rooms["model"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
 from .._rolling import checked_origins
-from .._table import ZoneTable, as_numbers, as_pandas, is_plant
+from .._table import ZoneTable, as_numbers, as_pandas, is_plant, listed
 from .._threads import one_blas_thread
 from ..control import Plant
 from ..filtering import simulate_path
@@ -68,7 +69,8 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         heat_gain : array-like of shape (n_samples,), optional
-            Unmeasured heat on the disturbed node [kW], one column per node where there are several; 0 by default.
+            Unmeasured heat on the disturbed node [kW]; 0 by default.  One column per node where there are several, of a
+            frame by name (``zeta_<node>``, ``heat_gain_<node>`` or ``<node>``), of an array in their order.
         initial_state : array-like of shape (n_states,), optional
             Node temperatures at the first row [degC].  By default the fitted state where X begins as the training table
             did, the filtered state where X follows it, else all nodes at the first ``T_za`` (or the training mean).
@@ -311,9 +313,12 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
 def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.ndarray:
     """(N, d) unmeasured heat of every row [kW]."""
     n, d = here.n_rows, len(network.disturbed_nodes)
+    heat_gain = as_pandas(heat_gain, "heat_gain")
     stamps = getattr(heat_gain, "index", None)
     if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
         raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
+    if d > 1 and isinstance(heat_gain, pd.DataFrame) and any(isinstance(column, str) for column in heat_gain):
+        heat_gain = _by_node(heat_gain, network.disturbed_names)
     heat = np.zeros((n, d)) if heat_gain is None else as_numbers(heat_gain, "heat_gain")
     heat = heat.reshape(-1, 1) if d == 1 else heat
     if heat.shape != (n, d):
@@ -323,6 +328,18 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     for column in heat.T:
         check_range(column, "Q_gain", "heat_gain", here.index)
     return heat
+
+
+def _by_node(heat_gain: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """The columns of unmeasured heat in the order of the nodes, whose ``names`` may follow ``zeta_`` or such."""
+    found = [[c for c in heat_gain if c in (name, f"zeta_{name}", f"heat_gain_{name}")] for name in names]
+    chosen = [column for columns in found for column in columns]
+    if any(len(columns) != 1 for columns in found) or len(chosen) < heat_gain.shape[1]:
+        raise ValueError(
+            f"heat_gain has the columns {listed(heat_gain)}; give one for each of {listed(names)}, by that name, "
+            f"zeta_{names[0]} or heat_gain_{names[0]}."
+        )
+    return heat_gain[chosen]
 
 
 def _checked_disturbance(disturbance: Any) -> np.ndarray:
