@@ -439,6 +439,20 @@ def test_simulate_refuses_what_it_cannot_run(given, message, fitted, office):
         fitted[GrayBoxRC].simulate(office.X, **arguments)
 
 
+def test_shares_of_one_heat_are_at_most_1_together(office):
+    """Else the remainder is negative, and the sun cools a node."""
+    resistors = {"R_zw": ("za", "w"), "R_zm": ("za", "m"), "R_zo": ("za", "T_oa")}
+    network = RCNetwork("lit", {"w": "C_w", "m": "C_m", "za": "C_za"}, resistors, {"za": "f", "w": "f_w", "m": None})
+    known = {p.name: 4.0 for p in network.parameters(office.X.columns)} | {"Q_c": -6.0, "f": 0.8, "f_w": 0.2}
+    assert GrayBoxRC(network, known=known).fit(office.X[:96], office.y[:96]).theta_["f_w"] == 0.2
+    with pytest.raises(ValueError, match=r"known= gives f, f_w the sum 1.7; shares of one heat are at most 1"):
+        GrayBoxRC(network, known=known | {"f_w": 0.9}).fit(office.X[:96], office.y[:96])
+    free = GrayBoxRC(network, known=known, bounds={"f_w": (0.3, 0.9)}, n_starts=1)
+    del free.known["f_w"]
+    with pytest.warns(ExcitationWarning, match=r"GrayBoxRC: f, f_w sum to 1\..* the remainder of the heat is negative"):
+        free.fit(office.X[:96], office.y[:96])
+
+
 def test_missing_role_names_what_was_there(office):
     with pytest.raises(ValueError, match="role 'T_oa' is missing: X has 'q_sol', 'u_heat', 'u_cool', 'T_za'"):
         GrayBoxRC().fit(office.X.drop(columns="T_oa"), office.y)

@@ -17,7 +17,10 @@ from .._table import HISTORY_ROLES, ZoneTable, read_table
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
+from .._warnings import warn_user
+from ..exceptions import ExcitationWarning
 from ..thermal import Parameter, RCNetwork, get_network
+from ..thermal.declaration import excessive_shares
 from ..thermal.parameters import check_known, known_values
 from .experiment import Experiment, make_experiment, read_outputs
 from .filtered_network import FirstState, filter_training
@@ -150,7 +153,8 @@ class NetworkIdentifier(NetworkModel):
         Warns
         -----
         ScaleNotIdentifiableWarning, ExcitationWarning
-            If nothing fixes the scale of the network, or rows tell nothing of a parameter.
+            If nothing fixes the scale of the network, rows tell nothing of a parameter, or the shares found of one heat
+            sum to more than 1.
         """
         network, table, experiment, parameters = self._prepare(X, y)
         problem, idle = self._make_problem(network, table, experiment, parameters)
@@ -160,12 +164,23 @@ class NetworkIdentifier(NetworkModel):
         minima = self._minima(problem, theta_init)
         best = min(minima, key=lambda m: m.loss)
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
+        self._warn_shares(network)
         self.sampling_time_ = table.step
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
         self._plant = plant_of(network, self._theta, table)
         self._know(kalman, table, experiment, self._first_state)
         return self
+
+    def _warn_shares(self, network: RCNetwork) -> None:
+        """Warn of shares that leave a negative remainder: each is bounded, their sum is not."""
+        if excessive := excessive_shares(network, self._theta):
+            total = self.theta_[[*excessive]].sum()
+            warn_user(
+                f"{type(self).__name__}: {', '.join(excessive)} sum to {total:.3g}, so that the remainder of the heat "
+                "is negative; share the heat among fewer nodes, or give one share in known= or less in bounds=.",
+                ExcitationWarning,
+            )
 
     def _know(self, kalman: GainFilter, table: ZoneTable, experiment: Experiment, first_state: FirstState) -> None:
         """Take a table as the known rows, from which forecasts go on."""
@@ -209,6 +224,11 @@ class NetworkIdentifier(NetworkModel):
                     raise ValueError(f"{setting}= names {name!r}, but the parameters are {', '.join(names)}.")
         out = tuple(p.bounded(bounds.get(p.name)) for p in parameters)
         check_known((*out, *(p for p in own if p.transform == "log")), known)
+        if excessive := excessive_shares(network, {p.name: known[p.name] for p in out if p.name in known}):
+            total = sum(known[name] for name in excessive)
+            raise ValueError(
+                f"known= gives {', '.join(excessive)} the sum {total:g}; shares of one heat are at most 1."
+            )
         return out
 
     def _read(self, X: Any, network: RCNetwork, *, reset: bool) -> ZoneTable:

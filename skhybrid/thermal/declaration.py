@@ -15,6 +15,7 @@ Part = tuple[str | None, Shares]  # an area or capacity of its own (None: the ro
 
 ROLE_PREFIXES = {"solar": ("q_sol",), "heated": ("u_", "Q_")}  # prefixes of the roles of each kind of heat
 SOURCE_PARAMETERS = ("A_win", "Q_")  # prefixes of the parameters of sources
+_ROUNDING = 1e-9  # of a sum of shares
 
 
 class Source(NamedTuple):
@@ -249,6 +250,15 @@ def all_shares(declared: object, kind: str) -> list[Shares]:
     if isinstance(declared, str | Mapping):
         return [_as_shares(declared)] if declared else []
     return [((node, None),) for node in as_names(declared)]  # type: ignore[arg-type]
+
+
+def excessive_shares(network: Declaration, theta: Mapping[str, float]) -> tuple[str, ...]:
+    """Fractions in ``theta`` of one heat that sum to more than 1, so that its remainder is negative."""
+    for shares in (*all_shares(network.solar, "solar"), *all_shares(network.heated, "heated")):
+        given = tuple(fraction for _, fraction in shares if fraction is not None and fraction in theta)
+        if sum(theta[fraction] for fraction in given) > 1.0 + _ROUNDING:
+            return given
+    return ()
 
 
 def own_parameters(target: object) -> tuple[str, ...]:
