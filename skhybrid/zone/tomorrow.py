@@ -108,9 +108,9 @@ def _setpoints(
     plant: list[str],
 ) -> pd.DataFrame:
     """Set-points by role: as given, else of the plan, of the weather, or of the settings."""
-    for rows in (plan, weather) if schedule is None else ():
-        roles = [] if rows is None else [role for role in settings.setpoints if role in rows]
-        given = {role: _held(rows[role], index) for role in roles}
+    known = (rows for rows in (plan, weather) if schedule is None and rows is not None)
+    for rows in known:
+        given = {role: _held(rows[role], index) for role in settings.setpoints if role in rows}
         if any(values.notna().any() for values in given.values()):
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)

@@ -293,9 +293,8 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
         return ""
     words = (
         f"<p>Schedules that the {escape(label)} model learned from the training days, by hour: unmeasured heat at the "
-        "mean outdoor temperature, and conductance to the outside. Both are what the thermal network of the forecast "
-        "lacks, so they may be negative, and are no properties of the building. They are updated at the start of each "
-        "forecast.</p>\n"
+        "mean outdoor temperature, and conductance to the outside. Both are what the network of the forecast lacks, "
+        "and may be negative: they are no properties of the building. Each forecast begins with updated ones.</p>\n"
     )
     picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
     section = f"<h2>Learned schedules</h2>\n{words}{picture}"
@@ -345,9 +344,8 @@ def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
     for name, row in table.iterrows():
         error = float(row["std"])
         digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 4)) if 0.0 < error < np.inf else 3
-        rows.append(
-            (str(name), *(number(row[c], digits) for c in ("value", "std")), *(str(row.get(c, "")) for c in texts))
-        )
+        numbers = [number(row[c], digits) for c in ("value", "std")]
+        rows.append((str(name), *numbers, *(str(row.get(c, "")) for c in texts)))
     return html_table((what, "value", "± std. error", *texts), rows, n_texts=len(texts))
 
 
