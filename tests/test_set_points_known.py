@@ -7,10 +7,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid import InputDisturbanceID, OutputDisturbanceID, SchedulePredictor, TwoStagePredictor
-from skhybrid.control import Band
+from skhybrid import (
+    DisturbanceForecaster,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    SchedulePredictor,
+    TwoStagePredictor,
+)
+from skhybrid.control import Band, WantedPaths
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import UnitWarning
+from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
 from skhybrid.hybrid.thermostat_law.closed_loop import _Errors
@@ -34,6 +41,13 @@ def log():
 def model(log):
     train = log[:TRAINED]
     return SchedulePredictor("2R2C", known={"Q_h": 6.0}).fit(train, train["T_za"])
+
+
+@pytest.fixture(scope="module")
+def two_stages(log):
+    gray_box = InputDisturbanceID("1R1C", known={"Q_h": 6.0}, n_starts=1)
+    model = TwoStagePredictor(gray_box, DisturbanceForecaster("profile"), intervals=False, random_state=0)
+    return model.fit(log[: 14 * DAY], log["T_za"][: 14 * DAY])
 
 
 def ahead(log, first, n=DAY):
@@ -90,6 +104,19 @@ def test_nothing_after_an_origin_changes_a_forecast(log, model):
     warmer["T_cool_set"] = warmer["T_cool_set"].clip(lower=24.0)
     changed = model.closed_loop_from(warmer, [origin]).paths
     assert changed.heat[0].mean() > one.paths.heat[1].mean()
+
+
+@pytest.mark.parametrize("n_leads", [DAY, 7])
+def test_a_path_under_a_thermostat_reads_nothing_after_its_origin(log, two_stages, n_leads):
+    """Wherever the origin lies between those of the paths that only divide the rows."""
+    table = two_stages._read_X(log[14 * DAY :])
+    wanted = WantedPaths(band_of(table), (-6.0, 6.0))
+    for origin in range(30, 31 + n_leads):
+        T = table.history["T_za"] + 4.0 * (np.arange(table.n_rows) > origin)
+        changed = table.replace(history={**table.history, "T_za": T})
+        one, two = (two_stages._scheme.load_paths(t, np.array([origin]), n_leads, wanted) for t in (table, changed))
+        for first, second in zip(one, two, strict=True):
+            np.testing.assert_array_equal(first, second)
 
 
 def test_rows_taken_in_count_as_history(log, model):

@@ -163,14 +163,15 @@ class Scheme(ABC):
         self, out: LoadPaths, group: np.ndarray, table: ZoneTable, origins: np.ndarray, wanted: WantedPaths
     ) -> None:
         """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
-        n_leads, n, begin = out.heat.shape[1], table.n_rows, table.n_history
-        between = np.setdiff1d(np.arange(begin, n, n_leads + 1), origins[group])
-        starts = np.unique(np.concatenate([[begin], between, origins[group]]))
+        n_leads, n, begin, own = out.heat.shape[1], table.n_rows, table.n_history, origins[group]
+        between = np.arange(begin, n, n_leads + 1)  # no path grows long; one of these within another would end it
+        since = between[:, None] - own
+        starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
         band = Band(*(side[begin:] for side in wanted.band))
         within = Limits(*(np.full(n - begin, limit) for limit in wanted.limits))
         if wanted.delivered is not None:
             for side in within:
-                side[origins[group] - begin] = wanted.delivered[group]
+                side[own - begin] = wanted.delivered[group]
         found = self.required_heat(table, starts, band, within)
         load = found[[heat_column(found), "T_za", "zeta"]].to_numpy().T
         for i in group:
