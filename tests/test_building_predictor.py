@@ -296,6 +296,15 @@ def test_a_zone_whose_thermometer_fails_is_forecast_from_the_others(building, la
     assert np.abs(found - temperatures(whole.forecast(None, future)))[:, 1].max() < 4.0
 
 
+@pytest.mark.parametrize("zone", ZONES)
+def test_zones_are_forecast_from_every_day_whichever_of_them_is_not_measured(two_stages, later, zone):
+    with_all, without = (two_stages.predict(X) for X in (later, later.assign(**{f"T_za_{zone}": np.nan})))
+    others = [other for other in ZONES if other != zone]
+    pd.testing.assert_frame_equal(without[others], with_all[others])
+    blind = two_stages.predict(later.drop(columns=T_OF))
+    assert not np.allclose(blind[others][DAY:], with_all[others][DAY:], atol=1e-3)
+
+
 def test_a_room_without_heating_and_a_shared_boiler(rooms):
     X, y = rooms
     unheated = X.drop(columns="Q_hvac_hall")

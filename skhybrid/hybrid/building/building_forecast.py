@@ -99,13 +99,11 @@ class BuildingForecastMixin:
 
     def _rolled(self, X: Any, paths_of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
         """(n_samples, n_zones, ...) forecasts of every row from the last origin before it."""
-        models = list(self.own_.values())
-        with of_zone(self.zones_[0]):
-            origins, leads = models[0].rolled_origins(X)
+        origins, leads = self._rolled_origins(X)
         paths = paths_of(origins, max(int(leads.max()), 1))
         out = np.full((len(X), *paths.shape[2:]), np.nan)
         if origins[0] >= 0:
-            value = np.empty(len(models))
+            value = np.empty(len(self.zones_))
             for j, (zone, model) in enumerate(self.own_.items()):
                 with of_zone(zone):
                     value[j] = model.predict(X[:1])[0]
@@ -113,6 +111,16 @@ class BuildingForecastMixin:
         for origin, count, path in zip(origins, leads, paths, strict=True):
             out[origin + 1 : origin + 1 + count] = path[:count]
         return out
+
+    def _rolled_origins(self, X: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Origins of ``predict`` and their numbers of rows: of a zone with measurements, where any zone has some."""
+        found = []
+        for zone, model in self.own_.items():
+            with of_zone(zone):
+                found.append(model.rolled_origins(X))
+            if len(found[-1][0]) > 1:
+                break
+        return max(found, key=lambda rolled: len(rolled[0]))
 
     def predict_quantiles(self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES) -> np.ndarray:
         """Forecast quantiles of every row from the last origin before it.
