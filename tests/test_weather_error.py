@@ -165,6 +165,15 @@ def test_a_forecast_reads_no_weather_but_its_own(office, models):
     assert not known.all()
 
 
+def test_intervals_read_no_temperature_after_their_origin(office, models):
+    """The spread of the weather is of origins so far."""
+    X, n = _rows(office)[0], 2 * 96
+    model = ARXRegressor(adapt="refit").fit(office.X[: 12 * 96], office.y[: 12 * 96])
+    whole = model.predict_quantiles(X, weather_error="high")
+    changed = X.assign(T_za=X["T_za"].where(np.arange(len(X)) < n, X["T_za"] + 3.0 * np.sin(np.arange(len(X)))))
+    np.testing.assert_array_equal(model.predict_quantiles(changed, weather_error="high")[:n], whole[:n])
+
+
 def test_other_regressors_are_refused(office, models):
     X, y = _rows(office)
     with pytest.raises(ValueError, match="weather_error needs"):
