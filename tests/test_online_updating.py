@@ -340,6 +340,19 @@ def test_what_update_has_seen_is_learned_once(office, fitted):
         seen.partial_fit(office.X[now + 1 : now + 5], office.y[now + 1 : now + 5])
 
 
+def test_a_measurement_that_comes_after_its_row_is_refused(office, fitted):
+    """Known rows are not taken in again, so that it would be lost."""
+    new, y = office.X[N_TRAIN : N_TRAIN + DAY].copy(), office.y[N_TRAIN : N_TRAIN + DAY].copy()
+    new.iloc[5:, new.columns.get_loc("T_za")] = np.nan
+    seen = deepcopy(fitted).update(new[:40])
+    for row, value in ((7, "nan"), (3, f"{new['T_za'].iloc[3]:g}")):
+        late = y.where((np.arange(DAY) >= 40) | (np.arange(DAY) == row)) + 0.1
+        stamp = new.index[row]
+        with pytest.raises(ValueError, match=rf"^y is .* at {stamp}, a row that was taken in with T_za = {value}; "):
+            seen.partial_fit(new, late)
+    seen.partial_fit(new, y.where((np.arange(DAY) >= 40) | (np.arange(DAY) < 5)))
+
+
 def test_a_network_keeps_its_weights_unless_asked(office):
     quick = DisturbanceForecaster("mlp", max_epochs=2, hidden_size=4, residual_of=None)
     now = N_TRAIN + 4 * DAY

@@ -330,14 +330,17 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            As :meth:`fit` does, and if the rows do not follow; the estimator is then what it was.
+            As :meth:`fit` does, if the rows do not follow, or if ``y`` differs in a row that is known already; the
+            estimator is then what it was.
         """
         if not self.__sklearn_is_fitted__():
             return self.fit(X, y)
         table, rows = self._read_following(X), self._scheme.rows
         target = read_target(rows.in_own_zone(y), table, max_missing=self.max_missing, role="T_za")
         check_setpoints(table)
-        new = rows.without_known(_measured(table, target))
+        measured = _measured(table, target)
+        rows.refuse_other_values(measured, self._column_of("T_za"))
+        new = rows.without_known(measured)
         if new.n_rows:
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)

@@ -136,6 +136,23 @@ class KnownRows:
             return table
         return table.rows(slice(int((table.utc <= self.last_stamp).sum()), None))
 
+    def refuse_other_values(self, table: ZoneTable, name: Any) -> None:
+        """Raise a ValueError if a known row has another temperature in a table; ``name`` is the column of it."""
+        if table.utc is None or self.last_stamp is None:
+            return
+        n = int((table.utc <= self.last_stamp).sum())
+        past = last_rows(self.tables, self.n_rows) if self.keeps_all else self.end()
+        assert past.utc is not None
+        at = past.utc.get_indexer(table.utc[:n])
+        given, known = table.history["T_za"][:n], past.history["T_za"][at]
+        other = (at >= 0) & np.isfinite(given) & ~np.isclose(given, known, 1e-6, 1e-6)
+        if other.any():
+            row = int(np.argmax(other))
+            raise ValueError(
+                f"y is {given[row]:g} at {table.index[row]}, a row that was taken in with {name} = {known[row]:g}; "
+                "known rows stay as they are, so give NaN there, or fit again."
+            )
+
     def refuse_unless_following(self, table: ZoneTable) -> None:
         """Raise a ValueError if a table does not begin one step after the last known row."""
         latest = self.latest
