@@ -15,7 +15,7 @@ import pandas as pd
 SHORTEST_GAP = pd.Timedelta("3h")
 #: assumed time of row 0 where there are no time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
-_HOUR = pd.Timedelta("1h")
+_HOUR, _DAY = pd.Timedelta("1h"), pd.Timedelta("1D")
 _FINEST = pd.Timedelta("1s")  # no building is logged more often
 _FEW_ROWS, _MOST_JOINED = 10_000, 16  # of joined stamps that are kept
 _STAMPS = (
@@ -321,7 +321,8 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
     """(n_origins,) increasing rows that are forecast origins: row 0, the starts of days and of each ``origin_step``.
 
     ``time`` is local wall-clock time; ``origin_step`` (default ``horizon``) is counted from the midnight before the
-    first row and must be a multiple of ``step``.  Without a horizon row 0 is the only origin.
+    first row and must be a multiple of ``step``.  Spans of less than a day begin again where clocks go back.  Without a
+    horizon row 0 is the only origin.
     """
     if horizon is None:
         return np.zeros(1, dtype=np.int64)
@@ -331,8 +332,10 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
         rows_of(given, pd.Timedelta(step), name)
     since = time - time[0].normalize()
     block = (since // every).to_numpy()
-    changes = np.flatnonzero(np.diff(block) > 0) + 1
-    return np.concatenate([[0], changes]).astype(np.int64)
+    begins = np.diff(block) > 0
+    if every < _DAY:  # a block whose hour repeats would be longer than its span
+        begins |= np.diff(time.asi8) <= 0
+    return np.concatenate([[0], np.flatnonzero(begins) + 1]).astype(np.int64)
 
 
 def spell(step: pd.Timedelta) -> str:

@@ -156,6 +156,18 @@ def test_an_origin_step_longer_than_the_horizon_is_refused(office):
     gray_box(office, horizon=None, origin_step="1D")  # a simulation has one origin
 
 
+@pytest.mark.parametrize(("step", "horizon"), [("15min", "30min"), ("15min", "1h"), ("1h", "1h"), ("1h", "6h")])
+def test_no_path_is_longer_than_the_horizon_where_clocks_go_back(step, horizon):
+    """An hour whose rows repeat is a block of its own, not a longer one."""
+    X = pd.DataFrame(
+        {"T_oa": 10.0, "T_za": 20.0}, pd.date_range("2024-10-26", "2024-10-29", freq=step, tz="Europe/Berlin")
+    )
+    model = Clock(horizon=horizon).fit(X[:24])
+    origins, counts = model.rolled_origins(X[24:])
+    assert counts.max() == pd.Timedelta(horizon) / pd.Timedelta(step)
+    np.testing.assert_array_equal(np.diff(origins), counts[:-1])
+
+
 def test_origins_of_a_day_and_a_half_are_counted_from_midnight(office):
     X = office.X[20:]  # from 05:00 on
     origins, _ = gray_box(office, X, office.y[20:], horizon="36h").rolled_origins(X.assign(T_za=np.nan))
