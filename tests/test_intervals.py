@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor, InputDisturbanceID
+from skhybrid import ARXRegressor, DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID
 from skhybrid.datasets import make_office
 from skhybrid.forecasting.intervals import (
     LeadIntervals,
@@ -280,6 +282,36 @@ def test_quantiles_from_where_the_filter_stands_are_those_of_the_history(office)
     width = np.ptp(given[bands].to_numpy(), axis=1, keepdims=True)
     assert (np.abs(live[bands] - given[bands]) < 0.1 * width).all(axis=None)
     assert (np.abs(untold[bands] - given[bands]) > 0.1 * width).any(axis=None)
+
+
+ROLLING = {
+    "schedule": lambda: HybridPredictor(network="1R1C", known={"Q_h": 6.0}),
+    "two-stage": lambda: HybridPredictor(
+        GrayBoxRC("1R1C", known={"Q_h": 6.0}, n_starts=1), DisturbanceForecaster("ridge"), disturbance="output"
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+@pytest.mark.parametrize("scheme", ROLLING)
+def test_quantiles_after_updates_are_those_of_a_back_test(scheme):
+    """Also where more rows were taken in than those whose errors count."""
+    X = make_office(34, "chicago", random_state=5, sampling_time="1h").X
+    train, later = X[: 9 * 24], X[9 * 24 :]
+    model = ROLLING[scheme]().fit(train, train["T_za"])
+    whole, bands = copy.deepcopy(model), ["q_0.1", "q_0.5", "q_0.9"]
+    ends = [30, 24 * 24 + 5]
+    expected = whole.predict_quantiles_from(later, np.array(ends) - 1)
+    for begin, end, rolled in zip([0, ends[0]], ends, expected, strict=True):
+        model.update(later[begin : end - 1]).update(later[end - 1 : end])
+        future = later[end : end + 24].drop(columns="T_za")
+        found = [model.forecast(None, future, quantiles=(0.1, 0.5, 0.9))]
+        if end < 100:
+            found.append(whole.forecast(later[:end], future, quantiles=(0.1, 0.5, 0.9)))
+        for frame in found:
+            np.testing.assert_allclose(frame[bands], rolled[: len(future)], rtol=0, atol=1e-8)
+    found = model.predict_quantiles_from(later[end:], [3], horizon="6h")
+    np.testing.assert_allclose(found, whole.predict_quantiles_from(later, [end + 3], horizon="6h"), rtol=0, atol=1e-8)
 
 
 # ------------------------------------------------------------------------------------------------------- estimators

@@ -131,6 +131,17 @@ def test_rows_taken_in_count_as_history(log, model):
     assert (at_once["q_0.1"] <= at_once["q_0.9"]).all()
 
 
+def test_one_update_is_many_of_one_row_and_a_history(log, two_stages):
+    """The two-stage scheme forecasts from kept rows as they follow the training."""
+    new, future = log[14 * DAY : 19 * DAY], ahead(log, 19 * DAY)
+    at_once, by_row = copy.deepcopy(two_stages).update(new), copy.deepcopy(two_stages)
+    for i in range(len(new)):
+        by_row.update(new[i : i + 1])
+    given = two_stages.forecast(new, future)
+    for model in (at_once, by_row):
+        pd.testing.assert_frame_equal(model.forecast(None, future), given, rtol=0, atol=1e-9)
+
+
 def test_a_load_of_a_thermostat_is_the_learned_one(log, model):
     later = ahead(log, TRAINED)
     sides = later[["T_heat_set", "T_cool_set"]]

@@ -202,18 +202,10 @@ class QuantileForecastMixin(RollingForecastMixin):
     def _both_paths(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, past: np.ndarray, n_past: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Paths from the origins and from earlier rows, in one call where both have the same leads."""
-        earlier, in_history = np.empty((len(past), n_past)), past < table.n_history
-        if in_history.any():  # rows that the estimator keeps: forecast as in a table of their own
-            earlier[in_history] = self._forecast(table.replace(n_history=0), past[in_history], n_past)
-        if n_leads > n_past or in_history.all():
-            if not in_history.all():
-                earlier[~in_history] = self._forecast(table, past[~in_history], n_past)
-            return np.asarray(self._forecast(table, origins, n_leads)), earlier
-        every, where = np.unique(np.concatenate([origins, past[~in_history]]), return_inverse=True)
-        paths = np.asarray(self._forecast(table, every, n_past))[where]
-        earlier[~in_history] = paths[len(origins) :]
-        return paths[: len(origins), :n_leads], earlier
+        """Paths from the origins and from earlier rows, in one call."""
+        every, where = np.unique(np.concatenate([origins, past]), return_inverse=True)
+        paths = np.asarray(self._forecast(table, every, max(n_leads, n_past)))[where]
+        return paths[: len(origins), :n_leads], paths[len(origins) :, :n_past]
 
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -36,13 +36,12 @@ from .blending.numbered_table import NumberedTable
 from .blending.rolling_blend import BlendRecord, RollingBlend
 from .drift import DriftMonitor
 from .known_rows import KnownRows
-from .scheme import AffinePaths, Ahead, Paths, Scheme
+from .scheme import AffinePaths, Ahead, Paths, Scheme, moved_band
 from .tables import days_after, parts_of_days, with_temperature
 
 _MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
-_FREE = (-np.inf, np.inf)  # set-points of rows that have none
 _NETWORK_PRIOR_DAYS = 7  # days from which the log says more of the network than others do (benchmarks/fleet_prior.py)
 _NEVER = np.iinfo(np.int64).max  # a row after all others
 _EVERY = 3  # every so many hours an error of the blend is taken for its intervals
@@ -247,8 +246,7 @@ class ScheduleScheme(Scheme):
         """As of every scheme, from increasing origins, in one pass through the rows."""
         rows, moved = self._numbered(table)
         view, states = self._states(rows, origins + moved)
-        band = Band(*(np.append(np.full(moved, free), side) for side, free in zip(wanted.band, _FREE, strict=True)))
-        wanted = wanted._replace(band=band)
+        wanted = wanted._replace(band=moved_band(wanted.band, moved))
         return load_paths(self._physics.fit_, view.segment, origins + moved, states, wanted, n_leads)
 
     def plant_heat(self, table: ZoneTable) -> np.ndarray:

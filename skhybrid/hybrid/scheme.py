@@ -17,6 +17,8 @@ from ..thermal import RCNetwork
 from .known_rows import KnownRows
 from .plausible_range import PlausibleRange
 
+_FREE = (-np.inf, np.inf)  # set-points of rows that have none
+
 
 class Paths(NamedTuple):
     """Forecasts from some origins; column j is the row ``origin + 1 + j``."""
@@ -111,7 +113,7 @@ class Scheme(ABC):
 
     @abstractmethod
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
-        """Forecast from each origin; anything at rows beyond the table."""
+        """Forecast from each origin, which may lie in the history; anything at rows beyond the table."""
 
     def forecast_under(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
@@ -153,11 +155,20 @@ class Scheme(ABC):
     def load_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
         """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on."""
         out = LoadPaths(*np.full((3, len(origins), n_leads), np.nan))
-        in_history = origins < table.n_history  # rows that are kept: forecast as in a table of their own
-        for chosen, rows in ((in_history, table.replace(n_history=0)), (~in_history, table)):
+        kept = origins < table.n_history
+        for chosen in (kept, ~kept):
+            scheme, rows, moved = self._before(table, origins[kept]) if chosen is kept else (self, table, 0)
+            own = wanted._replace(band=moved_band(wanted.band, moved))
             for group in spans_apart(origins, np.flatnonzero(chosen), n_leads + 1):
-                self._fill(out, group, rows, origins, wanted)
+                scheme._fill(out, group, rows, origins + moved, own)
         return out
+
+    def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
+        """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.
+
+        The third value is by how many rows they move.  Where rows have been dropped the table stands alone.
+        """
+        return self, table.replace(n_history=0), 0
 
     def _fill(
         self, out: LoadPaths, group: np.ndarray, table: ZoneTable, origins: np.ndarray, wanted: WantedPaths
@@ -228,6 +239,13 @@ def measured_now(future: ZoneTable, T_za: float) -> ZoneTable:
     """The first row of a table as one that is known, with its measured temperature."""
     now = future.rows(slice(0, 1))
     return now.replace(history={**now.history, "T_za": np.array([T_za])})
+
+
+def moved_band(band: Band, moved: int) -> Band:
+    """The set-points of a table that has so many more rows, or fewer, at its begin; those have none."""
+    if moved < 0:
+        return Band(*(side[-moved:] for side in band))
+    return Band(*(np.append(np.full(moved, free), side) for side, free in zip(band, _FREE, strict=True)))
 
 
 def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from .._time import rows_of, rows_per_day
-from ..forecasting.intervals import LEAST_ERRORS
+from ..forecasting.intervals import DAYS_BACK, LEAST_ERRORS
 from ..forecasting.quantiles import QuantileForecastMixin, intervals_from
 from .plausible_range import PlausibleRange
 from .scheme import Scheme
@@ -48,12 +48,22 @@ class HybridQuantilesMixin(QuantileForecastMixin):
         lowest, highest = self._present_scheme().plausible(table, origins)
         return PlausibleRange(lowest[..., None], highest[..., None]).clip(paths)
 
+    def _quantile_offsets(
+        self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray, weather: Any = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        # of the kept rows all whose errors count, as if the table followed the training
+        missing = DAYS_BACK * rows_per_day(table.step) - int(origins.min(initial=table.n_rows))
+        longer = self._scheme.rows.with_earlier(table, table.n_history + missing)
+        moved = longer.n_rows - table.n_rows
+        return super()._quantile_offsets(longer, origins + moved, n_leads, levels, weather)
+
     def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._scheme.adapting(None).forecast(table, origins, n_leads).temperature
 
     def _first_past(self, table: ZoneTable) -> int:
         if table.utc is None or self._learned_to is None:
             return table.n_history
-        # rows taken in since without learning count too, once the filter has had a day to find the state
+        # rows taken in since without learning count too; where others were dropped, once a filter has found the state
         learned = int((table.utc <= self._learned_to).sum())
-        return min(max(learned, rows_per_day(table.step)), table.n_history)
+        least = 0 if self._scheme.rows.keeps_all else rows_per_day(table.step)
+        return min(max(learned, least), table.n_history)

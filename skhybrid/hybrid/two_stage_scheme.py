@@ -23,6 +23,7 @@ from ..identification.plan_model import columns_of, linear_network, plan_gain
 from ..identification.rolling_state import advance, drive_on, identify_again
 from ..thermal import get_network
 from .drift import DriftMonitor
+from .earlier_states import EarlierStates
 from .hourly_aggregation import HourlyAggregation
 from .known_rows import KnownRows
 from .scheme import AffinePaths, Ahead, Paths, Scheme, measured_now
@@ -46,7 +47,7 @@ from .tables import (
 from .weekly_refit import WeeklyRefit, by_days, reference_days
 
 
-class TwoStageScheme(Scheme):
+class TwoStageScheme(EarlierStates):
     """A gray box, and a forecaster of the disturbance that it leaves, averaged over hours."""
 
     name = "two-stage"
@@ -107,7 +108,7 @@ class TwoStageScheme(Scheme):
         self._learned_to = int(stamps_ns(self.steps)[-1])
         self._seen_since = False  # whether a temperature was measured after the training
         self._refit = WeeklyRefit(self.forecaster_)
-        return self
+        return self._begin()
 
     def _rows_of(self, table: ZoneTable, zeta: np.ndarray) -> np.ndarray:
         """(n_rows, n_inputs + 1) inputs in the order of ``steps``, and the disturbance."""
@@ -123,6 +124,7 @@ class TwoStageScheme(Scheme):
             _aggregation=self._aggregation.added(stamps_ns(measured), self._rows_of(measured, zeta)),
             _seen_since=self._seen_since or bool(np.isfinite(target).any()),
             _refit=self._refit.fork(),
+            _earlier=dict(self._earlier),
         )
 
     def _known_zeta(self, zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -172,7 +174,7 @@ class TwoStageScheme(Scheme):
             _learned_to=int(stamps_ns(steps)[-1]),
             _refit=WeeklyRefit(forecaster),
             _aggregation=self._aggregation.since(int(self._aggregation.labels[-1] - KEPT.value)),
-        )
+        )._begin()
 
     def _identified_again(self) -> Self:
         """The network identified again, from its present parameters, and the forecaster trained on what it leaves."""
@@ -204,6 +206,15 @@ class TwoStageScheme(Scheme):
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Drive the network with the forecast disturbance (paper Eqs. ID_hybrid and od_hybrid)."""
+        kept = origins < table.n_history - 1
+        if kept.any():
+            scheme, earlier, moved = self._before(table, origins[kept])
+            found = (
+                scheme.forecast(earlier, origins[kept] + moved, n_leads),
+                self.forecast(table, origins[~kept], n_leads),
+            )
+            at = np.argsort(np.append(np.flatnonzero(kept), np.flatnonzero(~kept)))
+            return Paths(*(np.concatenate(parts)[at] for parts in zip(*found, strict=True)))
         zeta, temperature = self._driven(table, origins, n_leads)
         return Paths(self.plausible(table, origins).clip(temperature), zeta[:, 1:], zeta[:, 0])
 
@@ -342,16 +353,18 @@ class TwoStageScheme(Scheme):
             chosen, n_steps = np.flatnonzero(weeks == count), int(count) * week
             if count == 0:
                 yield self.forecaster_, chosen
-            elif n_steps <= early:  # steps that were taken in do not change
-                yield self._refit.fitted_once(n_steps, partial(self._steps_since, n_steps)), chosen
+                continue
+            later = steps.table.rows(slice(first, None))
+            until = partial(self._steps_until, n_steps, later, following)
+            if n_steps <= early or self._settled:  # steps that were taken in do not change
+                yield self._refit.fitted_once(n_steps, until), chosen
             else:
-                since = steps.table.rows(slice(first, None))
-                since = concatenate_tables([self._aggregation.after(self._learned_to), since]) if following else since
-                yield here.fitted(join_steps(self.steps, since.rows(slice(0, n_steps)))), chosen
+                yield here.fitted(until()), chosen
 
-    def _steps_since(self, n_steps: int) -> ZoneTable:
-        """The training steps and so many after them, which were all taken in."""
-        return join_steps(self.steps, self._aggregation.after(self._learned_to).rows(slice(0, n_steps)))
+    def _steps_until(self, n_steps: int, later: ZoneTable, following: bool) -> ZoneTable:
+        """The training steps and so many after them: those that were taken in, if wanted, then later ones."""
+        parts = [self._aggregation.after(self._learned_to), later] if following else [later]
+        return join_steps(self.steps, concatenate_tables(parts).rows(slice(0, n_steps)))
 
 
 def refits_fast(forecaster: Any) -> bool:

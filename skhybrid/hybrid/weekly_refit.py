@@ -17,6 +17,7 @@ from .tables import KEPT, fit_forecaster, forecast_steps, midnights
 #: how much of the past a new fit may be made on; None is all of it
 SPANS: tuple[pd.Timedelta | None, ...] = (None, pd.Timedelta("21D"), pd.Timedelta("14D"))
 _CLEARLY = 0.9  # share of the error by all steps below which fewer steps are believed
+_MOST_WEEKS = 5  # fits that are kept: those whose forecasts tell how wide an interval is
 _WEEK, _DAY = pd.Timedelta("7D"), pd.Timedelta("1D")
 
 
@@ -26,20 +27,20 @@ class WeeklyRefit:
     def __init__(self, forecaster: Any) -> None:
         self._forecaster = forecaster
         self._fits: dict[tuple[int, int], Any] = {}
-        self._latest: tuple[int, Any] | None = None
+        self._once: dict[int, Any] = {}
 
     def fork(self) -> Self:
         """A copy that goes on by itself: another object may be given other rows."""
         made = copy(self)
-        made._fits = dict(self._fits)
+        made._fits, made._once = dict(self._fits), dict(self._once)
         return made
 
     def fitted_once(self, n_steps: int, steps: Callable[[], ZoneTable]) -> Any:
         """The fit on so many steps since the training, which do not change any more; ``steps`` gives their table."""
-        latest = self._latest
-        if latest is None or latest[0] != n_steps:
-            latest = self._latest = n_steps, self.fitted(steps())
-        return latest[1]
+        if n_steps not in self._once:
+            self._once[n_steps] = self.fitted(steps())
+            self._once = dict(list(self._once.items())[-_MOST_WEEKS:])
+        return self._once[n_steps]
 
     def fitted(self, steps: ZoneTable) -> Any:
         """The forecaster fitted on steps that end with a week."""
