@@ -116,6 +116,17 @@ def test_periodic_takes_the_plain_network_where_nothing_is_unmeasured():
     assert model.estimate_disturbance(X).abs().max() < 0.1
 
 
+def test_periodic_finds_the_share_of_measured_heat(office):
+    walls = {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")}
+    network = RCNetwork("radiant", *walls, {"za": "f", "w": None}, heated={"za": "f_air", "w": None})
+    known = {name: value for name, value in office.theta.items() if name[0] != "Q"}
+    X = office.X[["T_oa", "q_sol"]].assign(Q_hvac=6.0 * office.X["u_heat"] - 6.0 * office.X["u_cool"])[:480]
+    truth = GrayBoxRC(network, known={**known, "f_air": 0.6}).fit(X, office.y[:480])
+    y = truth.simulate(X, office.heat_gain[:480]) + 0.02 * np.random.default_rng(0).normal(size=480)
+    model = PeriodicDisturbanceID(network, known=known, n_starts=1).fit(X, y)
+    assert model.theta_["f_air"] == pytest.approx(0.6, abs=0.01)
+
+
 def test_periodic_beats_the_published_ones(fitted, office):
     ours = errors(fitted[PeriodicDisturbanceID], office).drop("Q_h")
     for kind in (InputDisturbanceID, OutputDisturbanceID):

@@ -313,6 +313,21 @@ def test_periodic_gradient_is_exact_for_two_rooms():
     assert_exact_gradient(problem, x)
 
 
+def test_periodic_gradient_is_exact_over_the_shares_of_measured_heat():
+    """Measured heat has no capacity, but its share to each node is searched."""
+    walls = {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za", "T_oa")}
+    network = RCNetwork("radiant", *walls, heated={"za": "f_air", "w": None})
+    one = drawn_experiment("2R2C", 150, "30min")
+    columns = [one.inputs[:, 0], 6.0 * one.inputs[:, 2], np.zeros(150)]
+    e = one._replace(inputs=np.column_stack(columns), roles=("T_oa", "Q_hvac"))
+    classes = HOUR_CLASSES["day_night"]
+    own = own_parameters(len(VarianceModel.of(e.segments, classes).first_rows), classes)
+    searched = (*network.parameters(e.roles), *own)
+    assert "f_air" in [p.name for p in searched]
+    problem = PeriodicProblem(network, e, searched, {}, ())
+    assert_exact_gradient(problem, np.array([p.to_free({**VALUES, "f_air": 0.6}[p.name]) for p in searched]))
+
+
 @pytest.mark.parametrize("name", NETWORKS)
 def test_periodic_gradient_is_exact_where_a_sign_binds(name):
     """Cooling that the data would have heat: its coefficient stays at 0, and the gradient is that of the rest."""

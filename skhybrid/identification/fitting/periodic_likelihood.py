@@ -71,15 +71,16 @@ class Slopes:
         """Searched capacities, areas and fractions that act through the known heat."""
         layout, values, by_value = self.layout, self.model.values, self.by_value
         for source in layout.sources:
-            if source.parameter in layout.inner or source.parameter is None:
+            if source.parameter in layout.inner:
                 continue
+            gain = 1.0 if source.parameter is None else values[source.parameter]
             left = 1.0 - sum(values[f] for _, f in source.shares if f)
             flows = heat_by.T @ segment.inputs[:, layout.columns[source.role]]
-            gain = values[source.parameter]
             rest = next(flows[layout.place[node]] for node, fraction in source.shares if fraction is None)
             for node, fraction in source.shares:
                 flow = float(flows[layout.place[node]])
-                by_value[source.parameter] += flow * (values[fraction] if fraction else left)
+                if source.parameter is not None:
+                    by_value[source.parameter] += flow * (values[fraction] if fraction else left)
                 if fraction:
                     by_value[fraction] += gain * (flow - float(rest))
 
