@@ -415,6 +415,20 @@ def test_a_fit_is_left_in_the_units_that_are_searched(periodic):
     assert after == pytest.approx({name: v / 2.0 if name in scaled else v for name, v in before.items()})
 
 
+def test_priors_and_bounds_of_the_gain_stay_in_kw_where_a_capacity_is_held(periodic, office):
+    """A held capacity of 12 kW would be another unit of heat, in which the fit did not search."""
+    gain = {"priors": {"sigma_weekday_day": (0.4, 1.2)}, "bounds": {"sigma_weekend": (0.01, 0.2)}}
+    model = clone(periodic).set_params(known={"R_zo": 9.0, "sigma_weekday_night": 0.1}, **gain)
+    vars(model).update({name: value for name, value in vars(periodic).items() if name.endswith("_") or name[0] == "_"})
+    for held in ({}, {"Q_h": 12.0}):
+        problem = ConstrainedProblem(model, office.X, office.y).problem(held)
+        (weekend,) = (p for p in problem.searched if p.name == "sigma_weekend")
+        unit = problem.heat_scale
+        assert np.exp(problem.priors["sigma_weekday_day"][0]) * unit == pytest.approx(0.4)
+        assert (weekend.lower * unit, weekend.upper * unit) == pytest.approx((0.01, 0.2))
+        assert problem.fixed["sigma_weekday_night"] * unit == pytest.approx(0.1)
+
+
 def test_a_bound_is_within_a_thousandth_of_the_range():
     searched = [SimpleNamespace(name=name, free_bounds=(0.0, 2.0)) for name in "abcd"]
     assert at_bounds(np.array([0.0019, 0.0021, 1.0, 1.9981]), searched) == ("a", "d")

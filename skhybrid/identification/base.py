@@ -113,9 +113,9 @@ class NetworkIdentifier(NetworkModel):
         """(n,) node temperatures at the first row of a segment of the training table."""
         return _smoothed_first(smooth, number)
 
-    def _as_fitted(self, problem: Any) -> Any:
-        """A problem with some parameters held, so that its loss compares with that of the fit."""
-        return problem
+    def _problem_of(self, other: Any, *prepared: Any) -> Any:
+        """The problem of a copy with ``other`` settings, whose loss compares with that of this fit."""
+        return other._make_problem(*prepared)[0]
 
     def _reported(self, searched: pd.DataFrame) -> pd.DataFrame:
         """Searched values by column, in the units of the fitted attributes."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from numbers import Real
 from typing import Any, Literal
 
@@ -127,10 +126,16 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     def _make_problem(
         self, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: tuple[Parameter, ...]
     ) -> tuple[PeriodicProblem, tuple[str, ...]]:
+        scale = _heat_scale(table, dict(self.known or {}))
+        return self._problem_in(scale, network, table, experiment, parameters)
+
+    def _problem_in(
+        self, heat_scale: float, network: RCNetwork, table: ZoneTable, experiment: Experiment, parameters: Any
+    ) -> tuple[PeriodicProblem, tuple[str, ...]]:
+        """The problem whose gain is searched in a unit of heat, and the parameters that no row moves."""
         known, bounds = dict(self.known or {}), dict(self.bounds or {})
         n_days = len(VarianceModel.of(experiment.segments, self._hours).first_rows)
-        scale = _heat_scale(table, known)
-        units = self._units(scale)
+        units = self._units(heat_scale)
 
         def bounded(p: Parameter) -> Parameter:
             ends, unit = bounds.get(p.name), units.get(p.name, 1.0)
@@ -148,7 +153,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         solar = any(p.startswith("A_win") for p in inner)  # then its fractions are solved inside too
         elsewhere = {*fixed, *inner, *(network.solar_fractions if solar else ())}
         searched = tuple(p for p in (*parameters, *own) if p.name not in elsewhere)
-        return PeriodicProblem(network, experiment, searched, fixed, inner, scale, priors, self.variance), tuple(idle)
+        settings = {"heat_scale": heat_scale, "priors": priors, "hours": self.variance}
+        return PeriodicProblem(network, experiment, searched, fixed, inner, **settings), tuple(idle)
 
     def _minima(self, problem: PeriodicProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
@@ -218,11 +224,9 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         air = [float(part[-1]) if problem.layout.ventilated else 0.0 for part in parts]
         self.ventilation_ = air[0] if len(nodes) == 1 else pd.Series(air, index=nodes, name="ventilation")
 
-    def _as_fitted(self, problem: PeriodicProblem) -> PeriodicProblem:
+    def _problem_of(self, other: Any, *prepared: Any) -> PeriodicProblem:
         """In the same unit of heat, and without the gain where none was found."""
-        ratio = problem.heat_scale / self._heat_scale
-        known = {name: problem.fixed[name] * ratio for name in self._units(1.0) if name in problem.fixed}
-        problem = replace(problem, heat_scale=self._heat_scale, fixed={**problem.fixed, **known})
+        problem, _ = other._problem_in(self._heat_scale, *prepared)
         return problem if self.gain_found_ else problem.without_gain()
 
     def _searched_values(self) -> dict[str, float]:

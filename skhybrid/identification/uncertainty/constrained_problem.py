@@ -65,8 +65,7 @@ class ConstrainedProblem:
         probe.set_params(bounds={name: ends for name, ends in bounds.items() if name not in probe.known})
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the fit has warned of it
-            problem, _ = probe._make_problem(*probe._prepare(self.table, self.y))
-        return fitted._as_fitted(problem)
+            return fitted._problem_of(probe, *probe._prepare(self.table, self.y))
 
 
 def free_point(problem: Any, values: Mapping[str, float]) -> np.ndarray:
