@@ -213,6 +213,21 @@ def test_rows_after_the_training_table_begin_where_it_ended(office):
         GrayBoxRC(known=office.theta).fit(bare, office.y).innovations(bare)
 
 
+def test_a_copy_with_other_rows_begins_at_their_own_temperatures(office):
+    """In two stretches of rows that are all 6 K colder, the errors are the same."""
+    model = OutputDisturbanceID(known=office.theta, n_starts=2, random_state=0).fit(office.X[:192], office.y[:192])
+    before, rows, found = model.disturbance_.copy(), np.r_[192:300, 350:480], []
+    for colder in (0.0, 6.0):
+        X = office.X.iloc[rows].copy()
+        X[["T_oa", "T_za"]] -= colder
+        copied = model.with_rows(X, X["T_za"])
+        assert list(copied.disturbance_.index) == ["rho_1", "rho_gap", "rho_2", "T0_w", "T0_w_2"]
+        assert copied.disturbance_["T0_w"] == pytest.approx(copied.initial_state_[0])
+        found.append(copied.innovations(X)["innovation"])
+    np.testing.assert_allclose(found[1], found[0], atol=1e-9)
+    pd.testing.assert_series_equal(model.disturbance_, before)
+
+
 def test_the_variance_after_a_gap_is_that_of_the_predictor():
     """Both the process and the predictor are linear in white noise: their matrices give the variance."""
     rho_1, rho_2, n = 0.95, 0.7, 12

@@ -111,7 +111,10 @@ class NetworkIdentifier(NetworkModel):
 
     def _first_state(self, smooth: FilteredStates, number: int) -> np.ndarray:
         """(n,) node temperatures at the first row of a segment of the training table."""
-        return _smoothed_first(smooth, number)
+        return smooth.nodes[0].copy()
+
+    def _begin_at(self, experiment: Experiment, kalman: GainFilter) -> None:
+        """Take the first rows of another table in place of those that were searched."""
 
     def _problem_of(self, other: Any, *prepared: Any) -> Any:
         """The problem of a copy with ``other`` settings, whose loss compares with that of this fit."""
@@ -324,8 +327,9 @@ class NetworkIdentifier(NetworkModel):
         table = self._read_X(X)
         target = read_outputs(y, table, self.network_, max_missing=self.max_missing)
         experiment = make_experiment(self.network_, self.filtered_network_.roles, table, target)
-        made = copy(self)
-        made._know(self.filtered_network_.kalman, table, experiment, _smoothed_first)
+        made, kalman = copy(self), self.filtered_network_.kalman
+        made._begin_at(experiment, kalman)
+        made._know(kalman, table, experiment, made._first_state)
         return made
 
     def take_rows(self, table: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
@@ -344,7 +348,3 @@ class NetworkIdentifier(NetworkModel):
         check_is_fitted(self)
         self.filtered_network_, states, beyond = self.filtered_network_.advanced(table)
         return states.gain, beyond
-
-
-def _smoothed_first(smooth: FilteredStates, number: int) -> np.ndarray:
-    return smooth.nodes[0].copy()

@@ -10,7 +10,7 @@ import pandas as pd
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import SearchResult, store_arguments
-from .disturbance_models import FIRST, OutputARMA, take_searched
+from .disturbance_models import FIRST, OutputARMA, first_name, take_searched
 from .experiment import Experiment
 from .filtered_network import ForecastStart
 from .gain_filter import GainFilter
@@ -86,6 +86,16 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         state = smooth.nodes[0].copy()
         take_searched(state, self.network_, self.disturbance_, number)
         return state
+
+    def _begin_at(self, experiment: Experiment, kalman: GainFilter) -> None:
+        """First temperatures of hidden nodes as the smoother has them, for no search found those of this table."""
+        own = {name: value for name, value in self.disturbance_.items() if not str(name).startswith(FIRST)}
+        for number, rows in enumerate(experiment.segments):
+            nodes = kalman.run(rows, kalman.cold(rows.firsts), smooth=True).nodes[0]
+            for node, value in zip(self.network_.nodes, nodes, strict=True):
+                if node not in self.network_.measured_nodes:
+                    own[first_name(node, number)] = float(value)
+        self.disturbance_ = pd.Series(own, dtype=np.float64)
 
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         return arma_innovations(self.filtered_network_, table, segment, dict(self.disturbance_), self.noise_std_)
