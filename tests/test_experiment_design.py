@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from skhybrid import OutputDisturbanceID
+from skhybrid import OutputDisturbanceID, RCNetwork
 from skhybrid.datasets import make_office, make_prbs, make_weather
 from skhybrid.exceptions import UnitWarning
 from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experiment
@@ -404,6 +404,16 @@ def test_bad_request_is_refused_with_its_name(case):
 def test_a_perturbation_in_degf_is_told():
     with pytest.warns(UnitWarning, match="perturbation 'prbs' .* likely degF"):
         plan_experiment("2R2C", THETA, hours=[12], **{**SETTINGS, "perturbations": {"prbs": 1.8 * PRBS + 32.0}})
+
+
+def test_a_network_with_names_of_its_own_is_planned_by_their_units():
+    """``mass`` stores and ``wall`` resists heat, whatever letters their names begin with."""
+    network = RCNetwork("shed", {"za": "mass"}, {"wall": ("za", "T_oa")}, {"za": None})
+    theta, usual = {"A_win": 3.0, "Q_h": 6.0}, {"mass": "C_za", "wall": "R_zo"}
+    settings = {**SETTINGS, "hours": [12], "n_draws": 1}
+    own = plan_experiment(network, theta | {"mass": 1.0, "wall": 5.0}, **settings | {"known": ["wall"]})
+    other = plan_experiment("1R1C", theta | {"C_za": 1.0, "R_zo": 5.0}, **settings | {"known": ["R_zo"]})
+    pd.testing.assert_frame_equal(own.table.rename(columns=usual).replace(usual), other.table)
 
 
 @pytest.mark.parametrize(

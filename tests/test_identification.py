@@ -18,7 +18,7 @@ from skhybrid.datasets import make_office
 from skhybrid.datasets._office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose
-from skhybrid.identification.fitting.excitation import unexcited
+from skhybrid.identification.fitting.excitation import fixing_scale, unexcited, warn_scale
 from skhybrid.identification.fitting.starts import start_at
 from skhybrid.identification.rolling_state import advance, identify_again
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
@@ -309,6 +309,22 @@ def test_scale_is_warned_of(office):
         measured = office.X[:480].drop(columns=["u_heat", "u_cool"])
         measured["Q_hvac"] = 6.0 * office.X["u_heat"] - 6.0 * office.X["u_cool"]
         OutputDisturbanceID(n_starts=1, random_state=0).fit(measured, office.y[:480])
+
+
+def test_the_scale_is_fixed_by_units_not_by_names(office):
+    walls = {"w": "mass", "za": "Quick"}, {"wall": ("za", "w"), "window": ("za", "T_oa")}
+    network, X = RCNetwork("own", *walls, {"za": "Ratio", "w": None}), office.X[:192]
+    table = GrayBoxRC(network)._read(X, network, reset=True)
+    for known in ("mass", "wall", "A_win"):
+        assert fixing_scale(network, table.inputs, [known]) == {known}
+    assert fixing_scale(network, table.inputs, ["Ratio"]) == set()
+    message = "mass, Quick, A_win, Q_h, Q_c together, wall, window inversely"
+    with pytest.warns(ScaleNotIdentifiableWarning, match=message):
+        warn_scale(network, table, ["Ratio"], "GrayBoxRC")
+    with pytest.warns(ScaleNotIdentifiableWarning):
+        model = PeriodicDisturbanceID(network, known={"Ratio": 0.3}, n_starts=1).fit(X, office.y[:192])
+    (flat,) = model.identifiability_.flat_directions
+    assert flat.startswith("mass [kWh/K], Quick [kWh/K], A_win [m2], Q_h [kW], Q_c [kW] together, wall [K/kW], window")
 
 
 def test_a_known_capacity_of_a_plant_that_never_ran_does_not_fix_the_scale(office):

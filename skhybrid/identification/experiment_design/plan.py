@@ -17,6 +17,7 @@ from ..._ranges import check_range
 from ..._threads import one_blas_thread
 from ..._time import rows_of, wall_clock
 from ...thermal import RCNetwork, get_network
+from ..fitting.excitation import scaling_of
 from ..gain_model import DAY_TYPES
 from ..state_space import checked_theta
 from .information import FilterInformation, relative_errors
@@ -220,7 +221,7 @@ def _zone(
     values = checked_theta(net, theta, roles)
     if strange := sorted(known - set(values)):
         raise ValueError(f"known= names {strange[0]!r}, but the parameters are {', '.join(values)}.")
-    if not any(name[0] in "CRAQ" for name in known):
+    if not any(scaling_of(p) for p in net.parameters(roles) if p.name in known):
         raise ValueError(
             "known= fixes no capacitance, resistance, area or capacity, so the scale of the network cannot be found "
             "from any log; name one that the identification will be given, such as known=['Q_h']."

@@ -10,16 +10,23 @@ import pandas as pd
 from ..._table import ZoneTable
 from ..._warnings import warn_user
 from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
-from ...thermal import RCNetwork
+from ...thermal import Parameter, RCNetwork
 
+#: power of the scale by which what stores, collects or delivers heat rises and what resists it falls, by unit
+_SCALES = {"kWh/K": 1.0, "m2": 1.0, "kW": 1.0, "K/kW": -1.0}
 _FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of heat from one day to the next
+
+
+def scaling_of(p: Parameter) -> float:
+    """Power by which a parameter of a network rises with its scale: 1, -1, or 0 of a share."""
+    return _SCALES.get(p.unit, 0.0)
 
 
 def fixing_scale(network: RCNetwork, inputs: Mapping[str, np.ndarray], known: Iterable[str]) -> set[str]:
     """The ``known`` parameters that fix the scale of a network: those of its own whose input is not 0 in all rows."""
-    names = {p.name for p in network.parameters(inputs)}
+    scaled = {p.name for p in network.parameters(inputs) if scaling_of(p)}
     idle = {s.parameter for s in network.sources(inputs) if not np.any(inputs[s.role])}
-    return {name for name in {*known} & names - idle if name[0] in "CRAQ"}
+    return {*known} & scaled - idle
 
 
 def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: str) -> None:
@@ -27,8 +34,8 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
     measured_heat = [r for r, v in table.inputs.items() if r.startswith("Q_") and np.ptp(v) > 0]
     if measured_heat or fixing_scale(network, table.inputs, known):
         return
-    names = [p.name for p in network.parameters(table.inputs)]
-    up, down = (", ".join(n for n in names if n[0] in kinds) for kinds in ("CAQ", "R"))
+    parameters = network.parameters(table.inputs)
+    up, down = (", ".join(p.name for p in parameters if scaling_of(p) == way) for way in (1.0, -1.0))
     direction = f"{up} together, {down} inversely"
     warn_user(
         f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "

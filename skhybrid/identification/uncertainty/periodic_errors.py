@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ...thermal import Parameter
-from ..fitting.excitation import fixing_scale
+from ..fitting.excitation import fixing_scale, scaling_of
 from .identifiability import held_subspace
 from .standard_errors import (
     FEW_DAYS,
@@ -73,7 +73,7 @@ def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Para
     heat_is_measured = any(role.startswith("Q_") and np.any(columns[role]) for role in columns)
     if heat_is_measured or fixing_scale(problem.network, columns, problem.fixed):
         return information
-    way = np.array([-1.0 if p.name[0] == "R" else 1.0 if p.name[0] in "CAQ" else 0.0 for p in decided])
+    way = np.array([scaling_of(p) for p in decided])
     way /= max(float(np.linalg.norm(way)), 1.0)
     across = np.eye(len(way)) - np.outer(way, way)
     return across @ information @ across
