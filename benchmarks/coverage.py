@@ -107,7 +107,7 @@ def table(rows: list[dict]) -> pd.DataFrame:
                 "of the model's own errors, t quantile [%]": 100 * (np.abs(error) <= quantile * std / growth).mean(0),
                 "mean error [%]": 100 * np.expm1(error.mean(axis=0)),
                 "scatter of the estimates [%]": 100 * error.std(axis=0),
-                "median standard error [%]": 100 * np.median(std, axis=0),
+                "median standard error [%]": 100 * np.nanmedian(std, axis=0),
             }
             for measure, values in measures.items():
                 by_name = dict(zip(NAMES, values, strict=True))

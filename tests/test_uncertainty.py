@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -132,6 +133,52 @@ def test_jackknife_by_one_step_is_the_regression_without_each_day():
     assert np.linalg.eigvalsh(uncertainty.covariance)[0] > 0
 
 
+def test_the_errors_beside_a_parameter_at_its_bound_are_those_where_it_is_known():
+    line, known = _Line(), _Line()
+    upper = np.linalg.lstsq(line.design, line.target, rcond=None)[0][2] - 0.2
+    known.design, known.target = line.design[:, :2], line.target - upper * line.design[:, 2]
+    known.searched, best = (A, B), np.linalg.lstsq(known.design, known.target, rcond=None)[0]
+    expected = least_squares_uncertainty(known, best, 0.7, ["A", "B"], None, 0)
+    line.searched = (A, B, Parameter("C", "kW", -9.0, float(upper), transform="identity"))
+    found = least_squares_uncertainty(line, np.append(best, upper), 0.7, ["A", "B", "C"], None, 0)
+    assert found.parameters == (A, B)
+    assert found.held == ("C",)
+    for name in ("sensitivity", "model", "jackknife"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-9)
+    alone = least_squares_uncertainty(line, np.append(best, upper), 0.7, ["A", "B"], None, 0)  # C of the disturbance
+    np.testing.assert_allclose(alone.model, expected.model, rtol=1e-9)
+    assert alone.held == ()
+
+
+@pytest.fixture(scope="module")
+def bounded(office):
+    model = PeriodicDisturbanceID(known=KNOWN, bounds={"A_win": (0.1, 2.0)}, n_starts=1, random_state=0)
+    return model.fit(office.X, office.y)
+
+
+def test_a_parameter_at_its_bound_has_no_error_and_the_others_theirs_at_its_value(bounded, office):
+    known = PeriodicDisturbanceID(known={**KNOWN, "A_win": 2.0}, n_starts=1, random_state=0).fit(office.X, office.y)
+    others = bounded.theta_.index.drop("A_win")
+    assert bounded.theta_["A_win"] == pytest.approx(2.0)
+    assert "A_win" in bounded.identifiability_.at_bound
+    assert np.isnan(bounded.theta_std_["A_win"])
+    assert bounded.theta_interval().loc["A_win"].isna().all()
+    pd.testing.assert_series_equal(bounded.theta_std_[others], known.theta_std_[others], rtol=0.02)
+    assert bounded.identifiability_.flat_directions == ()
+    assert list(bounded.identifiability_.directions) == [name for name in others if name != "Q_h"]
+
+
+def test_a_coefficient_that_its_sign_holds_at_zero_has_no_error(office):
+    """Half of the heating in the clothes of cooling, beside a capacity that is too small."""
+    X, known = office.X.assign(u_cool=0.5 * office.X["u_heat"]), {"Q_h": 4.0, "R_zo": 9.0}
+    model = PeriodicDisturbanceID(known=known, n_starts=1, random_state=0).fit(X, office.y)
+    assert model.theta_["Q_c"] == 0.0
+    assert "Q_c" in model.identifiability_.at_bound
+    assert "Q_c" not in model.identifiability_.directions
+    assert np.isnan(model.theta_std_["Q_c"])
+    assert model.theta_interval().loc["Q_c"].isna().all()
+
+
 def test_two_days_have_no_scatter():
     assert not jackknife_covariance(np.ones((2, 3))).any()
     assert least_squares_uncertainty(_Line(2), np.zeros(3), 1.0, ["A"], None, 0).n_days == 2
@@ -227,6 +274,15 @@ def test_profile_of_a_parameter_that_is_solved_inside(office, periodic):
     interval = periodic.theta_interval().loc["Q_c"]
     assert profile.lower < profile.best < profile.upper < 0
     np.testing.assert_allclose([profile.lower, profile.upper], interval, rtol=0.01)
+
+
+def test_the_ends_of_a_profile_do_not_depend_on_the_first_step(bounded, office):
+    wrong = copy(bounded)
+    wrong.theta_std_ = 100.0 * bounded.theta_std_
+    profile, interval = profile_likelihood(wrong, office.X, office.y, "C_za"), bounded.theta_interval().loc["C_za"]
+    np.testing.assert_allclose(
+        [profile.lower, profile.upper], interval, atol=0.1 * (interval["upper"] - interval["lower"])
+    )
 
 
 @pytest.mark.parametrize(

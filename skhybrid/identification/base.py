@@ -288,7 +288,7 @@ class NetworkIdentifier(NetworkModel):
         self.theta_std_ = pd.Series(np.sqrt(variances), index=names, name="std")
         self.n_days_ = found.n_days
         self._growth = {p.name: float(growth) for p, growth in zip(found.parameters, found.growth, strict=True)}
-        self.identifiability_ = assess(found, at_bound, idle)
+        self.identifiability_ = assess(found, tuple(dict.fromkeys((*at_bound, *found.held))), idle)
 
     def theta_interval(self, level: float = 0.9) -> pd.DataFrame:
         """Intervals that hold each parameter with the given probability.
@@ -303,7 +303,7 @@ class NetworkIdentifier(NetworkModel):
         DataFrame
             One row per parameter, columns ``lower`` and ``upper`` [its unit]: ``theta * exp(+- t * std / theta)`` where
             its logarithm is searched; t is Student's quantile with ``n_days_ - 1`` degrees of freedom.  A known
-            parameter is its own interval.
+            parameter is its own interval; one that a bound holds has none, so that its ends are NaN.
         """
         check_is_fitted(self)
         return theta_intervals(self.parameters_, self.theta_, self.theta_std_, self.n_days_, level)

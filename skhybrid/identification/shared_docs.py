@@ -50,7 +50,8 @@ _BLOCKS = {
     """,
     "theta": """
     theta_, theta_std_ : Series
-        Parameters and their standard errors, from the Hessian or the days, whichever is larger.
+        Parameters and their standard errors, from the Hessian or the days, whichever is larger; NaN of a parameter
+        that a bound holds, infinite of one that nothing moved.
     theta_cov_ : DataFrame
         Covariance of the parameters; see :meth:`theta_interval`.
     n_days_ : int

@@ -40,7 +40,7 @@ class Identifiability:
     weak_directions : tuple of str
         Combinations that the data hardly determine, and by how many percent each member may move at 90 %.
     at_bound : tuple of str
-        Parameters that ended at a bound of the search.
+        Parameters that ended at a bound of the search, or at 0 because of their sign.
     not_excited : tuple of str
         Parameters that no row of the table moves; they stay at their default.
     n_days : int

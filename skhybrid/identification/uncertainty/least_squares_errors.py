@@ -14,7 +14,9 @@ from .standard_errors import (
     inverse_information,
     jackknife_covariance,
     log_slopes,
+    open_places,
     prior_precision,
+    prior_slope,
 )
 
 _STEP = 1e-4  # of the searched parameters, for differences of gradients
@@ -28,20 +30,24 @@ def least_squares_uncertainty(
     ``noise`` [K2]; ``days`` (n,) of the errors, None where they follow each other as rows and outputs do; errors are
     correlated over ``overlap`` days.  Where the Hessian is not positive definite, the Gauss-Newton matrix replaces it.
     """
-    p = len(problem.searched)
-    place = [i for i, q in enumerate(problem.searched) if q.name in set(names)]
     (n_rows, n_outputs), hours = problem.experiment.outputs.shape, problem.experiment.hours
     n_days = int(day_of_rows(n_rows, hours)[-1]) + 1
-    if not p:
-        none = np.zeros((0, 0))
+    none = np.zeros((0, 0))
+    if not len(problem.searched):
         return ParameterUncertainty((), none, none, none, n_days)
     noise = max(noise, 1e-200)  # of an exact fit; information in units of it stays finite
     errors, jacobian = problem.linearised(free)
+    chosen = open_places(problem, free, errors @ jacobian / noise + prior_slope(problem, free))
+    searched, jacobian = [problem.searched[i] for i in chosen], jacobian[:, chosen]
+    held = tuple(q.name for q in problem.searched if q.name in set(names) and q not in searched)
+    if not len(chosen):
+        return ParameterUncertainty((), none, none, none, n_days, held)
+    place = [i for i, q in enumerate(searched) if q.name in set(names)]
     day = np.repeat(day_of_rows(len(errors) // n_outputs, hours), n_outputs) if days is None else days
     gauss = np.array([jacobian[day == d].T @ jacobian[day == d] for d in range(day[-1] + 1)])
     scores = _day_scores(errors, jacobian, day)
-    prior = np.diag(noise * prior_precision(problem))
-    exact = _day_hessians(problem, free, day)
+    prior = np.diag(noise * prior_precision(problem)[chosen])
+    exact = _day_hessians(problem, free, day, chosen)
     by_day = exact if _positive(exact.sum(axis=0) + prior) else gauss
     total = by_day.sum(axis=0) + prior
     bread = inverse_information(total / noise)
@@ -50,11 +56,11 @@ def least_squares_uncertainty(
     for own, own_gauss, score in zip(by_day, gauss, scores, strict=True):
         left = total - own if _positive(total - own) else gauss.sum(axis=0) + prior - own_gauss
         moves.append(inverse_information(left / noise) @ (score / noise))
-    scale = log_slopes(problem, free)[place]
+    scale = log_slopes(problem, free)[chosen][place]
     model = model[np.ix_(place, place)] * scale[:, None] * scale
     sensitivity = _without(jacobian, place) / np.sqrt(noise) / scale
     jackknife = jackknife_covariance(np.array(moves)[:, place] * scale @ held_subspace(model), overlap)
-    return ParameterUncertainty(tuple(problem.searched[i] for i in place), sensitivity, model, jackknife, n_days)
+    return ParameterUncertainty(tuple(searched[i] for i in place), sensitivity, model, jackknife, n_days, held)
 
 
 def _day_scores(errors: np.ndarray, jacobian: np.ndarray, day: np.ndarray) -> np.ndarray:
@@ -63,12 +69,12 @@ def _day_scores(errors: np.ndarray, jacobian: np.ndarray, day: np.ndarray) -> np
     return np.array([rows[day == d].sum(axis=0) for d in range(day[-1] + 1)])
 
 
-def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray) -> np.ndarray:
-    """(D, p, p) half Hessian of every day's sum of squares, from differences of exact gradients."""
-    out = np.empty((day[-1] + 1, len(free), len(free)))
-    for q, shift in enumerate(_STEP * np.eye(len(free))):
+def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(D, k, k) half Hessian of every day's sum of squares by the ``chosen``, from differences of exact gradients."""
+    out = np.empty((day[-1] + 1, len(chosen), len(chosen)))
+    for q, shift in enumerate(_STEP * np.eye(len(free))[chosen]):
         above, below = problem.linearised(free + shift), problem.linearised(free - shift)
-        up, down = _day_scores(above[0], above[1], day), _day_scores(below[0], below[1], day)
+        up, down = _day_scores(above[0], above[1][:, chosen], day), _day_scores(below[0], below[1][:, chosen], day)
         out[:, :, q] = (up - down) / (2.0 * _STEP)
     return 0.5 * (out + out.transpose(0, 2, 1))
 

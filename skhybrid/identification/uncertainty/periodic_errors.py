@@ -20,6 +20,7 @@ from .standard_errors import (
     inverse_information,
     jackknife_covariance,
     log_slopes,
+    open_places,
     prior_precision,
     unit,
 )
@@ -36,20 +37,22 @@ def periodic_uncertainty(
 
     ``turn`` holds the derivatives (J,) of those that are solved inside by the inner coefficients.
     """
-    _, _, linear = problem.evaluate(free)
-    p, J = len(free), len(linear.beta)
-    hessian, dbeta = problem.hessian(free) if p else (np.zeros((0, 0)), np.zeros((J, 0)))
-    outer = inverse_information(hessian)
-    searched = {q.name: i for i, q in enumerate(problem.searched)}
-    decided = tuple(q for q in parameters if q.name in searched or np.any(turn.get(q.name, 0.0)))
-    by_free, by_beta = np.zeros((len(decided), p)), np.zeros((len(decided), J))
-    slopes = log_slopes(problem, free)
+    _, slope, linear = problem.evaluate(free)
+    chosen, (hessian, dbeta) = open_places(problem, free, slope), problem.hessian(free)
+    hessian, dbeta = hessian[np.ix_(chosen, chosen)], dbeta[:, chosen]
+    outer, slopes = inverse_information(hessian), log_slopes(problem, free)[chosen]
+    place = {problem.searched[i].name: k for k, i in enumerate(chosen)}
+    # a coefficient that its sign holds at 0 stays there
+    inside = {name: by * linear.free for name, by in turn.items()}
+    decided = tuple(q for q in parameters if q.name in place or np.any(inside.get(q.name, 0.0)))
+    identified = {q.name for q in problem.searched} | {name for name, by in turn.items() if np.any(by)}
+    held = tuple(q.name for q in parameters if q.name in identified and q not in decided)
+    by_free, by_beta = np.zeros((len(decided), len(chosen))), np.zeros((len(decided), len(linear.beta)))
     for i, q in enumerate(decided):
-        if q.name in searched:
-            by_free[i, searched[q.name]] = slopes[searched[q.name]]
+        if q.name in place:
+            by_free[i, place[q.name]] = slopes[place[q.name]]
         else:
-            by_beta[i] = turn[q.name] / unit(theta[q.name])
-    by_beta *= linear.free  # a coefficient that its sign holds at 0 stays there
+            by_beta[i] = inside[q.name] / unit(theta[q.name])
     chain = by_free + by_beta @ dbeta
     model = chain @ outer @ chain.T + by_beta @ linear.covariance @ by_beta.T
     days = day_of_rows(len(problem.experiment.y), problem.experiment.hours)
@@ -57,13 +60,14 @@ def periodic_uncertainty(
     moves = np.zeros((0, len(decided)))
     if len(decided) and n_days >= FEW_DAYS:
         parts = days // -(-n_days // MOST_PARTS)
-        moves = _moves_without_days(problem, free, linear.beta, outer, parts) @ np.hstack([chain, by_beta]).T
-    data = hessian - np.diag(prior_precision(problem))
+        moves = _moves_without_days(problem, free, linear.beta, outer, chosen, parts) @ np.hstack([chain, by_beta]).T
+    data = hessian - np.diag(prior_precision(problem)[chosen])
     information = _joint_information(data, dbeta, linear, problem.layout.n_plain, by_free, by_beta)
     information = _without_scale(information, problem, decided)
     values, vectors = np.linalg.eigh(information) if len(decided) else (np.zeros(0), np.zeros((0, 0)))
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    return ParameterUncertainty(decided, root, model, jackknife_covariance(moves @ held_subspace(model)), n_days)
+    jackknife = jackknife_covariance(moves @ held_subspace(model))
+    return ParameterUncertainty(decided, root, model, jackknife, n_days, held)
 
 
 def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Parameter]) -> np.ndarray:
@@ -80,9 +84,9 @@ def _without_scale(information: np.ndarray, problem: Any, decided: Sequence[Para
 
 
 def _moves_without_days(
-    problem: Any, free: np.ndarray, beta: np.ndarray, outer: np.ndarray, days: np.ndarray
+    problem: Any, free: np.ndarray, beta: np.ndarray, outer: np.ndarray, chosen: np.ndarray, days: np.ndarray
 ) -> np.ndarray:
-    """(D, p + J) moves of the searched parameters, and of the inner coefficients beyond what those explain."""
+    """(D, k + J) moves of the ``chosen`` parameters, and of the inner coefficients beyond what those explain."""
     moves = []
     for d in range(days[-1] + 1):
         y = problem.experiment.y.copy()
@@ -90,7 +94,7 @@ def _moves_without_days(
             continue
         y[days == d] = np.nan
         _, slope, linear = replace(problem, experiment=problem.experiment._replace(y=y)).evaluate(free)
-        moves.append(np.concatenate([-outer @ slope, linear.beta - beta]))
+        moves.append(np.concatenate([-outer @ slope[chosen], linear.beta - beta]))
     return np.array(moves)
 
 

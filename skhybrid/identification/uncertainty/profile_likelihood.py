@@ -15,6 +15,7 @@ from ...thermal import Parameter
 from .constrained_problem import ConstrainedProblem, free_point
 
 _STEPS, _GROWTH = 8, 1.6  # most steps outward to an end of the interval, and the ratio of each to the last
+_NEAR = 0.01  # a deviance this near the threshold, as a share of it, is at an end of the interval
 
 
 @dataclass(frozen=True)
@@ -81,17 +82,22 @@ class _Search:
         for _ in range(_STEPS):
             x = min(max(inside + step, low), high)
             if self.deviance(x) - self.least() > threshold:
-                return self._crossing(inside, x, threshold, 0.02 * abs(step))
+                return self._crossing(inside, x, threshold)
             if x in (low, high):
                 return None
             inside, step = x, _GROWTH * step
         return None
 
-    def _crossing(self, inside: float, outside: float, threshold: float, tolerance: float) -> float:
+    def _crossing(self, inside: float, outside: float, threshold: float) -> float:
         least = self.least()
-        if self.deviance(inside) - least >= threshold:  # a better minimum turned up on the way
+
+        def beyond(x: float) -> float:
+            away = self.deviance(x) - least - threshold
+            return 0.0 if abs(away) < _NEAR * threshold else away
+
+        if beyond(inside) >= 0.0:  # a better minimum turned up on the way
             return inside
-        return float(brentq(lambda x: self.deviance(x) - least - threshold, inside, outside, xtol=tolerance))
+        return float(brentq(beyond, inside, outside, xtol=1e-4 * abs(outside - inside)))
 
 
 def profile_likelihood(

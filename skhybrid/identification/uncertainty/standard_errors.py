@@ -14,6 +14,8 @@ from ...thermal import Parameter
 
 _MOST = 1e3  # largest standard error of a logarithm that is computed; beyond it a direction is as good as free
 _BEYOND = 50.0  # an interval of more than this many e-foldings is that of all values
+_AT_BOUND = 1e-6  # a parameter this share of its range from an end is at it
+_PULL = 1.0  # and held there if the log-likelihood would rise by more than this over as much as the range again
 MOST_PARTS = 56  # most parts that a periodic log is left without; in a longer log each is two days or more
 FEW_DAYS = 3  # fewer days than this give no useful scatter
 
@@ -24,6 +26,9 @@ class ParameterUncertainty(NamedTuple):
     The Hessian gives the right standard errors only where the disturbance model holds.  The scatter of the parameters
     without each day (a jackknife with blocks of a day) needs no model of the gain.  A standard error is the larger of
     the two; intervals take Student's t with as many degrees of freedom as days, less one.
+
+    A parameter that a bound holds is left out: the optimum is not stationary in it, so that the Hessian says nothing of
+    its error.  The others have theirs at its value.
 
     One Newton step replaces the fit without a day.  Least squares takes the Hessian without that day (CR3); the
     periodic model takes the whole one, which understates the move by a day that holds most of the information.
@@ -37,6 +42,7 @@ class ParameterUncertainty(NamedTuple):
     model: np.ndarray  # (k, k) covariance where the disturbance model holds
     jackknife: np.ndarray  # (k, k) from the fits without each day, flat directions left out; 0 where days are few
     n_days: int
+    held: tuple[str, ...] = ()  # parameters of the network that a bound or the sign holds
 
     @property
     def growth(self) -> np.ndarray:
@@ -53,7 +59,7 @@ class ParameterUncertainty(NamedTuple):
 def theta_covariance(
     found: ParameterUncertainty, theta: pd.Series, names: list[str], idle: Sequence[str]
 ) -> pd.DataFrame:
-    """Covariance of the parameters in their units; infinite for ``idle`` ones, which no row moves."""
+    """Covariance of the parameters in their units; NaN for those held, infinite for ``idle``, which no row moves."""
     chosen = [p.name for p in found.parameters]
     scale = np.array([unit(float(theta[name])) for name in chosen])
     covariance = pd.DataFrame(0.0, index=names, columns=names)
@@ -61,6 +67,8 @@ def theta_covariance(
     for name in idle:
         if name in names:
             covariance.loc[name, name] = np.inf
+    for name in found.held:
+        covariance.loc[name, name] = np.nan
     return covariance
 
 
@@ -81,16 +89,22 @@ def unit(value: float) -> float:
 
 
 def _ends(p: Parameter, value: float, reach: float) -> tuple[float, float]:
-    """Ends of an interval, within the values that the parameter can have."""
-    if p.transform != "log":
+    """Ends of an interval, within the values that the parameter can have; NaN for one without a standard error."""
+    if p.transform != "log" or np.isnan(reach):
         return value - reach, value + reach
-    if value == 0.0:  # held at 0 by the sign that it must have
-        return (0.0, reach) if p.sign > 0 else (-reach, 0.0)
     factor = float(np.exp(reach / abs(value))) if reach < _BEYOND * abs(value) else np.inf
     near, far = value / factor, value * factor
     if p.unit == "-":
         far = min(far, 1.0)
     return (near, far) if value > 0 else (far, near)
+
+
+def open_places(problem: Any, free: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Places of the searched parameters that no bound holds, where the negative log-likelihood has a ``slope`` (p,)."""
+    low, high = np.array([p.free_bounds for p in problem.searched]).reshape(-1, 2).T
+    near = _AT_BOUND * (high - low)
+    outward = np.where(free - low <= near, slope, np.where(high - free <= near, -slope, 0.0))
+    return np.flatnonzero(outward * (high - low) <= _PULL)
 
 
 def day_of_rows(n_rows: int, hours: float) -> np.ndarray:
@@ -127,6 +141,12 @@ def prior_precision(problem: Any) -> np.ndarray:
     if getattr(problem, "spread", None) is None:
         return np.zeros(len(problem.searched))
     return 1.0 / np.asarray(problem.spread) ** 2
+
+
+def prior_slope(problem: Any, free: np.ndarray) -> np.ndarray:
+    """(p,) slope of the priors' share of the negative log-density."""
+    centre = getattr(problem, "centre", None)
+    return np.zeros(len(free)) if centre is None else prior_precision(problem) * (free - centre)
 
 
 def log_slopes(problem: Any, free: np.ndarray) -> np.ndarray:
