@@ -246,8 +246,18 @@ def test_log_density_adds_what_was_measured():
 def test_test_blocks_are_a_sixth_in_whole_days(office):
     for X, n_train in ((make_office(n_days=14, random_state=0).X, 10 * 96), (office.X, 4 * 96)):
         found = default_split(X, "1D")
-        assert (found.train, found.test, found.n_splits, found.expanding) == (n_train, 2 * 96, 2, True)
+        blocks = [(len(train), test[0], test[-1]) for train, test in found.split(X)]
+        assert blocks == [(n_train + k, n_train + k, n_train + k + 2 * 96 - 1) for k in (0, 2 * 96)]
     assert default_split(office.X[: 5 * 96], "1D") is None
+
+
+@pytest.mark.parametrize("begin", ["2024-03-01", "2024-10-25"])
+def test_test_blocks_begin_at_midnight_when_the_clocks_change_in_them(begin):
+    first = pd.Timestamp(begin, tz="America/Chicago")
+    X = pd.DataFrame(index=pd.date_range(first, first + pd.DateOffset(days=11), freq="1h", inclusive="left"))
+    blocks = [(X.index[test[0]], X.index[test[-1]]) for _, test in default_split(X, "1D").split(X)]
+    hour = pd.Timedelta("1h")
+    assert blocks == [(first + pd.DateOffset(days=n), first + pd.DateOffset(days=n + 2) - hour) for n in (7, 9)]
 
 
 def test_wrong_settings_are_refused(office):

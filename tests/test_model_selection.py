@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,6 +17,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.model_selection import RollingOriginSplit, backtest, day_ahead_scorer, score_backtest
 from skhybrid.model_selection.backtest import _origins
 
@@ -61,6 +64,29 @@ def test_lengths_may_be_numbers_of_rows_and_the_newest_splits_are_kept():
     newest = list(RollingOriginSplit(train=10, test=3, gap=2, step=4, n_splits=2).split(np.zeros((40, 1))))
     assert [int(test[0]) for _, test in every] == [12, 16, 20, 24, 28, 32, 36]
     assert [test.tolist() for _, test in newest] == [test.tolist() for _, test in every[-2:]]
+
+
+@pytest.mark.parametrize(("begin", "of_change"), [("2024-03-01", PER_DAY - 1), ("2024-10-25", PER_DAY + 1)])
+def test_blocks_of_days_keep_the_time_of_day_when_the_clocks_change(begin, of_change):
+    X, _ = _table(20, begin, "America/Chicago")
+    splits = list(RollingOriginSplit(train="7D", test="1D", gap="1D").split(X))
+    for k, (train, test) in enumerate(splits):
+        begins = [X.index[rows[0]] for rows in (train, test)]
+        assert begins == [X.index[0] + pd.DateOffset(days=days) for days in (k, k + 8)]
+        assert k == 0 or test[0] == splits[k - 1][1][-1] + 1
+    assert {len(test) for _, test in splits} == {PER_DAY, of_change}
+    in_rows = list(RollingOriginSplit(train=7 * PER_DAY, test=PER_DAY).split(X))
+    assert [len(test) for _, test in in_rows] == [PER_DAY] * 13
+
+
+def test_a_block_that_is_scored_for_an_hour_is_warned_of():
+    X, y = _table(3)
+    model = CountsFromOrigin().fit(X, y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        day_ahead_scorer(model, X, y)
+    with pytest.warns(SkhybridWarning, match=r"from 20.* 00:00:00 on end after 1 h of their horizon of 24 h; begin"):
+        day_ahead_scorer(model, X[22:26], y[22:26])
 
 
 def test_an_array_takes_the_given_sampling_time_and_a_table_its_own():

@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import pandas as pd
+
+from .._time import spell
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
 from .backtest import backtest, score_backtest, score_intervals
 
 
@@ -14,7 +19,8 @@ class DayAheadScorer:
 
     Every estimator is asked for the same forecasts, whatever its own ``horizon``: from each origin over the horizon, of
     which the end of the block cuts off the last.  They read ``T_za`` in X up to their origin only;
-    a regressor without ``predict_from`` may not read it (:func:`backtest`).
+    a regressor without ``predict_from`` may not read it (:func:`backtest`).  A warning says where no forecast of a
+    block reaches half of the horizon, as in blocks of one day that do not begin at midnight.
 
     Parameters
     ----------
@@ -43,6 +49,14 @@ class DayAheadScorer:
         """Minus the root mean square error, or minus the mean pinball loss [K]."""
         spans = {"horizon": self.horizon, "origin_step": self.origin_step}
         frame = backtest(estimator, X, y, **spans, quantiles=self.quantiles, whole=False)
+        longest, horizon = frame["lead"].max(), pd.Timedelta(self.horizon)
+        if longest < horizon / 2:
+            warn_user(
+                f"the forecasts that are scored from {frame['origin'].iloc[0]} on end after {spell(longest)} of their "
+                f"horizon of {spell(horizon)}; begin test blocks at midnight, as RollingOriginSplit in days does where "
+                "the table begins then, or make them longer.",
+                SkhybridWarning,
+            )
         scores: Any = score_backtest(frame) if self.quantiles is None else score_intervals(frame)
         return -float(scores["rmse" if self.quantiles is None else "pinball"])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,19 +10,22 @@ import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils.validation import _num_samples
 
-from .._time import even_step, positive_duration, read_duration, rows_of
+from .._time import even_step, positive_duration, read_duration, rows_of, wall_clock
+
+_DAY = pd.Timedelta("1D")
 
 
 class RollingOriginSplit(BaseCrossValidator):
     """Contiguous training and test blocks that roll forward through time.
 
     A split is a training block, a gap, and a test block; the next split begins one ``step`` later.  The first training
-    block begins at the first row, so that blocks of whole days keep the time of day at which the table begins.
+    block begins at the first row, so that blocks of whole days keep the time of day at which the table begins.  That
+    holds when the clocks change, since durations of a day or more are counted by the local clock of the table.
 
     Parameters
     ----------
     train, test : timedelta-like or int, default="28D" and "1D"
-        Length of a block, as a duration or as a number of rows.
+        Length of a block, as a duration or as a number of rows, which the clock does not change.
     gap : timedelta-like or int, default="0D"
         Rows left out between training and test block.
     step : timedelta-like or int, optional
@@ -79,11 +82,13 @@ class RollingOriginSplit(BaseCrossValidator):
         """
         if not isinstance(self.expanding, bool | np.bool_):
             raise ValueError(f"expanding={self.expanding!r} must be True or False.")
-        n_train, n_test, n_gap, n_step = self._lengths(X)
-        for first in self._used_splits(X) * n_step:
-            end = first + n_train
-            begin = end + n_gap
-            yield np.arange(0 if self.expanding else first, end), np.arange(begin, begin + n_test)
+        train, test, gap, step = self._lengths(X)
+        row = _row_by_clock(X)
+        for number in self._used_splits(X):
+            first = number * step
+            end = first + train
+            begin = end + gap
+            yield np.arange(0 if self.expanding else row(first), row(end)), np.arange(row(begin), row(begin + test))
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
         """The number of splits.
@@ -113,19 +118,19 @@ class RollingOriginSplit(BaseCrossValidator):
             raise ValueError(f"n_splits={n!r} must be an integer, at least 1, or None for every split that fits.")
         return int(n)
 
-    def _lengths(self, X: Any) -> tuple[int, int, int, int]:
-        """Rows of the training block, the test block and the gap, and from one split to the next."""
+    def _lengths(self, X: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Lengths of the training block, the test block and the gap, and from one split to the next."""
         sampling = _sampling_time(X, self.sampling_time)
-        n_test = _rows(self.test, sampling, "test")
-        n_step = n_test if self.step is None else _rows(self.step, sampling, "step")
-        return _rows(self.train, sampling, "train"), n_test, _rows(self.gap, sampling, "gap", least=0), n_step
+        test = _length(self.test, sampling, "test")
+        step = test if self.step is None else _length(self.step, sampling, "step")
+        return _length(self.train, sampling, "train"), test, _length(self.gap, sampling, "gap", least=0), step
 
     def _used_splits(self, X: Any) -> np.ndarray:
         """Numbers of the splits that are used, counted from the first that fits."""
-        n_train, n_test, n_gap, n_step = self._lengths(X)
+        train, test, gap, step = self._lengths(X)
+        row, whole = _row_by_clock(X), train + gap + test
         wanted = self._wanted() or 1
-        n_rows = _num_samples(X)
-        needed = n_train + n_gap + n_test + (wanted - 1) * n_step
+        n_rows, needed = _num_samples(X), int(row(whole + (wanted - 1) * step))
         if n_rows < needed:
             sampling = _sampling_time(X, self.sampling_time)
             needs, has = (f"{n} rows" + ("" if sampling is None else f" ({n * sampling})") for n in (needed, n_rows))
@@ -134,7 +139,8 @@ class RollingOriginSplit(BaseCrossValidator):
                 f"X is too short: {wanted} {plural} {needs} of train={self.train!r}, gap={self.gap!r} and "
                 f"test={self.test!r}, but X has {has}."
             )
-        n_fit = (n_rows - n_train - n_gap - n_test) // n_step + 1
+        ends = row(whole + np.arange(n_rows)[:, None] * step)
+        n_fit = int((ends <= n_rows).sum())
         return np.arange(0 if self.n_splits is None else n_fit - wanted, n_fit)
 
 
@@ -146,20 +152,42 @@ def _sampling_time(X: Any, given: Any) -> pd.Timedelta | None:
     return None if given is None else positive_duration(given, "sampling_time")
 
 
-def _rows(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 1) -> int:
-    """A length, given as a duration or a number of rows, as a number of rows."""
+def _length(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 1) -> np.ndarray:
+    """A length, (2,) int: as a number of rows, and as a number of steps of the local clock, of which one is 0."""
     if isinstance(length, int | np.integer) and not isinstance(length, bool):
         if length < least:
             raise ValueError(f"{name}={length!r} must be at least {least} row(s).")
-        return int(length)
+        return np.array([length, 0])
     if least == 0 and read_duration(length, name) == pd.Timedelta(0):
-        return 0
+        return np.array([0, 0])
     if sampling is None:
         raise ValueError(
             f"X has no time stamps, by which {name}={length!r} would be rows; give it a DatetimeIndex, or pass "
             "sampling_time= or numbers of rows."
         )
-    return rows_of(length, sampling, name)
+    n = rows_of(length, sampling, name)
+    return np.array([0, n] if n * sampling >= _DAY else [n, 0])  # an hour may be missing on the clock, a day is not
+
+
+def _clock_steps(X: Any) -> np.ndarray:
+    """(n_rows,) whole steps by the local clock from the first row to each; an hour that the clock repeats adds none."""
+    index, sampling = getattr(X, "index", None), _sampling_time(X, None)
+    if sampling is None or not isinstance(index, pd.DatetimeIndex):
+        return np.arange(_num_samples(X))
+    wall = wall_clock(index)
+    return np.maximum.accumulate(np.asarray((wall - wall[0]) // sampling))
+
+
+def _row_by_clock(X: Any) -> Callable[[np.ndarray], Any]:
+    """The row that lies a length (..., 2) behind the first one, also beyond the end of X."""
+    steps = _clock_steps(X)
+    end = steps.max(initial=-1) + 1
+
+    def row(length: np.ndarray) -> Any:
+        n_rows, by_clock = np.moveaxis(length, -1, 0)
+        return np.searchsorted(steps, by_clock) + np.maximum(by_clock - end, 0) + n_rows
+
+    return row
 
 
 def default_split(X: Any, horizon: Any) -> RollingOriginSplit | None:
@@ -167,10 +195,12 @@ def default_split(X: Any, horizon: Any) -> RollingOriginSplit | None:
 
     None where the table is too short for test blocks of a day and a horizon and two days of training.
     """
-    sampling, n_rows = _sampling_time(X, None), _num_samples(X)
+    sampling = _sampling_time(X, None)
     if sampling is None:
         raise ValueError("X has no time stamps, by which test blocks are cut; give it a DatetimeIndex, or pass cv=.")
-    day = rows_of("1D", sampling, "the test block")
-    n_test = max(n_rows // 6 // day * day, day + rows_of(horizon, sampling))
-    n_train = n_rows - 2 * n_test
-    return RollingOriginSplit(train=n_train, test=n_test, n_splits=2, expanding=True) if n_train >= 2 * day else None
+    day, n_steps = rows_of("1D", sampling, "the test block"), int(_clock_steps(X)[-1]) + 1
+    n_test = max(n_steps // 6 // day * day, day + rows_of(horizon, sampling))
+    n_train = n_steps - 2 * n_test
+    if n_train < 2 * day:
+        return None
+    return RollingOriginSplit(train=n_train * sampling, test=n_test * sampling, n_splits=2, expanding=True)
