@@ -54,6 +54,27 @@ def test_profile_follows_local_time_and_the_step():
     np.testing.assert_array_equal(model.predict(later)[1:], y.loc[later.index][1:])
 
 
+@pytest.mark.parametrize("begin", ["2024-02-26", "2024-10-21"])  # the clocks change after 13 days
+def test_the_same_hour_of_an_earlier_day_is_that_of_the_local_clock(begin):
+    index = pd.date_range(begin, periods=28 * 24, freq="1h", tz="America/Chicago")
+    X = pd.DataFrame({"T_oa": 5.0, "q_sol": 0.0}, index=index)
+    by_week = pd.Series(index.hour + 100.0 * index.day_of_week, index=index)
+    begins = np.flatnonzero(index.hour == 0)
+    model = DisturbanceForecaster("last_week").fit(X[: begins[8]], by_week[: begins[8]])
+    found = model.predict_from(X.assign(zeta=by_week), begins[9:27] - 1)
+    beside = index.hour == 2  # there is none when the clocks go forward
+    rows = (begins[9:27] - 1)[:, None] + np.arange(1, 25)
+    assert ((found == by_week.to_numpy()[rows]) | beside[rows]).all()
+
+    by_day = pd.Series(index.hour.to_numpy(float), index=index)
+    lately = X.assign(zeta=by_day.where(index >= index[begins[11]]))  # last week is not known
+    assert ((model.predict_from(lately, begins[12:18] - 1) == by_day.to_numpy()[rows[3:9]]) | beside[rows[3:9]]).all()
+    table = read_table(BaseEstimator(), X, reset=True)
+    features = lag_features(table, by_day.to_numpy(), begins[12:18] - 1, 24)
+    for same in (features[..., 6] + features[..., 7], features[..., 8]):
+        assert ((same == by_day.to_numpy()[rows[3:9]]) | beside[rows[3:9]]).all()
+
+
 def test_last_week_repeats_it_and_falls_back_to_the_day_before():
     X, y = _weeks(21)
     zeta = y.copy()

@@ -10,7 +10,7 @@ from .._calendar import N_CELLS, day_type_hour, slot_of_day
 from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import rows_per_day
-from .features import last_same_slot, target_rows
+from .features import clock_changes, last_same_slot, target_rows
 
 SAME_KIND_DAYS = 14  # days before an origin in which the last one of a kind is looked for
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
@@ -80,20 +80,22 @@ class _WithProfile:
 class LastWeek(_WithProfile):
     """``"last_week"``: the value seven days before, else the last known one of that time of day, else the profile.
 
-    With holidays the first is that of the last known day of the same kind: of a Sunday for a holiday.
+    Days and times of day are those of the local clock.  With holidays the first is that of the last known day of
+    the same kind: of a Sunday for a holiday.
     """
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         zeta, rows = table.measured("zeta"), target_rows(origins, n_leads)
-        per_day = rows_per_day(table.step)
-        out = last_same_slot(zeta, rows, origins, 7 * per_day, 1)
+        per_day, changes = rows_per_day(table.step), clock_changes(table)
+        out = last_same_slot(zeta, rows, origins, 7 * per_day, 1, changes)
         if table.holidays:
             day = table.day_of_week
             ahead = day[rows_ahead(table, origins, n_leads)]
             for kind in np.unique(ahead):
-                alike = last_same_slot(np.where(day == kind, zeta, np.nan), rows, origins, per_day, SAME_KIND_DAYS)
+                of_kind = np.where(day == kind, zeta, np.nan)
+                alike = last_same_slot(of_kind, rows, origins, per_day, SAME_KIND_DAYS, changes)
                 out = np.where(ahead == kind, alike, out)
-        out = np.where(np.isnan(out), last_same_slot(zeta, rows, origins, per_day, 7), out)
+        out = np.where(np.isnan(out), last_same_slot(zeta, rows, origins, per_day, 7, changes), out)
         return np.where(np.isnan(out), self.profile_.forecast(table, origins, n_leads), out)
 
 

@@ -85,18 +85,44 @@ def known_before(series: np.ndarray, rows: np.ndarray, end: int) -> np.ndarray:
     return np.where(rows < end, series[np.minimum(rows, len(series) - 1)], np.nan)
 
 
-def last_same_slot(series: np.ndarray, rows: np.ndarray, origins: np.ndarray, period: int, n_back: int) -> np.ndarray:
-    """(n_origins, n_leads) value whole periods [rows] before each row, the last known one of ``n_back``; NaN if none.
+def clock_changes(table: ZoneTable) -> np.ndarray | None:
+    """(n_rows,) steps by which the local clock of each row is ahead of the first row's; None where it never changes."""
+    if table.utc is None:
+        return None
+    ahead = (table.time.as_unit("ns").asi8 - table.utc.as_unit("ns").asi8) // table.step.as_unit("ns").value
+    return None if (ahead == ahead[:1]).all() else ahead - ahead[0]
 
-    The first of them is the last one at or before the origin.
+
+def same_slot(
+    rows: np.ndarray, origins: np.ndarray, period: int, changes: np.ndarray | None = None, back: int = 0
+) -> np.ndarray:
+    """(n_origins, n_leads) rows that lie whole periods before; the last ones up to the origin, or ``back`` more before.
+
+    A period is a number of steps by the local clock, of which ``changes`` are those of :func:`clock_changes`.
     """
-    newest = periods_before(rows, rows - origins[:, None], period)
-    out = known_at(series, newest, origins)
+    if changes is None:
+        return periods_before(rows, rows - origins[:, None], period) - back * period
+    last = len(changes) - 1
+    clock = rows + changes[np.clip(rows, 0, last)]
+    earlier = periods_before(clock, clock - (origins + changes[origins])[:, None], period) - back * period
+    return earlier - changes[np.clip(earlier, 0, last)]
+
+
+def last_same_slot(
+    series: np.ndarray,
+    rows: np.ndarray,
+    origins: np.ndarray,
+    period: int,
+    n_back: int,
+    changes: np.ndarray | None = None,
+) -> np.ndarray:
+    """(n_origins, n_leads) value at :func:`same_slot`, the last known one of ``n_back``; NaN if none."""
+    out = known_at(series, same_slot(rows, origins, period, changes), origins)
     for back in range(1, n_back):
         missing = np.isnan(out)
         if not missing.any():
             break
-        out = np.where(missing, known_at(series, newest - back * period, origins), out)
+        out = np.where(missing, known_at(series, same_slot(rows, origins, period, changes, back), origins), out)
     return out
 
 

@@ -18,11 +18,11 @@ from .._table import ZoneTable
 from .._time import rows_per_day
 from .baselines import rows_ahead
 from .features import (
+    clock_changes,
     irradiance_roles,
     known_at,
     known_before,
-    last_same_slot,
-    periods_before,
+    same_slot,
     target_rows,
     trailing_mean,
 )
@@ -188,11 +188,10 @@ def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n
     means = [trailing_mean(deviation, width) for width in (1, max(1, per_day // 4), per_day, 7 * per_day)]
     now = [known_at(series, origins, origins)[:, None] for series in means]
     fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
-    same = last_same_slot(deviation, rows, origins, per_day, 1)
-    week = last_same_slot(deviation, rows, origins, 7 * per_day, 1)
-    weekend = table.weekend
-    before = np.maximum(periods_before(rows, rows - origins[:, None], per_day), 0)  # of `same`
-    alike = weekend[np.minimum(rows, table.n_rows - 1)] == weekend[before]
+    changes, weekend = clock_changes(table), table.weekend
+    day_before, week_before = (same_slot(rows, origins, n * per_day, changes) for n in (1, 7))
+    same, week = (known_at(deviation, before, origins) for before in (day_before, week_before))
+    alike = weekend[np.minimum(rows, table.n_rows - 1)] == weekend[np.maximum(day_before, 0)]
     flat = np.ones((1, n_leads))
     features = [now[0] * fade[0], now[0] * fade[1], now[1] * fade[1], now[2] * fade[2], now[2] * flat, now[3] * flat]
     features += [same * alike, same * ~alike, week]
