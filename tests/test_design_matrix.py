@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -15,6 +16,7 @@ from skhybrid import DisturbanceForecaster, TwoStagePredictor
 from skhybrid.forecasting import ModelCase
 from skhybrid.forecasting.cases import resolve_case
 from skhybrid.model_selection import DesignMatrix, design_matrix
+from skhybrid.model_selection.choice.results_table import ingredients
 
 #: paper 3.2 and appendix: cases x layers x widths x ... x activations.
 PAPER = {"mlp": 21 * 3 * 4 * 3, "cnn": 21 * 2 * 3 * 3 * 2 * 2 * 3, "rnn": 17 * 3 * 4 * 3, "lstm": 17 * 3 * 4 * 3}
@@ -87,6 +89,21 @@ def test_a_framework_a_case_and_sizes_of_ones_own():
     assert matrix.table["n_estimators"].dropna().tolist() == [5, 10]
     assert [c.get("forecaster__model__n_estimators") for c in matrix.candidates()][4:6] == [5, 10]
     assert matrix.candidates()[2]["forecaster__case"] is case
+
+
+def test_cases_that_differ_have_names_that_differ():
+    mine, other = (ModelCase("mine", days, ("zeta",), ("how",)) for days in (1, 7))
+    assert len(design_matrix(["lstm"], [mine, replace(mine)], "input", {"n_layers": [1]})) == 1
+    for cases in ([mine, other], {"lstm": [mine], "mlp": [other]}):
+        with pytest.raises(ValueError, match=r"'mine' has the name of another of your cases, but not its content"):
+            design_matrix(["mlp", "lstm"], cases)
+    with pytest.raises(ValueError, match=r"'case01' has the name of a case of the paper for lstm, but not its"):
+        design_matrix({"own": "lstm"}, [replace(mine, name="case01")])
+    rows = pd.DataFrame({"framework": ["lstm"], "case": ["mine"], "disturbance": ["input"]})
+    with pytest.raises(ValueError, match="'mine' has the name of another"):
+        ingredients(rows, [mine, other])
+    with pytest.raises(ValueError, match="'case01' has the name of a case of the paper for lstm"):
+        ingredients(rows.assign(case="case01"), [replace(mine, name="case01")])
 
 
 def test_channels_of_a_common_size_are_the_cnns_alone():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -179,6 +179,19 @@ def resolve_case(case: str | ModelCase, model: str) -> ModelCase:
             f"'DEEP_AR_{model.upper()}_FORECAST-case01', or a ModelCase."
         )
     return known[name]
+
+
+def cases_by_name(cases: Iterable[ModelCase], models: Iterable[str] = ()) -> dict[str, ModelCase]:
+    """Cases of one's own by name; refused where one differs from another, or from a case of ``models``, of its name."""
+    of_models = {model: cases_of(model) for model in models}
+    named: dict[str, ModelCase] = {}
+    for case in cases:
+        others = {"another of your cases": named} | {f"a case of the paper for {m}": of for m, of in of_models.items()}
+        for whose, known in others.items():
+            if known.get(case.name, case) != case:
+                raise ValueError(f"case {case.name!r} has the name of {whose}, but not its content; rename it.")
+        named[case.name] = case
+    return named
 
 
 def list_cases(model: str | None = None) -> pd.DataFrame:

@@ -10,7 +10,7 @@ import pandas as pd
 from ..._warnings import warn_user
 from ...exceptions import SkhybridWarning
 from ...forecasting import ModelCase
-from ...forecasting.cases import NETWORKS, resolve_case
+from ...forecasting.cases import NETWORKS, cases_by_name, resolve_case
 
 
 def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame:
@@ -50,7 +50,7 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
 
 def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> ModelCase:
     """The case of a row: one of the caller's own, or the paper's case of that name and framework."""
-    own = {one.name: one for one in cases}
+    own = cases_by_name(cases, [framework] if framework in NETWORKS else [])
     if case in own:
         return own[case]
     if framework not in NETWORKS:

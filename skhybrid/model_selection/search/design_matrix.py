@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.model_selection import ParameterGrid
 
 from ...forecasting import DisturbanceForecaster
-from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_of, list_sizes
+from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_by_name, cases_of, list_sizes
 from ...forecasting.named_models import BASELINES
 
 IDENTITY = ("framework", "case", "disturbance", "name")  # columns that identify a candidate; those of its size follow
@@ -146,7 +146,8 @@ def design_matrix(
     Raises
     ------
     ValueError
-        If a framework, a case, a kind of disturbance or a size is unknown, or there is no candidate.
+        If a framework, a case, a kind of disturbance or a size is unknown, two cases that differ have one name, or
+        there is no candidate.
     """
     models = _models(frameworks)
     kinds = [disturbance] if isinstance(disturbance, str) else list(dict.fromkeys(disturbance))
@@ -154,6 +155,8 @@ def design_matrix(
         if kind not in _DISTURBANCES:
             raise ValueError(f"disturbance={kind!r} is unknown; use 'input', 'output' or both.")
     chosen, sizes = _cases(models, cases), _sizes(models, size)
+    own = [case for of_one in chosen.values() for case in of_one if isinstance(case, ModelCase)]
+    cases_by_name(own, dict.fromkeys(filter(None, map(_network, models.values()))))
     kept = {name: model for name, model in models.items() if chosen[name] or _network(model) is None}
     blocks = [MatrixBlock(name, model, chosen[name], kinds, sizes[name]) for name, model in kept.items()]
     if not blocks or not kinds:
