@@ -355,6 +355,7 @@ def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once()
         ({"hidden_size": 0}, "hidden_size=0 must be an integer of at least 1"),
         ({"dropout": 1.0}, r"dropout=1.0 is outside \[0, 1\)"),
         ({"validation_fraction": None}, r"validation_fraction=None is outside \[0, 1\)"),
+        ({"validation_fraction": 0}, r"validation_fraction=0 leaves no rows .* residual_of='ridge' to use"),
         ({"learning_rate": "fast"}, r"learning_rate='fast' is outside \(0, inf\)"),
         ({"random_state": "a"}, "'a' cannot be used to seed"),
         ({"horizon": "90min"}, "not a positive multiple of the sampling time"),

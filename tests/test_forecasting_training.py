@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_info
 
 from skhybrid import GrayBoxRC, HybridPredictor
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import DisturbanceForecaster, fit_many
 from skhybrid.forecasting.networks import jobs as jobs_module
 from skhybrid.forecasting.networks.callbacks import EarlyStoppingPerNetwork
@@ -42,6 +43,9 @@ def test_the_validation_block_is_the_end_after_a_gap_of_one_horizon():
     assert chronological_split(1000, 24, 0.0, 24) == Split(1000, None)
     assert chronological_split(80, 24, 0.2, 24) == Split(80, None)  # too short
     assert chronological_split(200, 48, 0.3, 24) == Split(200, None)  # would leave less than two horizons to learn
+    assert chronological_split(480, 24, 0.9, 24) == Split(480, None)
+    with pytest.raises(ValueError, match=r"validation_fraction=0\.9 of 240 rows leaves none before a gap"):
+        chronological_split(240, 24, 0.9, 24)
 
 
 def test_rows_without_a_target_at_the_end_are_not_those_of_validation():
@@ -169,7 +173,9 @@ def test_a_correction_of_noise_is_dropped_or_small():
 
 def test_a_dropped_network_leaves_the_baseline_of_all_rows():
     X, y = hourly(3)  # too short for a validation block
-    forecaster = DisturbanceForecaster("mlp", max_epochs=2, random_state=0).fit(X, y)
+    forecaster = DisturbanceForecaster("mlp", max_epochs=2, random_state=0)
+    with pytest.warns(SkhybridWarning, match=r"0\.2 of 72 rows leaves too few .* dropped, and 'ridge' forecasts alone"):
+        forecaster.fit(X, y)
     assert forecaster.network_weight_ == 0.0
     np.testing.assert_array_equal(forecaster.predict(X), DisturbanceForecaster("ridge").fit(X, y).predict(X))
 

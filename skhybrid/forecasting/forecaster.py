@@ -17,6 +17,8 @@ from .._table import ZoneTable, append_tables, read_target, refuse_other_clock
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
+from .._warnings import several, warn_user
+from ..exceptions import SkhybridWarning
 from .baselines import SAME_KIND_DAYS
 from .cases import ModelCase, resolve_case
 from .extras import require_networks
@@ -76,7 +78,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Step of Adam, and windows per step.
     validation_fraction : float, default 0.2
         Share of the rows up to the last measured one, at their end, on whose error training stops; a gap of one horizon
-        lies before them.
+        lies before them.  0 needs ``residual_of=None``: the network is then trained for 20 epochs, or ``max_epochs`` if
+        that is less.
     origin_step : timedelta-like, optional
         Distance of origins in ``predict``, at most ``horizon``, which is the default.
     max_missing : float, default 0.5
@@ -108,7 +111,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         that are kept, their ``best_epoch``, and whether it is ``used``; all before a refit.
     network_weight_ : float
         Share of the network's correction that is used, in [0, 1]: the least-squares one on the validation block, less
-        its standard error.  0 drops the network; it is 0 where the table was too short for a validation block.
+        its standard error.  0 drops the network; it is 0, and a warning says so, where the table was too short for
+        a validation block.
     regressor_ : regressor
         The fitted clone, where ``model`` is a regressor.
     sampling_time_ : Timedelta
@@ -283,6 +287,13 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
         """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""
         split = measured_split(target, self._n_leads, self.validation_fraction, rows_per_day(table.step))
+        if self.residual_of is not None and split.valid_start is None:
+            warn_user(
+                f"validation_fraction={self.validation_fraction:g} of {several(split.train_end, 'row')} leaves too few "
+                f"to train on or to validate with: the correction by the network is dropped, and {self.residual_of!r} "
+                "forecasts alone; give more rows, another fraction, or residual_of=None.",
+                SkhybridWarning,
+            )
         base = self._shared_baseline(table, target, split.train_end, shared)
         self._base = self._shared_baseline(table, target, table.n_rows, shared)
         seeds = repeat_seeds(seed, self.n_repeats)

@@ -87,3 +87,8 @@ def _check_numbers(forecaster: Any) -> None:
         if not (is_number(value) and 0.0 <= value < 1.0):
             raise ValueError(f"{name}={value!r} is outside [0, 1).")
     check_rate("learning_rate", forecaster.learning_rate)
+    if is_network(forecaster.model) and forecaster.residual_of is not None and forecaster.validation_fraction == 0.0:
+        raise ValueError(
+            f"validation_fraction=0 leaves no rows that say how much of the correction to residual_of="
+            f"{forecaster.residual_of!r} to use; give a fraction, or residual_of=None."
+        )

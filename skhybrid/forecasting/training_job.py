@@ -9,6 +9,7 @@ import pandas as pd
 from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
+from .._warnings import several
 
 
 class Split(NamedTuple):
@@ -20,12 +21,23 @@ class Split(NamedTuple):
 
 
 def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int) -> Split:
-    """Validate on the last ``fraction`` of the rows, one horizon after training; on none if either were too short."""
+    """Validate on the last ``fraction`` of the rows, one horizon after training; on none if either were too short.
+
+    Raises
+    ------
+    ValueError
+        If rows to train on would be left by a smaller fraction only.
+    """
     n_valid = round(fraction * n_rows)
     valid_start = n_rows - n_valid
     train_end = valid_start - n_leads
-    if n_valid <= n_leads or train_end < max(2 * per_day, 2 * n_leads):
+    if n_valid <= n_leads or 0 < train_end < 2 * max(per_day, n_leads):
         return Split(n_rows, None)
+    if train_end <= 0:
+        raise ValueError(
+            f"validation_fraction={fraction:g} of {several(n_rows, 'row')} leaves none before a gap of one horizon to "
+            "train on; give a smaller one."
+        )
     return Split(train_end, valid_start, n_rows)
 
 
@@ -35,7 +47,7 @@ def measured_split(target: np.ndarray, n_leads: int, fraction: float, per_day: i
     Raises
     ------
     ValueError
-        If all targets of the training block are missing.
+        If all targets of the training block are missing, or it has no rows.
     """
     known = np.flatnonzero(np.isfinite(target))
     split = chronological_split(int(known[-1]) + 1 if len(known) else len(target), n_leads, fraction, per_day)
