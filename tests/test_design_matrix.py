@@ -144,6 +144,8 @@ def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
         ({"size": {"mlp": {"wide": [1]}}}, "'wide' of 'mlp'"),
         ({"size": {"gru": {"n_layers": [1]}}}, "'gru'"),
         ({"size": {"n_layers": []}}, "no values"),
+        ({"size": {"hidden_size": [4, 0]}}, "hidden_size=0 must be an integer of at least 1"),
+        ({"frameworks": {"own": "cnn"}, "size": {"own": {"activation": "tanh"}}}, "activation='tanh' is not known"),
         ({"frameworks": []}, "empty"),
     ],
 )

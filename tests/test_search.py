@@ -360,12 +360,23 @@ def test_a_progress_bar_tells_rate_and_time_left(office, estimator, capsys):
         ({"halving": (5, 1)}, "halving"),
         ({"halving": True}, "halving"),
         ({"halving": (5, 3, 3)}, "halving"),
+        ({"chunk_size": 0}, "chunk_size=0 must be an integer of at least 1"),
+        ({"error_score": "oops"}, "error_score='oops' must be a number, such as NaN, or 'raise'"),
+        ({"refit": "zz"}, "refit='zz' is no metric of scoring=None; give True, False or a callable"),
+        ({"refit": 2, "scoring": RMSE}, "refit=2 is no metric of scoring='neg_root"),
     ],
 )
 def test_what_cannot_be_searched_is_refused(changed, said, office, estimator):
     given = {"estimator": estimator, "matrix": design_matrix(["ridge"]), "cv": CV, "verbose": 0} | changed
     with pytest.raises(ValueError, match=said):
         DesignMatrixSearchCV(**given).fit(office.X, office.y)
+
+
+def test_a_refit_by_the_name_of_the_only_metric_is_one(office):
+    grid = {"model": ["profile"]}
+    for scoring, refit in ((RMSE, RMSE), (RMSE, "score"), (None, "score"), ([RMSE], RMSE)):
+        search = DesignMatrixSearchCV(DisturbanceForecaster(), grid, cv=CV, scoring=scoring, refit=refit, verbose=0)
+        assert search.fit(office.X, office.heat_gain).best_index_ == 0
 
 
 def test_the_schedule_model_shares_no_network(estimator):

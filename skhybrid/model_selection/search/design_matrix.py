@@ -12,7 +12,7 @@ from sklearn.model_selection import ParameterGrid
 
 from ...forecasting import DisturbanceForecaster
 from ...forecasting.cases import NETWORKS, RECURRENT, SIZES, ModelCase, cases_by_name, cases_of, list_sizes
-from ...forecasting.named_models import BASELINES
+from ...forecasting.named_models import BASELINES, check_parameters
 
 IDENTITY = ("framework", "case", "disturbance", "name")  # columns that identify a candidate; those of its size follow
 _DISTURBANCES = ("input", "output")
@@ -146,8 +146,8 @@ def design_matrix(
     Raises
     ------
     ValueError
-        If a framework, a case, a kind of disturbance or a size is unknown, two cases that differ have one name, or
-        there is no candidate.
+        If a framework, a case, a kind of disturbance or a size is unknown, a network cannot have a size, two cases that
+        differ have one name, or there is no candidate.
     """
     models = _models(frameworks)
     kinds = [disturbance] if isinstance(disturbance, str) else list(dict.fromkeys(disturbance))
@@ -253,3 +253,5 @@ def _check_sizes(models: Mapping[str, Any], sizes: Mapping[str, Mapping[str, lis
                 raise ValueError(f"size {key!r} of {name!r} is not one of its parameters; it has {names}.")
             if not len(values):
                 raise ValueError(f"size {key!r} of {name!r} has no values.")
+            for value in values if _network(model) else ():
+                check_parameters(DisturbanceForecaster(model, **{"residual_of": None, key: value}))

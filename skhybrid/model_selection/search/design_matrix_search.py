@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from numbers import Real
 from typing import Any, Self
 
 import numpy as np
@@ -16,6 +17,7 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
+from ..._arguments import check_integer
 from ..._transaction import unchanged_on_failure
 from ..._warnings import first_sentence
 from ...forecasting.extras import require_networks
@@ -147,6 +149,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         """
         if y is None:
             raise ValueError("DesignMatrixSearchCV requires y to be passed, but the target y is None.")
+        self._check_settings()
         scorer, metric = self._get_scorers()
         X, y = indexable(X, y)
         candidates = self._candidates()
@@ -170,6 +173,17 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def n_features_in_(self) -> int:
         """Number of columns of X; only with ``refit``."""
         return super().n_features_in_
+
+    def _check_settings(self) -> None:
+        check_integer("chunk_size", self.chunk_size)
+        given = self.error_score
+        if not (isinstance(given, Real) and not isinstance(given, bool)) and given != "raise":
+            raise ValueError(f"error_score={given!r} must be a number, such as NaN, or 'raise'.")
+        refit, scoring = self.refit, self.scoring
+        one_metric = scoring is None or isinstance(scoring, str)  # scikit-learn checks those of several
+        named = isinstance(refit, str) and (not one_metric or refit in ("score", scoring))
+        if not (named or isinstance(refit, bool | np.bool_) or callable(refit)):
+            raise ValueError(f"refit={refit!r} is no metric of scoring={scoring!r}; give True, False or a callable.")
 
     def _get_scorers(self) -> tuple[Any, Any]:
         return (MeasuredRmse(-1.0), "score") if self.scoring is None else super()._get_scorers()

@@ -70,10 +70,9 @@ class Runner:
         for name, params in named.items():
             kind = {key: value for key, value in params.items() if key.split("__")[-1] in ("disturbance", "model")}
             groups.setdefault((str(networks[name]), as_plain(kind)), []).append(name)
-        size = max(1, int(self._chunk_size))
         chunks = []
         for names in groups.values():
-            for part in _parts({name: stack_key(named[name]) for name in names}, size):
+            for part in _parts({name: stack_key(named[name]) for name in names}, self._chunk_size):
                 chunks.append(Chunk(networks[part[0]], {name: named[name] for name in part}))
         return sorted(chunks, key=lambda chunk: -sum(map(effort_of, chunk.params.values())))
 
