@@ -231,7 +231,10 @@ def test_the_best_sizes_of_each_case(results):
         ({"interactions": [("time", "depth")]}, {}, "not a pair of two of the terms"),
         ({"level": 1.5}, {}, "level=1.5 is not between"),
         ({"chains": 1}, {}, "chains=1 is less than 2"),
-        ({"best_sizes": 0}, {}, "best_sizes=0 is less than 1"),
+        ({"draws": 2.5}, {}, "draws=2.5 must be an integer of at least 1"),
+        ({"best_sizes": 0}, {}, "best_sizes=0 must be an integer of at least 1"),
+        ({"best_sizes": 2.5}, {}, "best_sizes=2.5 must be an integer"),
+        ({"log": "yes"}, {}, "log='yes' must be True or False"),
         ({"group": "house"}, {}, "group names 'house'"),
         ({"group": "rmse"}, {}, "groups of 64 candidates"),
         ({}, {"case": "case99"}, "'case99' is not known"),
@@ -366,6 +369,8 @@ def test_a_seed_repeats_a_fit_and_global_random_states_stay(errors):
         ({}, [(None, 1.0), ("b", 2.0)], "case of row 0 is empty"),
         ({}, [("a", 0.0), ("b", 2.0)], "rmse of row 0 is"),
         ({"chains": 1}, [("a", 1.0), ("b", 2.0)], "chains=1 is less than 2"),
+        ({"draws": 0}, [("a", 1.0), ("b", 2.0)], "draws=0 must be an integer of at least 1"),
+        ({"tune": -1}, [("a", 1.0), ("b", 2.0)], "tune=-1 must be an integer of at least 0"),
     ],
 )
 def test_bad_input_of_a_comparison_is_named(settings, rows, message):

@@ -422,6 +422,8 @@ def test_bad_chains_are_errors(office, output):
         posterior.refuse_bad_chains(good.assign(r_hat=[1.0, np.nan]), "or give a prior")
     with pytest.raises(ValueError, match="chains=1 is less than 2"):
         sample_posterior(output, office.X, office.y, chains=1)
+    with pytest.raises(ValueError, match="draws=0 must be an integer of at least 1"):
+        sample_posterior(output, office.X, office.y, draws=0)
 
 
 # ------------------------------------------------------------------------------------------- numbers without a warning

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit, logit
 
+from ..._arguments import check_integer
 from ..._threads import one_blas_thread
 from .constrained_problem import ConstrainedProblem, free_point
 
@@ -110,7 +111,8 @@ def sample_posterior(
     Raises
     ------
     ValueError
-        If there is one chain only, or the estimator has no likelihood (``objective="multi_step"``).
+        If a number of draws is impossible, there is one chain only, or the estimator has no likelihood
+        (``objective="multi_step"``).
     RuntimeError
         If the chains disagree (R-hat above 1.05) or amount to fewer than 100 independent draws.
 
@@ -120,7 +122,7 @@ def sample_posterior(
     scale within its bounds.  The noise of CONV, ID and OD is integrated out under ``1 / sigma``, as is the weekly
     profile of the periodic model.  The posterior assumes that the disturbance model holds; ``theta_interval`` does not.
     """
-    check_chains(chains)
+    check_sampling(draws, tune, chains)
     constrained = ConstrainedProblem.of(estimator, X, y)
     problem = constrained.problem(search_all=True)
     start, _ = problem.minimum_near(free_point(problem, constrained.estimator._searched_values()))
@@ -156,8 +158,10 @@ def draws_index(chains: int, draws: int) -> pd.MultiIndex:
     return pd.MultiIndex.from_product([range(chains), range(draws)], names=["chain", "draw"])
 
 
-def check_chains(chains: int) -> None:
-    """Raise ValueError for a lone chain."""
+def check_sampling(draws: int, tune: int, chains: int) -> None:
+    """Refuse numbers of draws that no sampler can make, and a lone chain."""
+    for name, value, least in (("draws", draws, 1), ("tune", tune, 0), ("chains", chains, 1)):
+        check_integer(name, value, least)
     if chains < 2:
         raise ValueError(f"chains={chains} is less than 2; only a second chain shows whether the first one mixes.")
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator
 
+from ..._arguments import check_integer
 from ..._transaction import unchanged_on_failure
 from ...forecasting import ModelCase
 from ...identification.uncertainty import posterior
@@ -140,13 +141,15 @@ class PatternExpressiveness(BaseEstimator):
         return self
 
     def _check_parameters(self) -> None:
-        posterior.check_chains(self.chains)
+        posterior.check_sampling(self.draws, self.tune, self.chains)
         if not 0.0 < self.level < 1.0:
             raise ValueError(f"level={self.level!r} is not between 0 and 1.")
         if not self.prior_scale > 0.0:
             raise ValueError(f"prior_scale={self.prior_scale!r} is not positive.")
-        if self.best_sizes is not None and self.best_sizes < 1:
-            raise ValueError(f"best_sizes={self.best_sizes!r} is less than 1; None uses all.")
+        if self.best_sizes is not None:
+            check_integer("best_sizes", self.best_sizes)
+        if not isinstance(self.log, bool | np.bool_):
+            raise ValueError(f"log={self.log!r} must be True or False.")
 
     def _groups(self, table: pd.DataFrame, terms: RegressionTerms) -> np.ndarray | None:
         """Number of the group of each row, or None without groups."""

@@ -100,7 +100,7 @@ class RobustnessComparison(BaseEstimator):
         """
         if not 0.5 < self.level < 1.0:
             raise ValueError(f"level={self.level!r} is not between 0.5 and 1.")
-        posterior.check_chains(self.chains)
+        posterior.check_sampling(self.draws, self.tune, self.chains)
         errors = _errors_by_case(results, [self.by] if isinstance(self.by, str) else list(self.by))
         spreads = _spreads(errors)
         drawn, summary = self._sample(spreads)
