@@ -34,7 +34,7 @@ class Holidays:
         if not self or not len(stamps):
             return day
         local = dates.astype("M8[D]")
-        known = _dates_between(self, stamps[0].year, stamps[-1].year)
+        known = _dates_between(self, stamps.min().year, stamps.max().year)
         place = np.searchsorted(known, local)
         return np.where(known[np.minimum(place, len(known) - 1)] == local, _SUNDAY, day)
 

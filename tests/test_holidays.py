@@ -68,6 +68,13 @@ def test_dates_and_a_country_say_the_same(given):
     assert holiday.sum() == 24 * len(US_2018)  # whole local days, from local midnight on
 
 
+def test_holidays_of_every_year_are_found_in_any_order():
+    days = pd.DatetimeIndex(["2025-01-02", "2024-12-25", "2025-01-01", "2023-12-25", "2025-01-03"])
+    known = read_holidays("US", days)
+    assert known.weekend(days).tolist() == [False, True, True, True, False]
+    assert known.weekend(days[::-1]).tolist() == [False, True, True, True, False]
+
+
 def test_states_differ_from_their_country_and_years_from_each_other():
     pulaski = pd.DatetimeIndex(["2018-03-05", "2019-03-04"])
     np.testing.assert_array_equal(read_holidays("US-IL", YEAR).day_of_week(pulaski), [6, 6])
