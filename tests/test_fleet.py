@@ -12,7 +12,8 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from unittest import mock
 
 import joblib
 import numpy as np
@@ -26,6 +27,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import FleetFolder, FleetPrior, ZoneFleet, dispatch, zone_jobs
 from skhybrid.fleet.fleet_folder import EXAMPLE
+from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.fleet.zone_rows import read_rows
 from skhybrid.model_selection import backtest
@@ -366,7 +368,7 @@ def test_a_full_disk_ends_the_work_and_leaves_no_partial_file(monkeypatch, tmp_p
     monkeypatch.setattr(_files.os, "fsync", full)
     with pytest.raises(OSError, match="cannot write: No space left on device") as said:
         ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN))
-    assert said.value.filename == str(tmp_path / "b%2F1.skops")
+    assert said.value.filename == str(tmp_path / "b%2F1+0.skops")
     assert {p.name for p in tmp_path.iterdir()} == {"a.skops", "a.npz", "fleet.sqlite"}
     monkeypatch.undo()
     assert ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN)).zones_ == ["a", "b/1", "c"]
@@ -396,6 +398,37 @@ X = make_office(n_days=10, sampling_time="1h", start="2024-01-08", random_state=
 tables = {f"zone {i}": X + 0.001 * i for i in range(16)}
 estimator = ARXRegressor()
 """
+
+
+def test_a_full_disk_during_an_update_costs_no_zone(monkeypatch, fleet):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("skhybrid.fleet.model_store._MOST_ROWS", 10)
+    with monkeypatch.context() as disk:
+        disk.setattr("skhybrid.fleet.model_store.save_model", full)
+        with pytest.raises(OSError, match="No space left"):
+            fleet.update(rows(NEW))
+    assert fleet.zones_ == list(ZONES)
+    assert fleet.update(rows(NEW)).zones_ == list(ZONES)
+    assert not fleet.errors_
+
+
+def test_a_kill_between_the_steps_of_a_save_leaves_a_whole_pair(monkeypatch, tmp_path):
+    store, X = ModelStore(tmp_path), ZONES["a"][TRAIN]
+    kept = 0
+    steps = [("skhybrid.fleet.model_store.save_model", 0), ("skhybrid.fleet.journal.Journal.save", 0)]
+    steps += [("pathlib.Path.replace", 1), (None, 1)]  # the second number: whether the new pair is kept
+    for n, (step, holds) in enumerate([(None, 1), *steps, *reversed(steps), *2 * steps[2:]], start=1):
+        model = ARXRegressor(alpha=float(n)).fit(X, X["T_za"])
+        with monkeypatch.context() as kill:
+            if step is not None:
+                kill.setattr(step, mock.Mock(side_effect=KeyboardInterrupt))
+            with nullcontext() if step is None else pytest.raises(KeyboardInterrupt):
+                store.save("a", model, Journal({"n": n}))
+        kept = n if holds else kept
+        found, journal = ModelStore(tmp_path).load("a")
+        assert (found.alpha, journal.facts["n"], store.zones()) == (kept, kept, ["a"])
 
 
 @pytest.mark.slow

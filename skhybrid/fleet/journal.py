@@ -20,7 +20,8 @@ _FRAMES = ("rows", "ahead", "scored")
 class Journal:
     """Facts and rows of a zone, kept beside its model."""
 
-    facts: dict[str, Any]  # fitted, updated: fingerprints; until; training_rmse; fallback: why; days: errors of each
+    #: fitted, updated: fingerprints; until; training_rmse; fallback: why; days: errors of each; turn: see ModelStore
+    facts: dict[str, Any]
     rows: pd.DataFrame = field(default_factory=pd.DataFrame)  # taken in since the model was saved
     ahead: pd.DataFrame = field(default_factory=pd.DataFrame)  # the last forecast: y_pred and its quantiles
     scored: pd.DataFrame = field(default_factory=pd.DataFrame)  # y_true, y_pred and quantiles of the last days

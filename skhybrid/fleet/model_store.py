@@ -18,6 +18,7 @@ from ..persistence import load_model, save_model
 from .journal import Journal
 
 _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
+_NEW_MODEL = ("+0.skops", "+1.skops")  # of a zone, by turns; no name of a zone has a plus, see _file
 _MOST_ROWS = 4000  # of a journal; above it the model is saved with them
 
 
@@ -42,16 +43,23 @@ class ModelStore:
     def load(self, zone: str) -> tuple[Any, Journal]:
         """The model of a zone, which has taken in the rows of its journal where it can, and the journal."""
         journal = self.journal(zone)
-        model = load_model(self._file(zone, _MODEL))
+        new = self._file(zone, _NEW_MODEL[journal.facts.get("turn", 0)])
+        model = load_model(new if new.exists() else self._file(zone, _MODEL))
         if len(journal.rows) and hasattr(model, "update"):
             model.update(journal.rows)
         return model, journal
 
     def save(self, zone: str, model: Any, journal: Journal) -> None:
         """Keep a model that holds all rows that its zone has taken in."""
-        self._file(zone, _JOURNAL).unlink(missing_ok=True)  # a zone without one is not finished
-        save_model(model, self._file(zone, _MODEL))
+        # A model is the file of its journal's turn, or the usual one where that is absent.  Each step is atomic: until
+        # the journal is replaced the old pair holds, since the file of the other turn is not read; then the new pair,
+        # under either name.  A file that a kill left is written anew before its turn comes, and never read before.
+        turn = 1 - self.journal(zone).facts.get("turn", 0) if self.has(zone) else 0
+        new = self._file(zone, _NEW_MODEL[turn])
+        save_model(model, new)
+        journal.facts["turn"] = turn
         journal.save(self._file(zone, _JOURNAL))
+        new.replace(self._file(zone, _MODEL))
 
     def keep(self, zone: str, model: Any, journal: Journal) -> None:
         """Keep what a zone has taken in: in the journal alone, as long as that is short."""
