@@ -28,16 +28,28 @@ COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
 
 def test_a_schedule_by_the_clock():
     index = pd.date_range("2024-01-05", periods=48, freq="1h")
-    free = np.asarray(index.day_of_week >= 5)
     made = Schedule.of_tables({"heat": {"6:00": 21, "22:00": 17}, "cool": 26, "weekend": {"heat": 16}})
-    band = made.band(index, free)
+    band = made.band(index)
     assert band["T_heat_set"].iloc[[0, 5, 6, 21, 22, 23]].tolist() == [17, 17, 21, 21, 17, 17]
     assert (band["T_heat_set"].iloc[24:] == 16).all()
     assert (band["T_cool_set"].iloc[:24] == 26).all()
     assert (band["T_cool_set"].iloc[24:] == 26).all()  # as on weekdays
     assert Schedule.of_text("6:00=21,22:00=17;26").heat == {360: 21.0, 1320: 17.0}
     assert Schedule.of_text("21").cool == {}
-    assert list(Schedule.of_text("21").band(index, free)) == ["T_heat_set"]
+    assert list(Schedule.of_text("21").band(index)) == ["T_heat_set"]
+
+
+def test_a_set_point_holds_into_a_weekend_and_out_of_it():
+    week, weekend = {"6:00": 21, "18:00": 16}, {"8:00": 22, "23:00": 19}
+    made = Schedule.of_tables({"heat": week, "cool": 26, "weekend": {"heat": weekend}})
+    clock = pd.date_range("2024-03-01 01:00", "2024-03-07 07:00", freq="1h", tz="Europe/Amsterdam")  # from a Friday
+    found = made.band(clock, ["2024-03-05"])["T_heat_set"]  # a Tuesday
+    expected = {"01 01": 16, "02 05": 16, "02 07": 16, "02 08": 22, "03 01": 19, "03 07": 19, "04 05": 19, "04 06": 21}
+    expected |= {"05 01": 16, "05 07": 16, "05 08": 22, "06 05": 19, "06 06": 21, "07 05": 16}
+    assert found[[f"{t:%d %H}" in expected for t in clock]].tolist() == list(expected.values())
+    assert made.band(clock[25:26])["T_heat_set"].tolist() == [16.0]  # alone, on Saturday at 02:00
+    with pytest.raises(ValueError, match="heats to 19 and cools to 18 degC at 0:00"):
+        Schedule.of_tables({"heat": week, "cool": {"0:00": 18, "6:00": 26}, "weekend": {"heat": weekend, "cool": 26}})
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ _KINDS = ("price", "weekend", "currency")
 
 
 class Tariff(NamedTuple):
-    """Prices of a kWh by the minute of the day."""
+    """Prices of a kWh by the minute of the day; those of a weekend begin and end at midnight."""
 
     price: dict[int, float]
     weekend: dict[int, float]  # of weekends and holidays

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._holidays import read_holidays
+from .._table import SETPOINT_ROLES
 from .._time import wall_clock
 
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
@@ -49,11 +50,13 @@ class Schedule(NamedTuple):
             )
         at_weekend = cls.of_tables(own | dict(weekend), "[thermostat] weekend") if weekend else None
         found = cls(sides[0], sides[1], at_weekend)
-        heat, cool = (at_minute(side, np.arange(1440)) for side in sides)
+        before, free, minute = np.indices((2, 2, 1440)).reshape(3, -1)
+        heat, cool = (found._side(side, minute, free == 1, before == 1) for side in (0, 1))
         if (heat > cool).any():
-            at = int(np.argmax(heat > cool))
+            row = int(np.argmax(heat > cool))
+            at = minute[row]
             raise ValueError(
-                f"the thermostat heats to {heat[at]:g} and cools to {cool[at]:g} degC at {at // 60}:{at % 60:02d}; "
+                f"the thermostat heats to {heat[row]:g} and cools to {cool[row]:g} degC at {at // 60}:{at % 60:02d}; "
                 "swap or mend them."
             )
         return found
@@ -70,19 +73,29 @@ class Schedule(NamedTuple):
             raise ValueError("--setpoint is empty; give the heating and the cooling set-point, such as 21,24.")
         return made
 
-    def band(self, index: pd.DatetimeIndex, free: np.ndarray) -> pd.DataFrame:
+    def band(self, index: pd.DatetimeIndex, holidays: Any = None) -> pd.DataFrame:
         """Set-points [degC] of some rows as ``T_heat_set`` and ``T_cool_set``, without a column for a side not given.
 
         Parameters
         ----------
         index : DatetimeIndex of n rows, in local time
-        free : ndarray (n,) of bool, weekends and holidays
+        holidays : str or list of dates, optional
+            As for :class:`skhybrid.HybridPredictor`; they are days of the weekend.
         """
-        minute, columns = minutes(index), {}
-        for role, side in (("T_heat_set", 0), ("T_cool_set", 1)):
-            if self[side]:
-                columns[role] = np.where(free, *(at_minute(one[side], minute) for one in (self.weekend or self, self)))
+        local = wall_clock(index)
+        free, before = (free_days(holidays, days) for days in (local, local - pd.Timedelta("1D")))
+        roles = [(role, side) for side, role in enumerate(SETPOINT_ROLES) if self[side]]
+        columns = {role: self._side(side, minutes(index), free, before) for role, side in roles}
         return pd.DataFrame(columns, index=index)
+
+    def _side(self, side: int, minute: np.ndarray, free: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Set-points (n,) of a side, by whether the days (n,) and those before them are of the weekend."""
+        week, weekend = self[side], (self.weekend or self)[side]
+        if not week:
+            return np.full(len(minute), np.nan)
+        early = minute < np.where(free, min(weekend), min(week))
+        clock = np.where(early, -1, minute)  # the last of a day
+        return np.where(np.where(early, before, free), at_minute(weekend, clock), at_minute(week, clock))
 
 
 def _of_text(side: str) -> Any:
@@ -122,11 +135,11 @@ def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None
 
 
 def at_minute(values: dict[int, float], minute: np.ndarray) -> np.ndarray:
-    """Values at some minutes of the day; NaN where there are none."""
+    """Values at some minutes of the day, before the first clock time the last; NaN where there are none."""
     if not values:
         return np.full(len(minute), np.nan)
     starts, held = np.array(list(values)), np.array(list(values.values()))
-    return held[np.searchsorted(starts, minute, side="right") - 1]  # -1: the last of the day before
+    return held[np.searchsorted(starts, minute, side="right") - 1]
 
 
 def minutes(index: pd.DatetimeIndex) -> np.ndarray:

@@ -11,7 +11,7 @@ import pandas as pd
 from .._table import is_plant, listed
 from ..datasets import weather_on_steps
 from ..study.settings import Settings
-from ..study.thermostat import Schedule, free_days
+from ..study.thermostat import Schedule
 from ..study.zone_part import roles_of
 
 Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone
@@ -120,15 +120,15 @@ def _setpoints(
             f"nothing says what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
             f"configuration, or fill in {names} in the rows ahead."
         )
-    free = free_days(settings.holidays, index)
     if isinstance(found, Schedule) and not settings.zones:
-        return found.band(index, free)
+        return found.band(index, settings.holidays)
     by_zone = dict.fromkeys(settings.zones, found) if isinstance(found, Schedule) else found
     run = [zone for zone in settings.zones if any(map(is_plant, roles_of(plant, settings, zone)))]
     absent = [zone for zone in run if zone not in by_zone]
     if absent:
         raise ValueError(f"the zone {absent[0]!r} has no set-point; give one for all, or --setpoint {absent[0]}:21,24.")
-    return pd.concat([by_zone[zone].band(index, free).add_suffix(f"_{zone}") for zone in run], axis=1)
+    bands = [by_zone[zone].band(index, settings.holidays).add_suffix(f"_{zone}") for zone in run]
+    return pd.concat(bands, axis=1)
 
 
 def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex) -> pd.DataFrame:
