@@ -45,6 +45,16 @@ def is_history(role: object) -> bool:
     return role in HISTORY_ROLES or str(role).startswith("T_za_")
 
 
+def is_set_point(role: object) -> bool:
+    """Whether a role is a thermostat's set-point, or that of a zone: an input over the step, though a temperature."""
+    return str(role).startswith(SETPOINT_ROLES)
+
+
+def is_instant(role: object) -> bool:
+    """Whether a role is a value at its stamp, as temperatures are; anything else acts over the step."""
+    return str(role).startswith("T_") and not is_set_point(role)
+
+
 def is_plant(role: object) -> bool:
     """Whether a role is heating or cooling."""
     return str(role).startswith(("u_", "Q_"))

@@ -34,6 +34,8 @@ from ._columns import checked_columns as checked_columns
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns
 from ._columns import is_history as is_history
+from ._columns import is_instant as is_instant
+from ._columns import is_set_point as is_set_point
 from ._columns import listed as listed
 from ._columns import numeric as numeric
 from ._columns import refuse_huge as refuse_huge

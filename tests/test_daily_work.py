@@ -270,6 +270,30 @@ def test_set_points_without_a_unit_are_read_by_their_values(tmp_path, units):
     np.testing.assert_allclose(frame[["T_heat_set", "T_cool_set", "T_cool_set_hall"]].iloc[0], [20.0, 22.0, 21.0])
 
 
+def test_columns_of_a_right_labelled_log_keep_their_own_time(tmp_path):
+    """An hourly mean moves by its hour, a stage and its set-point by a row; a meter and what is held do not move."""
+    index = pd.date_range("2024-01-01", periods=20 * 96 + 1, freq="15min", name="time")
+    row = np.arange(len(index))
+    heats, sun = (row // 7) % 3 == 1, np.clip(np.sin((row - 24) / 48 * np.pi), 0.0, None)
+    log = pd.DataFrame({"room": 20.0, "out": 5.0}, index)
+    log["stage"], log["low"] = np.append(0, heats[:-1]), np.where(np.append(False, heats[:-1]), 21.0, 17.0)
+    log["sun"] = pd.Series(sun, index).rolling(4).mean().shift().where(index.minute == 0)
+    log["meter"] = pd.Series(np.append(0.0, np.cumsum(heats[:-1])) + 500.0, index).where(index.minute % 30 == 0)
+    log["high"] = np.where(row % 32 == 9, 26.0 + row // 32 % 2, np.nan)  # by change
+    log.to_csv(tmp_path / "log.csv")
+    columns = {"T_za": "room", "T_oa": "out", "u_heat": "stage", "T_heat_set": "low", "q_sol": "sun"}
+    columns |= {"Q_fan": "meter", "T_cool_set": "high"}
+    given = {"columns": columns, "units": {"Q_fan": "kWh counter"}, "step": "15min", "label": "right"}
+    frame = read_log(tmp_path / "log.csv", settings_from(given))[0].iloc[96:-96]
+    stage = heats[96 : 96 + len(frame)]
+    np.testing.assert_array_equal(frame["u_heat"], stage)
+    np.testing.assert_array_equal(frame["T_heat_set"], np.where(stage, 21.0, 17.0))
+    np.testing.assert_allclose(frame["Q_fan"], 4.0 * np.repeat(stage.reshape(-1, 2).mean(1), 2))
+    hourly = sun[96 : 96 + len(frame)].reshape(-1, 4).mean(1)
+    np.testing.assert_allclose(frame["q_sol"], np.repeat(hourly, 4), atol=1e-9)
+    assert (frame.index[1:][np.diff(frame["T_cool_set"]) != 0.0] == index[96:-96][row[96:-96] % 32 == 9]).all()
+
+
 def test_strict_counts_warnings(folder, capsys):
     arguments = ["check", str(folder / "log.csv")]
     assert main(arguments) == 0
@@ -369,6 +393,9 @@ def test_rows_ahead_by_a_plan_or_by_the_clock():
     hourly = weather.assign(T_heat_set=[15.0, 16.0, 17.0, 21.0, 22.0, 23.0])  # at 10:00 ... 15:00
     of_weather = rows_ahead(settings, origin, inputs, weather=hourly, plan=plan[[]]).frame["T_heat_set"]
     assert of_weather.tolist() == [17.0] * 3 + [21.0] * 4 + [22.0]
+    finer = hourly.resample("5min").interpolate()  # a step has the mean of its rows
+    of_finer = rows_ahead(settings, origin, inputs, weather=finer, plan=plan[[]]).frame["T_heat_set"]
+    np.testing.assert_allclose(of_finer, finer["T_heat_set"].resample("15min").mean().reindex(of_finer.index))
     of_log = rows_ahead(settings, origin, inputs, weather=hourly, plan=plan[[]].assign(T_heat_set=19.0))
     assert (of_log.frame["T_heat_set"] == 19.0).all()
     with pytest.raises(ValueError, match=r"T_heat_set \(set-point\) is missing in 5 of the rows ahead.*13:00"):

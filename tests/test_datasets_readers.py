@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.datasets import read_zone_csv
+from skhybrid.logs import to_left_label
 from skhybrid.logs.stamps import _is_first_pass
 
 
@@ -188,6 +189,32 @@ def test_right_labels_across_a_gap(write):
     expected = {"00:15": (0, 1), "00:30": (1, 2), "00:45": (2, np.nan), "01:45": (np.nan, 3), "02:00": (3, 4)}
     assert [f"{t:%H:%M}" for t in frame.index] == list(expected)
     np.testing.assert_allclose(frame.to_numpy(), np.array(list(expected.values())))
+
+
+def test_right_labels_move_each_column_by_its_own_interval(write):
+    index = pd.date_range("2024-03-30", periods=193, freq="15min", tz="Europe/Amsterdam")
+    late, n = index[4:], np.arange(189.0)
+    log = pd.DataFrame({"T_za": n, "Q_hvac": n, "q_sol": n, "u_heat": n}, late)
+    log["q_sol"] = log["q_sol"].where(late.minute == 0)  # an hour's mean at the end of the hour
+    log["u_heat"] = log["u_heat"].where(late.minute % 30 == 0)
+    log.loc[late[[4, 5, 8]], ["u_heat", "q_sol"]] = np.nan
+    frame = read_zone_csv(write(log.to_csv(index_label="time")), timezone="Europe/Amsterdam", label="right")
+    for name, hours in (("T_za", 0.0), ("Q_hvac", 0.25), ("u_heat", 0.5), ("q_sol", 1.0)):
+        moved = log[name].dropna()
+        moved.index -= pd.Timedelta(hours=hours)
+        moved = moved[(moved.index >= late[0]) & (moved.index < late[-1])]
+        assert frame[name].dropna().equals(moved.rename_axis("time")), name
+    assert (frame.index == late[:-1]).all()
+
+
+def test_right_labels_move_set_points_and_leave_what_stays():
+    index = pd.date_range("2024-01-01 01:00", periods=4, freq="1h")
+    wanted = [17.0, 17.0, 21.0, 21.0]
+    log = pd.DataFrame({"T_heat_set": wanted, "T_cool_set_hall": wanted, "T_oa": wanted, "u_heat": wanted}, index)
+    moved = to_left_label(log[::-1], ["u_heat"])
+    assert moved["T_heat_set"].tolist() == moved["T_cool_set_hall"].tolist() == [17.0, 21.0, 21.0]
+    assert moved["T_oa"].tolist() == moved["u_heat"].tolist() == [17.0, 17.0, 21.0]
+    pd.testing.assert_frame_equal(to_left_label(log, list(log)), log)
 
 
 # ------------------------------------------------------------------------------------------------------------ errors

@@ -38,6 +38,21 @@ def test_a_shorter_step_holds_inputs_and_never_invents_history(log):
     assert out["T_za"][known].tolist() == log["T_za"].tolist()
 
 
+@pytest.mark.parametrize("held", [(), ("T_heat_set", "T_heat_set_hall")])
+def test_a_set_point_counts_over_the_step(held):
+    """Beside the heat that it causes, not at the stamps as a temperature."""
+    index = pd.date_range("2024-01-01 05:00", periods=36, freq="5min")
+    wanted = np.where(np.arange(36) < 13, 17.0, 21.0)  # from 06:05 on
+    log = pd.DataFrame({"T_za": 18.0, "T_heat_set": wanted, "T_heat_set_hall": wanted}, index)
+    sides = ["T_heat_set", "T_heat_set_hall"]
+    hourly = regularize(log, "1h", held=held)[sides]
+    np.testing.assert_allclose(hourly, [[17.0] * 2, [(17 + 11 * 21) / 12] * 2, [21.0] * 2])
+    rising = log[sides].iloc[::12].assign(T_heat_set=[17.0, 17.0, 21.0], T_heat_set_hall=[17.0, 17.0, 21.0])
+    refined = regularize(rising.assign(T_za=18.0), "30min", held=held)[sides].dropna()
+    assert refined["T_heat_set"].iloc[:5].tolist() == [17.0, 17.0, 17.0, 17.0, 21.0]
+    assert refined["T_heat_set"].equals(refined["T_heat_set_hall"])
+
+
 def test_uneven_stamps_weigh_by_time():
     index = pd.DatetimeIndex(["2024-01-01 00:00", "2024-01-01 00:04", "2024-01-01 00:10", "2024-01-01 00:15"])
     frame = pd.DataFrame({"u_heat": [1.0, 0.0, 0.5, 0.0]}, index=index)
@@ -180,9 +195,9 @@ def test_a_set_point_holds_over_a_weekend():
     log = pd.DataFrame({"T_oa": 5.0, "T_heat_set": np.nan, "T_cool_set": np.nan, "u_heat": np.nan}, index)
     log.iloc[0, 1:] = [16.0, 26.0, 1.0]
     out = regularize(log, held=["T_heat_set", "T_cool_set", "u_heat"])
-    assert out[["T_heat_set", "T_cool_set"]].notna().sum().tolist() == [7 * 24 + 1] * 2
+    assert out[["T_heat_set", "T_cool_set"]].notna().sum().tolist() == [7 * 24] * 2
     assert out["u_heat"].notna().sum() == 24
-    assert regularize(log, held=["T_heat_set"], max_hold="9D")["T_heat_set"].notna().sum() == 9 * 24 + 1
+    assert regularize(log, held=["T_heat_set"], max_hold="9D")["T_heat_set"].notna().sum() == 9 * 24
 
 
 def test_held_columns_beside_sampled_ones(log):

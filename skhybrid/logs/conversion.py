@@ -84,25 +84,24 @@ def is_energy(unit: str | None) -> bool:
     return unit in ENERGY or unit in COUNTERS
 
 
-def to_roles(raw: RawLog, channels: list[Channel], label: str = "left") -> pd.DataFrame:
+def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
     """Columns by role in the units of the data contract, at the stamps of the log.
 
     Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
-    contract does not have keeps its numbers.  With the ``label`` "right" a counter's power stands in the row that ends
-    it, as all other means do.
+    contract does not have keeps its numbers.  A counter's power begins at its reading, whatever the label of the log.
 
     Raises
     ------
     ValueError
         If a unit does not suit its role.
     """
-    return pd.DataFrame({c.role: _converted(raw, c, label) for c in channels}, index=raw.frame.index)
+    return pd.DataFrame({c.role: _converted(raw, c) for c in channels}, index=raw.frame.index)
 
 
-def _converted(raw: RawLog, channel: Channel, label: str) -> np.ndarray:
+def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
     if (counter := counter_of(raw, channel)) is not None:
-        values = power_of_counter(counter, label)
+        values = power_of_counter(counter)
     elif channel.role.startswith("Q_") and unit in ENERGY:
         values = ENERGY[unit] * series.to_numpy(dtype=np.float64) / row_hours(series)
     elif unit in TIMES and channel.role.startswith("u_"):
@@ -114,6 +113,11 @@ def _converted(raw: RawLog, channel: Channel, label: str) -> np.ndarray:
     else:
         values = convert(series.to_numpy(dtype=np.float64), conversion_of(unit, channel.role))
     return values * channel.scale
+
+
+def roles_without_label(raw: RawLog, channels: list[Channel]) -> list[str]:
+    """Roles whose values begin at their stamps, whatever the label: those logged by change, and powers of counters."""
+    return [c.role for c in channels if c.name in raw.held or counter_of(raw, c) is not None]
 
 
 def counter_of(raw: RawLog, channel: Channel) -> pd.Series | None:

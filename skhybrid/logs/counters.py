@@ -26,8 +26,8 @@ def is_counter(values: pd.Series) -> bool:
     return bool(slow or ((steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS))
 
 
-def power_of_counter(readings: pd.Series, label: str = "left") -> np.ndarray:
-    """Readings of a counter [kWh] as mean power over each row [kW].
+def power_of_counter(readings: pd.Series) -> np.ndarray:
+    """Readings of a counter [kWh] as mean power from each to the next [kW].
 
     What :func:`counter_jumps` finds is missing, as are falls: the counter was set to zero, or replaced.
     """
@@ -38,8 +38,7 @@ def power_of_counter(readings: pd.Series, label: str = "left") -> np.ndarray:
     hours = np.append(hours_between(known), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         power = pd.Series(np.where((used < 0.0) | replaced, np.nan, used / hours), index=known.index)
-    power = power[~power.index.duplicated()].reindex(readings.index)
-    return (power.shift() if label == "right" else power).to_numpy()
+    return power[~power.index.duplicated()].reindex(readings.index).to_numpy()
 
 
 def counter_jumps(readings: pd.Series) -> pd.DatetimeIndex:

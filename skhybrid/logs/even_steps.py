@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_history, numeric
+from .._table import is_history, is_instant, is_set_point, numeric
 from .._time import duration_from_zero, positive_duration, spell
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
-_CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
+CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
 _SET_POINT_HOLD = pd.Timedelta("7D")  # a set-point stays in force until the next, also over a weekend
 _MOST_ROWS = 40_000_000  # more than a year of one-second steps comes from a mistaken step or stamp
 
@@ -105,11 +105,11 @@ def regularize(
 
     Notes
     -----
-    An input (anything but a temperature) becomes its time-weighted mean over the step: a row holds until the next one,
-    or for one source step before a gap, and a step that is less than half covered is missing.  A boundary temperature
-    (``T_...``) is interpolated linearly.  History (``T_za``, ``T_za_<zone>``, ``zeta``) takes the measurement nearest
-    to the stamp and is never filled, so no later measurement leaks into it.  A held temperature is the last value at
-    the stamp.
+    An input (a set-point, or anything but a temperature) becomes its time-weighted mean over the step: a row holds
+    until the next one, or for one source step before a gap, and a step that is less than half covered is missing.  A
+    boundary temperature (``T_...``) is interpolated linearly.  History (``T_za``, ``T_za_<zone>``, ``zeta``) takes the
+    measurement nearest to the stamp and is never filled, so no later measurement leaks into it.  A held temperature is
+    the last value at the stamp.
     """
     _check_frame(frame)
     _check_held(frame, held)
@@ -125,7 +125,7 @@ def regularize(
     raw = {
         name: _held_column(name, numeric(ordered[name]), stamps, grid, target, hold)
         if name in held
-        else _resample_column(name, numeric(ordered[name]), stamps, grid, target, source)
+        else resample_column(name, numeric(ordered[name]), stamps, grid, target, source)
         for name in names
     }
     hours = stamp_hours(grid)
@@ -236,7 +236,7 @@ def _seconds(index: pd.DatetimeIndex, grid: pd.DatetimeIndex, known: np.ndarray)
     return (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
 
 
-def _resample_column(
+def resample_column(
     name: str,
     values: np.ndarray,
     index: pd.DatetimeIndex,
@@ -244,7 +244,7 @@ def _resample_column(
     step: pd.Timedelta,
     source: pd.Timedelta,
 ) -> np.ndarray:
-    """One column at the even stamps; NaN where the log has no data."""
+    """One column at even stamps, from rows about ``source`` apart; NaN where the log has no data."""
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(grid), np.nan)
@@ -253,7 +253,7 @@ def _resample_column(
         return _nearest(wanted, logged, values[known], min(step, source).total_seconds() / 2)
     # a column may be logged less often than the others
     own = (typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
-    if str(name).startswith("T_"):
+    if is_instant(name):
         return _interpolated(wanted, logged, values[known], own)
     return _time_weighted_means(wanted, logged, values[known], step.total_seconds(), own)
 
@@ -271,8 +271,8 @@ def _held_column(
     if not known.any():
         return np.full(len(grid), np.nan)
     wanted, logged = _seconds(index, grid, known)
-    longest = (max(hold, _SET_POINT_HOLD) if str(name).startswith(SETPOINT_ROLES) else hold).total_seconds()
-    if str(name).startswith("T_") or is_history(name):
+    longest = (max(hold, _SET_POINT_HOLD) if is_set_point(name) else hold).total_seconds()
+    if is_instant(name) or is_history(name):
         last = np.searchsorted(logged, wanted, side="right") - 1
         inside = (last >= 0) & (wanted - logged[last] <= longest)
         return np.where(inside, values[known][last], np.nan)
@@ -297,7 +297,7 @@ def _interpolated(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, so
     after = np.searchsorted(logged, wanted)
     left, right = logged[np.clip(after - 1, 0, None)], logged[np.clip(after, None, len(logged) - 1)]
     near = np.minimum(np.abs(wanted - left), np.abs(right - wanted)) <= source / 2
-    inside = (after > 0) & (after < len(logged)) & (right - left <= _CONTIGUOUS * source)
+    inside = (after > 0) & (after < len(logged)) & (right - left <= CONTIGUOUS * source)
     return np.where(inside | near, line, np.nan)
 
 
@@ -306,7 +306,7 @@ def _time_weighted_means(
 ) -> np.ndarray:
     """Means over [t, t + step) of a signal that holds each logged value until the next one."""
     spacing = np.append(np.diff(logged), source)
-    return _means(wanted, logged, values, step, np.where(spacing <= _CONTIGUOUS * source, spacing, source))
+    return _means(wanted, logged, values, step, np.where(spacing <= CONTIGUOUS * source, spacing, source))
 
 
 def _means(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, step: float, held: np.ndarray) -> np.ndarray:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from .._table import role_of
+from .._table import is_instant, role_of
 from ..preprocessing._units import conversion_of, convert
+from .even_steps import CONTIGUOUS, typical_step, usual_step
 from .stamps import cell, find_stamp_column, in_zone, line, parse_stamps
 
 
@@ -40,7 +41,8 @@ def read_zone_csv(
         In the hour that occurs twice in autumn, stamps are summer time until the clock goes back.
     label : {"left", "right"}
         Whether a row is stamped with the start or the end of the interval that its means cover.  Right-labelled means
-        move to the start of their interval; temperatures are values at the stamp and stay there.
+        and set-points move to the start of their interval, each column by its own; temperatures are values at the
+        stamp and stay there.
     units : dict of role to unit, optional
         Units of the log that differ from the contract's: ``{"T_oa": "degF", "q_sol": "W/m2", "u_heat": "percent"}``.
     time_column : str, optional
@@ -81,13 +83,16 @@ def read_zone_csv(
     return to_left_label(frame) if label == "right" else frame
 
 
-def to_left_label(frame: pd.DataFrame) -> pd.DataFrame:
+def to_left_label(frame: pd.DataFrame, stay: Collection[str] = ()) -> pd.DataFrame:
     """Move right-labelled means to the start of their interval; temperatures stay, rows without a counterpart go.
 
     Parameters
     ----------
     frame : DataFrame of at least two rows
-        Columns by role at the stamps that end their intervals, each stamp once.
+        Columns by role at the stamps that end their intervals, each stamp once.  A column may have values in some of
+        the rows only: the interval of a mean is that of its column.  Set-points are those of the interval, as stages.
+    stay : collection of str
+        Columns whose values begin at their stamps, such as those that were logged by change.
 
     Returns
     -------
@@ -99,24 +104,34 @@ def to_left_label(frame: pd.DataFrame) -> pd.DataFrame:
     ValueError
         If there are fewer than two rows, or a stamp appears twice.
     """
-    instant = [c for c in frame if str(c).startswith("T_")]
-    means = frame.drop(columns=instant)
     if len(frame) < 2:
         raise ValueError("a right-labelled log needs at least two rows, which show its step.")
     if not frame.index.is_unique:
         twice = frame.index[frame.index.duplicated()][0]
         raise ValueError(f"the time stamp {twice} appears twice in a right-labelled log; keep one of the rows.")
-    stamps = pd.DatetimeIndex(frame.index)
-    ticks = stamps.as_unit("ns").asi8
-    step = int(np.median(np.diff(ticks)))
-    # a mean moves to the row before it; after a gap there is none, so it gets a row of its own
-    begin = np.where(np.diff(ticks) < 1.5 * step, ticks[:-1], ticks[1:] - step)
-    start = pd.DatetimeIndex(begin.astype("datetime64[ns]"), tz=None if stamps.tz is None else "UTC")
-    start = (start if stamps.tz is None else start.tz_convert(stamps.tz)).as_unit(stamps.unit).rename(stamps.name)
-    moved = means.iloc[1:].set_axis(start, axis=0)
-    if not instant:
-        return moved
-    return frame[instant].iloc[:-1].join(moved, how="outer")[list(frame.columns)]
+    frame = frame.sort_index()
+    usual, stamps = usual_step(frame), pd.DatetimeIndex(frame.index)
+    means = {
+        name: _from_its_start(values.dropna(), usual)
+        for name, values in frame.items()
+        if not is_instant(name) and name not in stay
+    }
+    if not means:
+        return frame
+    index = stamps[:-1]
+    for moved in means.values():
+        index = index.union(pd.DatetimeIndex(moved.index))
+    index = index[(index >= stamps[0]) & (index < stamps[-1])]
+    return pd.DataFrame({name: means.get(name, values).reindex(index) for name, values in frame.items()})
+
+
+def _from_its_start(means: pd.Series, usual: pd.Timedelta) -> pd.Series:
+    """Means that end at their stamps, at the end of the one before; after a gap one step of their own earlier."""
+    ends = pd.DatetimeIndex(means.index)
+    own = typical_step(ends) if len(ends) > 2 else usual
+    before = ends[np.arange(len(ends)) - 1]
+    follows = (ends > before) & (ends - before < CONTIGUOUS * own)
+    return means.set_axis(before.where(follows, (ends - own).as_unit(ends.unit)), axis=0)
 
 
 def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from .._table import HISTORY_ROLES, SETPOINT_ROLES, is_plant, numeric, refuse_in
 from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
-from ..logs.conversion import Channel, channels_of, to_roles
+from ..logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import standstills, unit_switch, without_standstills
 from ..logs.zone_csv import to_left_label
@@ -81,10 +81,11 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     FileNotFoundError, ValueError
         If the file does not exist or cannot be read with these settings.
     """
-    frame, channels, changed = read_by_role(path, settings)
+    log = read_by_role(path, settings)
+    frame = log.frame
     if settings.label == "right":
-        frame = to_left_label(frame.sort_index(kind="stable"))
-    frame, report = on_even_steps(frame, settings, [c.role for c in channels if c.name in changed])
+        frame = to_left_label(frame, log.without_label)
+    frame, report = on_even_steps(frame, settings, log.held)
     if 2 * report.step < report.source_step:  # then T_za is missing in most rows
         given, logged = spell(report.step), spell(report.source_step)
         raise ValueError(
@@ -93,8 +94,17 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     return plant_heat(frame, settings), str(report)
 
 
-def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[Channel], frozenset[str]]:
-    """One column per role at the stamps of the log, its channels, and which of these were logged by change.
+class LogByRole(NamedTuple):
+    """A log with one column per role, at its own stamps."""
+
+    frame: pd.DataFrame
+    channels: list[Channel]
+    held: list[str]  # roles that were logged by change
+    without_label: list[str]  # roles whose values begin at their stamps, whatever the label
+
+
+def read_by_role(path: str | PathLike[str], settings: Settings) -> LogByRole:
+    """One column per role at the stamps of the log.
 
     :func:`plant_heat` comes after the even steps: meters that are logged by change share no stamps.
     """
@@ -104,11 +114,12 @@ def read_by_role(path: str | PathLike[str], settings: Settings) -> tuple[pd.Data
         columns[SETPOINT] = wanted
     raw = read_raw_log(path, settings)
     channels = channels_of(raw, columns, settings.units, settings.scale)
-    frame = to_roles(raw, _with_setpoint_units(channels, raw), settings.label)
+    frame = to_roles(raw, _with_setpoint_units(channels, raw))
     _refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
-    return frame, channels, raw.held
+    held = [c.role for c in channels if c.name in raw.held]
+    return LogByRole(frame, channels, held, roles_without_label(raw, channels))
 
 
 def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:

@@ -119,7 +119,7 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int
         scale = {role: factor for role, factor in settings.scale.items() if role in own}
         frame = LogReport(raw, own, units, scale).frame
         if own and settings.label == "right":
-            frame = to_left_label(frame)
+            frame = to_left_label(frame, [role for role, column in own.items() if column in raw.held])
     index = pd.DatetimeIndex(frame.index)
     if tz is None and index.tz is not None:
         raise ValueError("the weather has a time zone and the log has none; give timezone = in the configuration.")

@@ -39,12 +39,10 @@ def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = 
     """
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
-    frame, channels, changed = read_by_role(path, settings)
-    for channel in channels:
+    log = read_by_role(path, settings)
+    for channel in log.channels:
         _refuse_sums(channel)
-    if changed:
-        frame = on_even_steps(frame, settings, [c.role for c in channels if c.name in changed])[0]
-    frame = plant_heat(frame, settings)
+    frame = plant_heat(on_even_steps(log.frame, settings, log.held)[0] if log.held else log.frame, settings)
     refuse_infinite_columns(frame)
     for role in frame:
         if role_of(str(role)) is not None:

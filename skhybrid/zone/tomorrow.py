@@ -10,6 +10,7 @@ import pandas as pd
 
 from .._table import is_plant, listed
 from ..datasets import weather_on_steps
+from ..logs.even_steps import resample_column
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
 from ..study.zone_part import roles_of
@@ -110,7 +111,7 @@ def _setpoints(
     """Set-points by role: as given, else of the plan, of the weather, or of the settings."""
     known = (rows for rows in (plan, weather) if schedule is None and rows is not None)
     for rows in known:
-        given = {role: _held(rows[role], index) for role in settings.setpoints if role in rows}
+        given = {role: _over_steps(rows[role].dropna(), index, settings) for role in settings.setpoints if role in rows}
         if any(values.notna().any() for values in given.values()):
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
@@ -149,12 +150,14 @@ def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeInd
     return pd.DataFrame(out, index).rename_axis("time")
 
 
-def _held(values: pd.Series, index: pd.DatetimeIndex) -> pd.Series:
-    """Set-points at the rows ahead, each held to the next of its own rows."""
+def _over_steps(values: pd.Series, index: pd.DatetimeIndex, settings: Settings) -> pd.Series:
+    """Set-points over the rows ahead, each held to the next of its own rows."""
     if len(values) < 2:
         return values.reindex(index)
-    row = pd.DatetimeIndex(values.index).to_series().diff().median()
-    return values.reindex(index, method="ffill", tolerance=row - pd.Timedelta("1ns"))
+    stamps, known = pd.DatetimeIndex(values.index), values.to_numpy(dtype=np.float64)
+    row = stamps.to_series().diff().median()
+    found = resample_column(str(values.name), known, stamps, index, pd.Timedelta(settings.step), row)
+    return pd.Series(found, index)
 
 
 def _whole(values: pd.Series, role: str, what: str) -> pd.Series:
