@@ -380,6 +380,7 @@ BAD = {
     "step": ({"sampling_time": "45min"}, "sampling_time"),
     "no draws": ({"n_draws": 0}, "n_draws=0 must be at least 1"),
     "negative theta": ({"theta": THETA | {"C_za": -1.0}}, "theta gives C_za the value -1"),
+    "cooling that heats": ({"theta": THETA | {"Q_c": 6.0}}, "theta gives Q_c the value 6.0; it must be < 0"),
     "absent number": ({"theta": THETA | {"f": np.nan}}, "theta gives f the value nan"),
     "other stamps": ({"setpoints": SET_POINTS[::-1]}, "setpoints bears other time stamps than weather"),
     "no columns": ({"setpoints": SET_POINTS[["T_heat_set"]]}, "setpoints must be a pair"),

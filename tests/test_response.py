@@ -12,6 +12,7 @@ from scipy import signal
 
 from skhybrid import GrayBoxRC, HybridPredictor, RCNetwork, TwoStagePredictor
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import UnitWarning
 from skhybrid.forecasting import DisturbanceForecaster
 from skhybrid.identification import StateSpace, frequency_response, make_state_space, step_response
 from skhybrid.inspection import BodeDisplay, StepResponseDisplay
@@ -107,6 +108,22 @@ def test_an_identification_responds_as_its_state_space():
 def test_what_has_no_response_is_refused():
     with pytest.raises(ValueError, match="theta lacks R_zo, A_win"):
         make_state_space("1R1C", {"C_za": 1.0}, roles=["T_oa", "q_sol"])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [("Q_c", 6.0, "< 0: cooling is negative, write -6.0"), ("f", 1.5, "at most 1"), ("A_win", -3.0, "> 0"),
+     ("R_zo", 0.0, "> 0"), ("C_w", "4", "it must be a number")],
+)  # fmt: skip
+def test_a_parameter_that_cannot_be_is_refused(name, value, message):
+    with pytest.raises(ValueError, match=f"theta gives {name} the value {value!r}; .*{message}"):
+        make_state_space("2R2C", OFFICE | {name: value})
+
+
+def test_a_parameter_may_be_what_a_fit_holds_it_at_and_watts_are_warned_of():
+    assert (make_state_space("2R2C", OFFICE | {"A_win": 0.0, "Q_c": 0.0}).B[:, [1, 3]] == 0).all()
+    with pytest.warns(UnitWarning, match="theta gives Q_h 6000 kW: likely W"):
+        make_state_space("2R2C", OFFICE | {"Q_h": 6000})
     with pytest.raises(ValueError, match="int is neither a StateSpace nor"):
         step_response(3)
 

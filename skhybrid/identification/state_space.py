@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..thermal import RCNetwork
+from ..thermal.parameters import check_known
 from .disturbance_models import measured_rows
 
 
@@ -39,12 +40,8 @@ def checked_theta(network: RCNetwork, theta: Mapping[str, float], roles: Iterabl
     parameters = network.parameters(roles)
     if absent := [p.name for p in parameters if p.name not in theta]:
         raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
-    values = {p.name: float(theta[p.name]) for p in parameters}
-    for p in parameters:
-        value = values[p.name]
-        if not np.isfinite(value) or (p.unit in ("kWh/K", "K/kW") and value <= 0):
-            raise ValueError(f"theta gives {p.name} the value {value:g} [{p.unit}]; C and R must be > 0, all finite.")
-    return values
+    check_known(parameters, theta, "theta", may_be_0=("-", "m2", "kW"))
+    return {p.name: float(theta[p.name]) for p in parameters}
 
 
 def state_space_of(

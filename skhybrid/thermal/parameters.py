@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -157,13 +157,17 @@ def known_values(known: Any) -> dict[str, Any]:
     return values
 
 
-def check_known(parameters: Iterable[Parameter], known: Mapping[str, Any]) -> None:
+def check_known(
+    parameters: Iterable[Parameter], known: Mapping[str, Any], given: str = "known=", may_be_0: Collection[str] = ()
+) -> None:
     """Refuse values that a user gives for parameters and that they cannot have; warn of capacities that look like W.
 
     Parameters
     ----------
     parameters : iterable of Parameter
     known : mapping of name to value; other names are left alone, and None is no value
+    given : what messages call it
+    may_be_0 : units of the parameters that may be 0, as a fit may find them
 
     Raises
     ------
@@ -175,12 +179,12 @@ def check_known(parameters: Iterable[Parameter], known: Mapping[str, Any]) -> No
         if value is None:
             continue
         if not is_number(value):
-            raise ValueError(f"known= gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
-        if value == 0 or (p.transform == "log" and float(value) * p.sign < 0):
+            raise ValueError(f"{given} gives {p.name} the value {value!r}; it must be a number [{p.unit}].")
+        if (value == 0 and p.unit not in may_be_0) or (p.transform == "log" and float(value) * p.sign < 0):
             sign = "other than" if p.transform == "identity" else "<" if p.sign < 0 else ">"
             hint = f": cooling is negative, write {-value}" if value and p.sign < 0 else ""
-            raise ValueError(f"known= gives {p.name} the value {value}; it must be {sign} 0{hint}.")
+            raise ValueError(f"{given} gives {p.name} the value {value}; it must be {sign} 0{hint}.")
         if p.unit == "-" and value > 1:
-            raise ValueError(f"known= gives {p.name} the value {value}; it is a share, at most 1.")
+            raise ValueError(f"{given} gives {p.name} the value {value}; it is a share, at most 1.")
         if p.unit == "kW" and abs(float(value)) >= _LARGEST_CAPACITY:
-            warn_user(f"known= gives {p.name} {value:g} kW: likely W; give it in kW.", UnitWarning)
+            warn_user(f"{given} gives {p.name} {value:g} kW: likely W; give it in kW.", UnitWarning)
