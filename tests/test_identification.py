@@ -14,10 +14,10 @@ from sklearn.exceptions import NotFittedError
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork, _table
 from skhybrid._table import ZoneTable
-from skhybrid.datasets import make_office
+from skhybrid.datasets import make_office, make_weather
 from skhybrid.datasets._office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
-from skhybrid.identification import diagnose
+from skhybrid.identification import diagnose, make_state_space
 from skhybrid.identification.fitting.excitation import fixing_scale, unexcited, warn_scale
 from skhybrid.identification.fitting.starts import start_at
 from skhybrid.identification.rolling_state import advance, identify_again
@@ -154,6 +154,30 @@ def test_without_any_gain_the_building_is_found(kind, office):
 
 
 # ------------------------------------------------------------------------------------------------------- simulation
+def test_id_hardly_depends_on_the_wall_of_the_first_row():
+    """Data of its own model, with the wall 3 K colder than the air in the first row and after a gap."""
+    weather, rng = (
+        make_weather(8, "chicago", start="2023-01-02", step="15min", random_state=0),
+        np.random.default_rng(0),
+    )
+    X = weather[["T_oa", "q_sol"]].assign(Q_hvac=np.repeat(rng.uniform(0, 5, len(weather) // 8), 8))
+    truth = pd.Series(TRUE_THETA).drop(["Q_h", "Q_c"])
+    model = make_state_space("2R2C", truth, roles=X.columns)
+    heat, y = np.cumsum(0.05 * rng.normal(size=len(X))), np.empty(len(X))
+    for k, row in enumerate(X.to_numpy()):
+        if k in (0, 400):
+            s = np.array([15.0, 18.0])
+        y[k] = s[1] + 0.25 / 30 * rng.normal()
+        s = model.A @ s + model.B @ np.append(row, heat[k])
+    keep = np.r_[0:350, 400 : len(X)]
+    found = InputDisturbanceID(n_starts=3, random_state=0).fit(X.iloc[keep], y[keep])
+    away = np.abs(np.log(found.theta_ / truth))
+    assert away[["C_w", "C_za", "R_zw"]].max() < 0.1
+    assert away.max() < 0.3
+    interval = found.theta_interval(0.95)
+    assert ((interval["lower"] < truth) & (truth < interval["upper"])).all()
+
+
 def test_simulate_reproduces_the_office_at_its_own_step():
     """Inputs of a 5-minute table are constant over the step, so the simulation is exact."""
     exact = make_office(n_days=3, sampling_time="5min", noise_std=0.0, random_state=1)

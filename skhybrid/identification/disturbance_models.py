@@ -92,7 +92,7 @@ def _complete(model: Model, C: np.ndarray, s0: np.ndarray, R: float, **rest: np.
 class _Disturbance:
     """Defaults: no Kalman filter runs, and all errors count."""
 
-    weighted: ClassVar[bool] = True  # where measurements are missing, errors count by their variance
+    weighted: ClassVar[bool] = True  # where the variances of errors differ, errors count by them
 
     def filtered(self, n_rows: int) -> int:
         """Rows over which a Kalman filter runs."""

@@ -13,7 +13,7 @@ from .disturbance_models import InputRandomWalk, measurement_variance
 from .experiment import Experiment
 from .gain_filter import GainFilter
 from .least_squares import LeastSquaresIdentifier
-from .one_step_errors import Innovations, scaled_innovations
+from .one_step_errors import Innovations, scaled_innovations, steady_variance
 from .shared_docs import shared_docs
 
 
@@ -22,7 +22,8 @@ class InputDisturbanceID(LeastSquaresIdentifier):
     """Identification with the unmeasured heat as a random-walk state (ID, paper 2.2.2).
 
     A Kalman filter carries the disturbance ``zeta`` [kW] on the disturbed node; the sum of squared one-step errors,
-    weighted by what missing rows add to their variance, is minimised over parameters and the two noise levels.
+    weighted by the variances that the filter expects, is minimised over parameters and the two noise levels.  These
+    differ in the first rows, where the hidden temperatures and ``zeta`` are unknown, and after missing ones.
 
     Parameters
     ----------
@@ -66,6 +67,9 @@ class InputDisturbanceID(LeastSquaresIdentifier):
 
     def _measurement_variance(self, hours: float) -> float:
         return measurement_variance(hours, self.measurement_sd)
+
+    def _steady_variance(self, kalman: GainFilter) -> float:
+        return steady_variance(kalman)
 
     def _walk(self, kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:
         return float(self.disturbance_["sigma_x"]), float(self.disturbance_["sigma_zeta"])

@@ -88,9 +88,10 @@ class LeastSquaresIdentifier(NetworkIdentifier):
         self._store_uncertainty(uncertainty, at_bounds(best.free, problem.searched), idle)
         one_step = problem.one_step
         self.noise_std_ = float(np.sqrt(noise if one_step is problem else one_step.noise(best.free)))
-        if one_step.weighted:  # the residuals are larger than errors that no missing row precedes
-            self.noise_std_ /= float(np.sqrt(one_step.mean_variance(best.free)))
-        return self._make_filter(problem)
+        kalman = self._make_filter(problem)
+        if one_step.weighted:  # the residuals are larger than errors that many measured rows precede
+            self.noise_std_ *= float(np.sqrt(self._steady_variance(kalman) / one_step.mean_variance(best.free)))
+        return kalman
 
     def _make_filter(self, problem: PredictionErrorProblem) -> GainFilter:
         network, experiment = problem.network, problem.experiment
@@ -101,6 +102,10 @@ class LeastSquaresIdentifier(NetworkIdentifier):
 
     def _measurement_variance(self, hours: float) -> float:
         return measurement_variance(hours)
+
+    def _steady_variance(self, kalman: GainFilter) -> float:
+        """Variance of an error that many measured rows precede, in the unit of the problem's variances."""
+        return 1.0
 
     def _walk(self, kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:
         return fit_walk_noise(kalman, experiment)

@@ -201,7 +201,7 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         Notes
         -----
         CONV, ID and OD minimise squares, so that ``std`` is scaled to the training errors (``noise_std_``).  After
-        missing rows ``std`` is larger; a fit of ID or OD weighs its errors by it.
+        missing rows, and in the first rows of ID, ``std`` is larger; a fit of ID or OD weighs its errors by it.
         """
         check_is_fitted(self)
         table = self._measured_table(X, "innovations compare predictions with the measurements")

@@ -61,7 +61,8 @@ _BLOCKS = {
     """,
     "weighted_loss": """
     loss_, noise_std_ : float
-        Sum of squared errors [K2], weighted where rows are missing, and their standard deviation where none is [K].
+        Sum of squared errors [K2], weighted where their variances differ, and their standard deviation where no row is
+        missing [K].
     """,
     "fitted": """
     starts_ : DataFrame

@@ -23,10 +23,10 @@ _MEMORY = 2**25  # memory that the sensitivities of starts evaluated together ma
 class PredictionErrorProblem:
     """Least-squares problem of CONV, ID or OD.
 
-    On complete rows the plain sum of squares is the paper's.  Errors after a missing row are larger: there ID and OD
-    divide each error by the factor that missing rows add to its standard deviation, and multiply all by the geometric
-    mean of these factors.  For OD, n/2 times the logarithm of the sum is then the negative Gaussian log-likelihood, its
-    noise level at the optimum, up to a constant.  Several measured nodes count as if independent.
+    Where some errors are expected to be larger than others, ID and OD divide each by its standard deviation, and
+    multiply all by the geometric mean of these: those of a filter's first rows, and those after a missing row.  n/2
+    times the logarithm of the sum is then the negative Gaussian log-likelihood, its noise level at the optimum, up to a
+    constant.  Elsewhere the plain sum of squares is the paper's.  Several measured nodes count as if independent.
 
     ``free`` are the values of ``searched``; ``fixed`` holds all others.  ``centre`` and ``spread`` are means and
     standard deviations of normal priors on the searched scale, infinite where there is none.
@@ -104,7 +104,9 @@ class PredictionErrorProblem:
 
     @cached_property
     def weighted(self) -> bool:
-        """Whether errors count by their variance: a counted measurement is missing between others of its segment."""
+        """Whether errors count by their variance: a filter's do, others if a measurement between others is missing."""
+        if self.disturbance.weighted and self.disturbance.filtered(len(self.experiment.y)):
+            return True
         seen = [np.flatnonzero(np.isfinite(y)) for segment, first in self._counted for y in segment.outputs[first:].T]
         return self.disturbance.weighted and any(len(rows) and np.ptp(rows) + 1 > len(rows) for rows in seen)
 
@@ -114,8 +116,6 @@ class PredictionErrorProblem:
         for m, (segment, first) in zip(self.models(free, derive), self._counted, strict=True):
             filtered = self.disturbance.filtered(len(segment.y))
             run = one_step_sensitivities(m, segment.inputs, segment.outputs, filtered, self.weighted)
-            if self.weighted and filtered:
-                run = _relative_to_complete(run, m, segment, filtered)
             kept = (values[:, first:] for values in run)
             parts.append([v.reshape(S, v.shape[1] * v.shape[2], *v.shape[3:]) for v in kept])
         if len(parts) == 1:
@@ -123,7 +123,7 @@ class PredictionErrorProblem:
         return Sensitivity(*(np.concatenate(values, axis=1) for values in zip(*parts, strict=True)))
 
     def _errors(self, free: np.ndarray, derive: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Errors that count (S, n), weighted where rows are missing, and their derivatives (S, n, p)."""
+        """Errors that count (S, n), weighted where their variances differ, and their derivatives (S, n, p)."""
         errors, derrors, variances, dvariances = self._run(free, derive)
         if not self.weighted:
             return errors, derrors
@@ -165,13 +165,13 @@ class PredictionErrorProblem:
         return float(np.sum(self.residuals(free) ** 2)) / max(self.n_counted - len(free), 1)
 
     def mean_variance(self, free: np.ndarray) -> float:
-        """Variance that the residuals refer to, in units of that of errors which no missing row precedes."""
+        """Geometric mean of the variances that the model expects of the errors; 1 where they count as they are."""
         if not self.weighted:
             return 1.0
         return float(self._mean_variance(self._run(np.asarray(free)[None], False).variances)[0])
 
     def residuals(self, free: np.ndarray) -> np.ndarray:
-        """Errors that count, (n,) [K]; weighted where rows are missing."""
+        """Errors that count, (n,) [K]; weighted where their variances differ."""
         return self._errors(np.asarray(free)[None], False)[0][0]
 
     def linearised(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -223,13 +223,3 @@ class PredictionErrorProblem:
         for i in range(0, len(starts), together):
             out += minimise_together(self.evaluate, starts[i : i + together], *self.bounds, max_evaluations, tolerance)
         return out
-
-
-def _relative_to_complete(run: Sensitivity, model: Model, segment: Experiment, filtered: int) -> Sensitivity:
-    """Variances in units of those on a complete log, where a filter's first rows are uncertain too."""
-    seen = np.isfinite(segment.outputs)
-    complete = np.where(np.maximum.accumulate(seen, axis=0), 0.0, np.nan)  # from the first measured row on
-    whole = one_step_sensitivities(model, segment.inputs, complete, filtered, True)
-    ratio = np.where(seen, run.variances / whole.variances, 1.0)
-    slope = (run.dvariances - ratio[..., None] * whole.dvariances) / whole.variances[..., None]
-    return run._replace(variances=ratio, dvariances=np.where(seen[..., None], slope, 0.0))
