@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from copy import deepcopy
 
 import numpy as np
@@ -145,6 +146,22 @@ def test_a_short_outage_is_bridged_and_told(frame, zone, earlier, tmp_path):
     assert change < 0.9 * change_alone
     long = day_ahead(zone, frame[:N].drop(frame.index[N - 40 : N - 9]), path, SCHEDULE)
     assert any("starts from the last 9 h, since rows are missing before" in text for text in long.remarks)
+
+
+def test_an_input_that_ends_before_the_temperatures_is_named(frame, zone, tmp_path):
+    path, log = tmp_path / "w.csv", frame[:N].copy()
+    frame[["T_oa", "q_sol"]][N - DAY :].rename_axis("time").to_csv(path)
+    heat = log.columns.get_loc("Q_hvac")
+    log.iloc[-3:, heat] = np.nan
+    said = f"no values of 'heat' since {log.index[-3]}, .* until {log.index[-1]}: forecasts start from {log.index[-4]}"
+    found = day_ahead(zone, log, path, SCHEDULE)
+    assert re.search(said, found.remarks[0])
+    assert found.frame.index[0] == log.index[-3]
+    log.iloc[-13:, heat] = np.nan
+    with pytest.raises(ValueError, match=r"no values of 'heat' since .*: forecasts start from .*; see that they are"):
+        day_ahead(zone, log)  # there is no weather either
+    for rows in (frame[:N], frame[:N].assign(Q_hvac=frame["Q_hvac"][: N - 1])):  # the last step may be under way
+        assert not any("no values" in text for text in day_ahead(zone, rows, path, SCHEDULE).remarks)
 
 
 def test_an_update_goes_on_after_a_short_outage(frame, earlier):

@@ -254,6 +254,13 @@ def test_rows_without_weather_to_come_are_kept_and_the_answer_says_so(log, folde
     assert client.get("/forecast").json()["origin"] == found["forecast_from"]
 
 
+def test_rows_without_an_input_are_named_in_the_answer(log, client):
+    rows = log.iloc[24 * DAYS : 24 * DAYS + 1].assign(Q_hvac=np.nan)
+    found = client.post("/rows", json=as_json(rows)).json()
+    assert found["new_steps"] == 0
+    assert any(f"no values of 'Q_hvac' since {rows.index[0]}" in text for text in found["remarks"])
+
+
 BAD = {
     "not JSON": (b"{", "application/json", 422, "the rows cannot be read: the body: invalid JSON"),
     "no list": (b'{"time": "2018-09-27T00:00:00-06:00"}', "application/json", 422, "input should be a valid array"),

@@ -26,6 +26,8 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
     n_new = zone.update(frame, relearn=relearn)
     if n_new:
         zone.save(model)
+    if (unread := zone.unread(frame)) and not unread.is_step:
+        say.warn(str(unread))
     found = {"new rows": n_new, "known until": str(zone.known_until)}
     if as_json:
         print_json(found)

@@ -11,7 +11,7 @@ from ..study.data import FACADES, NO_ROWS, TRAINING_DAYS
 from ..study.identified_building import describe
 from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.settings import Settings
-from .zone_model import complete_rows
+from .outages import complete_rows
 
 
 def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:

@@ -12,8 +12,8 @@ from ..study.data import train_and_test, with_facades
 from ..study.run import counted
 from ..study.scores import coverage_of, error_table, errors_by_model
 from ..study.settings import Settings
+from .outages import complete_rows
 from .zone_backtest import ZoneBacktest
-from .zone_model import complete_rows
 
 
 def backtest_building(

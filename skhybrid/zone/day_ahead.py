@@ -18,7 +18,7 @@ from ..study.doubts import day_beyond
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
-from .outages import like_index
+from .outages import BRIDGED, like_index
 from .tomorrow import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
@@ -70,12 +70,14 @@ def day_ahead(
     Raises
     ------
     ValueError
-        If the log ends long before its rows ahead, or weather or set-points are missing.
+        If an input ends more than twelve hours before the temperatures, or weather or set-points are missing.
     """
     settings = zone.settings
     frame = log if isinstance(log, pd.DataFrame) else read_log(log, settings)[0]
     history = zone.history(frame)
-    origin = history.index[-1]
+    origin, unread = history.index[-1], zone.unread(frame)
+    if unread is not None and unread.last - origin > BRIDGED:
+        raise ValueError(f"{unread}; see that they are logged again, or fit a model without them.")
     measured = settings.roles_of("T_za")
     later = _not_past(frame[frame.index > origin], measured)
     given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
@@ -89,7 +91,11 @@ def day_ahead(
         .join(ahead.frame[_weather(inputs)])
     )
     out = with_electricity(out, settings).rename_axis("time")
-    remarks = [*zone.remarks_on_outages(frame, history), *_remarks(zone, history, ahead.frame, ahead.planned)]
+    remarks = [
+        *([] if unread is None or unread.is_step else [str(unread)]),
+        *zone.remarks_on_outages(frame, history),
+        *_remarks(zone, history, ahead.frame, ahead.planned),
+    ]
     return DayAhead(out, _summary(out, settings, zone.scaled), tuple(remarks))
 
 

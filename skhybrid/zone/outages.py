@@ -1,12 +1,76 @@
-"""Rows of a log between outages, and the bridges over short ones."""
+"""Rows of a log that a model can read: complete ones between outages, and the bridges over short outages."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+
+from .._table import SETPOINT_ROLES, listed
+from ..logs.log_findings import without_standstills
+from ..study.data import SETPOINT
+
+BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
+
+
+class Unread(NamedTuple):
+    """Rows at the end of a log whose temperatures are known, but not all inputs."""
+
+    inputs: tuple[str, ...]  # names of columns
+    origin: pd.Timestamp  # the last row with all inputs
+    first: pd.Timestamp
+    last: pd.Timestamp
+
+    @classmethod
+    def of(cls, rows: pd.DataFrame, columns: Mapping[str, str]) -> Unread | None:
+        """Of rows of inputs up to the last temperature, with the ``columns`` of a log by role; None if all are known.
+
+        Some row must have all inputs.
+        """
+        missing = rows.isna()
+        n_rows = int(np.argmin(missing.any(axis=1).to_numpy()[::-1]))
+        if not n_rows:
+            return None
+        absent = [str(role) for role, gone in missing.iloc[-n_rows:].any().items() if gone]
+        names = tuple(columns[role] for role in absent if role in columns) or tuple(absent)
+        return cls(names, rows.index[-n_rows - 1], rows.index[-n_rows], rows.index[-1])
+
+    @property
+    def is_step(self) -> bool:
+        """Whether it is the last step only, which may be under way."""
+        return self.first == self.last
+
+    def __str__(self) -> str:
+        return (
+            f"no values of {listed(self.inputs)} since {self.first}, although temperatures are known until "
+            f"{self.last}: forecasts start from {self.origin}"
+        )
+
+
+def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> pd.DataFrame:
+    """Rows with every input, up to the last measured temperature; set-points are filled from the rows before.
+
+    ``measured`` are the roles of the zones' temperatures.
+    """
+    rows = up_to_measured(frame, measured)
+    return rows[rows.drop(columns=list(measured)).notna().all(axis=1)]
+
+
+def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame:
+    """Rows up to the last measured temperature; set-points are filled from the rows before."""
+    measured = list(measured)
+    for role in measured:
+        if role not in frame:
+            raise ValueError(f"the log has no room temperature, {role}.")
+    of_zones = () if measured == ["T_za"] else tuple(f"{role}_" for role in SETPOINT_ROLES)
+    set_points = [role for role in frame if role in SETPOINT_ROLES or str(role).startswith(of_zones)]
+    held = {str(role): frame[role].ffill().bfill() for role in set_points}
+    frame = frame.assign(**{role: without_standstills(frame[role]) for role in measured}, **held)
+    known = np.flatnonzero(frame[measured].notna().any(axis=1).to_numpy())
+    return frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
 
 
 def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:

@@ -200,6 +200,8 @@ class ZoneFolder:
             try:
                 if n_new or n_ahead or why:
                     found = day_ahead(zone, frame, weather, schedule)
+                elif unread := zone.unread(frame):
+                    remarks.append(str(unread))
             except (ValueError, OSError) as error:
                 remarks.append(f"there is no new forecast: {error}")
             origin = zone.history(frame).index[-1]

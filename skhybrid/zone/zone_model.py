@@ -14,18 +14,16 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, is_plant
 from ..exceptions import TooFewDaysError
 from ..hybrid import BuildingPredictor
-from ..logs.log_findings import without_standstills
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import NO_ROWS, SETPOINT, TRAINING_DAYS, with_facades
+from ..study.data import NO_ROWS, TRAINING_DAYS, with_facades
 from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.zone_part import roles_of, rows_of, settings_of
-from .outages import bridged, like_index, stretches
+from .outages import BRIDGED, Unread, bridged, complete_rows, like_index, stretches, up_to_measured
 
 _LEAST_DAYS = 3
-_BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
 _ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
 _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
 
@@ -185,7 +183,7 @@ class ZoneModel:
         rows = pd.DatetimeIndex(self.complete(frame).index)
         until = like_index(self.known_until, rows)
         stamps = pd.DatetimeIndex([until, *rows[rows > until]])
-        wide = np.diff(stamps) > _BRIDGED
+        wide = np.diff(stamps) > BRIDGED
         wide[:1] |= rows[:1] > until + pd.Timedelta(self.settings.step)  # there is no row to bridge from
         return f"rows are missing after {stamps[int(np.argmax(wide))]}" if wide.any() else ""
 
@@ -230,6 +228,16 @@ class ZoneModel:
         """
         return complete_rows(with_facades(frame, self.settings), self.settings.roles_of("T_za"))
 
+    def unread(self, frame: pd.DataFrame) -> Unread | None:
+        """The rows at the end of a log that have a temperature but not all inputs; None where there are none.
+
+        Parameters
+        ----------
+        frame : DataFrame, one column per role
+        """
+        measured = self.settings.roles_of("T_za")
+        return Unread.of(up_to_measured(frame, measured).drop(columns=measured), self.settings.columns)
+
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows.
 
@@ -257,7 +265,7 @@ class ZoneModel:
             raise ValueError(NO_ROWS)
         parts = stretches(rows, pd.Timedelta(self.settings.step))
         rows = parts.pop()
-        while parts and rows.index[-1] - rows.index[0] < _ENOUGH and rows.index[0] - parts[-1].index[-1] <= _BRIDGED:
+        while parts and rows.index[-1] - rows.index[0] < _ENOUGH and rows.index[0] - parts[-1].index[-1] <= BRIDGED:
             rows = self._joined([parts.pop(), rows])
         return rows[rows.index > rows.index[-1] - _HISTORY]
 
@@ -371,21 +379,3 @@ class ZoneModel:
 def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:
     """The temperature of the zone; of several zones a column for each."""
     return rows[settings.roles_of("T_za")] if settings.zones else rows["T_za"]
-
-
-def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> pd.DataFrame:
-    """Rows with every input, up to the last measured temperature; set-points are filled from the rows before.
-
-    ``measured`` are the roles of the zones' temperatures.
-    """
-    measured = list(measured)
-    for role in measured:
-        if role not in frame:
-            raise ValueError(f"the log has no room temperature, {role}.")
-    of_zones = () if measured == ["T_za"] else tuple(f"{role}_" for role in SETPOINT_ROLES)
-    set_points = [role for role in frame if role in SETPOINT_ROLES or str(role).startswith(of_zones)]
-    held = {str(role): frame[role].ffill().bfill() for role in set_points}
-    frame = frame.assign(**{role: without_standstills(frame[role]) for role in measured}, **held)
-    known = np.flatnonzero(frame[measured].notna().any(axis=1).to_numpy())
-    rows = frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
-    return rows[rows.drop(columns=measured).notna().all(axis=1)]
