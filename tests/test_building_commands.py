@@ -194,6 +194,9 @@ def test_a_zone_without_a_plant_needs_no_set_point_and_leaves_others_their_therm
     assert {"Q_hvac_0.1_kitchen", "q_0.1_kitchen", "q_0.1_hall"} <= set(found.frame)
     assert not {"Q_hvac_hall", "T_heat_set_hall"} & set(found.frame)
     assert not any("ideal" in text for text in found.remarks)
+    for given in ("21,24", "hall:22,24"), ("hall:22,24",):
+        with pytest.raises(ValueError, match=r"--setpoint names 'hall', which .*; name one of 'kitchen'\."):
+            day_ahead(model, rows[:N_KNOWN], weather, schedules_of(given, ZONES))
 
 
 def test_a_day_of_a_building_sums_heating_and_cooling_of_each_zone():
@@ -308,4 +311,4 @@ def test_set_points_of_one_zone_are_the_last_given():
     assert schedules_of(("20", "6:00=21,22:00=17;24")).heat == {360: 21.0, 1320: 17.0}
     both = schedules_of(("hall:6:00=21,22:00=17", "20,26"), ["hall", "study"])
     assert both["hall"].heat == {360: 21.0, 1320: 17.0}
-    assert both["study"].cool == {0: 26.0}
+    assert both[""].cool == {0: 26.0}

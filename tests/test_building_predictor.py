@@ -316,6 +316,22 @@ def test_a_room_without_heating_and_a_shared_boiler(rooms):
     assert found.gain[6, :6, 0, 1].sum() > 0.0, "the kitchen's heat reaches the hall"
     load = model.predict_load(tomorrow, {"kitchen": (20.0, None)}, {"kitchen": (0.0, 1.0)})
     assert load["Q_hvac_kitchen"].max() <= 1.0
+    assert [name for name in load if name.endswith("hall")] == ["T_za_hall", "zeta_hall"]
+    pd.testing.assert_frame_equal(
+        *(model.predict_load(tomorrow, held) for held in (20.0, {"kitchen": 20.0, "study": 20.0}))
+    )
+    plan = tomorrow.drop(columns="Q_hvac_kitchen")
+    for call, given in (
+        (lambda: model.predict_load(tomorrow, {"hall": 20.0}), "setpoint"),
+        (lambda: model.predict_load(tomorrow, {"kitchen": 20.0}, {"hall": (0.0, 1.0)}), "limits"),
+        (lambda: model.forecast(None, plan, setpoint={"kitchen": 20.0, "hall": 20.0}), "setpoint"),
+    ):
+        with pytest.raises(ValueError, match=f"{given} names 'hall', which had no heating or cooling in training"):
+            call()
+    with pytest.raises(ValueError, match="the training has no heating or cooling, so that there is no load"):
+        model.own_["hall"].predict_load(tomorrow, 20.0)
+    with pytest.raises(ValueError, match="the training has no heating or cooling, so that set-points do nothing"):
+        model.own_["hall"].forecast(None, tomorrow, setpoint=20.0)
     boiler = X.drop(columns=[f"Q_hvac_{zone}" for zone in ZONES]).assign(u_heat=X.filter(like="Q_").sum(axis=1) / 7.5)
     model = BuildingPredictor(HybridPredictor(intervals=False, known={"Q_h": 2.5}), adjacency=DOORS)
     tomorrow = boiler[N_TRAIN : N_TRAIN + DAY].drop(columns=T_OF)

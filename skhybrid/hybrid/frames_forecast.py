@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._joining import read_now, refuse_no_frames
 from .._rolling import checked_origins
-from .._table import SETPOINT_ROLES, ZoneTable, is_plant
+from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_of
 from ..control import Band, Limits, LoadPaths
@@ -78,7 +78,8 @@ class FramesForecastMixin(FramesReadingMixin):
         ------
         ValueError
             If the two do not join evenly or a column is missing, or ``T_za`` is no temperature; under a thermostat, if
-            set-points are missing or crossed, or if quantiles are wanted and the training had no set-points.
+            set-points are missing or crossed, the training had no plant, or if quantiles are wanted and it had no
+            set-points.
         """
         check_is_fitted(self)
         refuse_no_frames(history, future)
@@ -92,6 +93,7 @@ class FramesForecastMixin(FramesReadingMixin):
             return self._under_heat(history, future, now, levels, weather)
         if weather is not None:
             raise ValueError("weather_error widens forecasts under given heat; leave weather_error=None here.")
+        self._refuse_without_plant("set-points do nothing: leave setpoint=None")
         return self._under_thermostat(history, future, now, levels, setpoint, read_plant_limits(limits))
 
     def _under_heat(
@@ -221,23 +223,6 @@ class FramesForecastMixin(FramesReadingMixin):
         held = bool(self._plant) and any(of(role) in names for role in SETPOINT_ROLES)
         return held and not any(of(role) in names for role in self._plant)
 
-    @property
-    def _plant(self) -> list[str]:
-        """Roles of the plant."""
-        return [role for role in self._scheme.rows.training.inputs if is_plant(role)]
-
-    def _refuse_without_heat(self, future: Any) -> None:
-        """Refuse rows ahead without a column of the plant in the words of both tasks."""
-        if self.preprocess_ is not None or not isinstance(future, pd.DataFrame):
-            return  # what is read of these is refused by its role
-        absent = [self._column_of(role) for role in self._plant if self._column_of(role) not in future.columns]
-        if absent and self._column_of("T_oa") in future.columns:  # else columns go by position
-            sides = " and ".join(str(self._column_of(role)) for role in SETPOINT_ROLES)
-            raise ValueError(
-                f"future has no column {absent[0]!r}, which the training table has; give the heat, or the set-points "
-                f"under which it is forecast: setpoint=, or columns {sides}."
-            )
-
     def _refuse_unlearned(self) -> None:
         if self._law is None:
             raise ValueError(
@@ -289,9 +274,16 @@ class FramesForecastMixin(FramesReadingMixin):
         ------
         ValueError
             If a set-point or limit has another length or other stamps than X or a NaN, if the lower of two is above
-            the higher, or if quantiles are wanted and no learned thermostat acts.
+            the higher, if the training had no plant, or if quantiles are wanted and no learned thermostat acts.
         """
         check_is_fitted(self)
+        self._refuse_without_plant("there is no load: call forecast or predict")
+        return self._held(X, setpoint, limits, quantiles)
+
+    def _held(
+        self, X: Any, setpoint: Any, limits: Any = None, quantiles: Sequence[float] | None = None
+    ) -> pd.DataFrame:
+        """What :meth:`predict_load` returns; of a zone without a plant its load is 0."""
         levels = None if quantiles is None else read_quantiles(quantiles)
         table, n_tail, origins = self._load_rows(X, self._plant)
         table, moved = self._with_earlier(table)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._joining import join_frames, join_tables, refuse_absent, unmeasured, with_measured
-from .._table import ZoneTable, append_tables, refuse_gap
+from .._table import SETPOINT_ROLES, ZoneTable, append_tables, is_plant, refuse_gap
 from .scheme_intervals import HybridQuantilesMixin
 
 
@@ -20,7 +20,7 @@ def _at_now(table: ZoneTable, first: int, T_za: float | None) -> tuple[ZoneTable
 
 
 class FramesReadingMixin(HybridQuantilesMixin):
-    """Reading of a history and rows ahead."""
+    """Reading of a history and rows ahead, and refusals of what lacks the plant."""
 
     preprocess_: Any
 
@@ -63,3 +63,24 @@ class FramesReadingMixin(HybridQuantilesMixin):
             return [name for name in getattr(self.preprocess_, "feature_names_in_", frame.columns) if name != past]
         by_role = [self._column_of(role) for role in self._scheme.rows.training.inputs]
         return by_role if set(by_role) <= set(names) else names
+
+    @property
+    def _plant(self) -> list[str]:
+        """Roles of the plant."""
+        return [role for role in self._scheme.rows.training.inputs if is_plant(role)]
+
+    def _refuse_without_heat(self, future: Any) -> None:
+        """Refuse rows ahead without a column of the plant in the words of both tasks."""
+        if self.preprocess_ is not None or not isinstance(future, pd.DataFrame):
+            return  # what is read of these is refused by its role
+        absent = [self._column_of(role) for role in self._plant if self._column_of(role) not in future.columns]
+        if absent and self._column_of("T_oa") in future.columns:  # else columns go by position
+            sides = " and ".join(str(self._column_of(role)) for role in SETPOINT_ROLES)
+            raise ValueError(
+                f"future has no column {absent[0]!r}, which the training table has; give the heat, or the set-points "
+                f"under which it is forecast: setpoint=, or columns {sides}."
+            )
+
+    def _refuse_without_plant(self, so: str) -> None:
+        if not self._plant:
+            raise ValueError(f"the training has no heating or cooling, so that {so}.")

@@ -15,7 +15,7 @@ from ..study.settings import Settings
 from ..study.thermostat import Schedule
 from ..study.zone_part import roles_of
 
-Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone
+Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone, with "" for all others
 
 
 class RowsAhead(NamedTuple):
@@ -40,17 +40,16 @@ def schedules_of(texts: Sequence[str], zones: Sequence[str] = ()) -> Schedules |
     """
     if not texts or not zones:
         return Schedule.of_text(texts[-1]) if texts else None
-    for_all: dict[str, Schedule] = {}
-    own: dict[str, Schedule] = {}
+    found: dict[str, Schedule] = {}
     for text in texts:
         name, colon, rest = text.partition(":")
         if colon and name.strip() in zones:
-            own[name.strip()] = Schedule.of_text(rest)
+            found[name.strip()] = Schedule.of_text(rest)
         elif colon and name.strip().isidentifier():
             raise ValueError(f"--setpoint names the zone {name.strip()!r}, but the model has {listed(zones)}.")
         else:
-            for_all = dict.fromkeys(zones, Schedule.of_text(text))
-    return for_all | own
+            found[""] = Schedule.of_text(text)
+    return found
 
 
 def rows_ahead(
@@ -75,12 +74,12 @@ def rows_ahead(
     plan : DataFrame, optional
         Planned heat or stages, or set-points, by role; rows as in ``weather``.
     schedule : Schedule, or mapping of zone to Schedule, optional
-        Set-points; by default those of ``plan``, then of the settings.
+        Set-points; by default those of ``plan``, then of the weather, then of the settings.
 
     Raises
     ------
     ValueError
-        If an input is missing in some rows, or neither heat nor set-points are known.
+        If an input is missing in some rows, neither heat nor set-points are known, or a zone without a plant has some.
     """
     step = pd.Timedelta(settings.step)
     index = pd.date_range(origin + step, periods=round(pd.Timedelta(settings.horizon) / step), freq=step)
@@ -123,12 +122,18 @@ def _setpoints(
         )
     if isinstance(found, Schedule) and not settings.zones:
         return found.band(index, settings.holidays)
-    by_zone = dict.fromkeys(settings.zones, found) if isinstance(found, Schedule) else found
+    by_zone = {"": found} if isinstance(found, Schedule) else found
     run = [zone for zone in settings.zones if any(map(is_plant, roles_of(plant, settings, zone)))]
-    absent = [zone for zone in run if zone not in by_zone]
+    wrong = [zone for zone in by_zone if zone and zone not in run]
+    if wrong:
+        raise ValueError(
+            f"--setpoint names {wrong[0]!r}, which the model does not heat or cool; name one of {listed(run)}."
+        )
+    absent = [] if "" in by_zone else [zone for zone in run if zone not in by_zone]
     if absent:
         raise ValueError(f"the zone {absent[0]!r} has no set-point; give one for all, or --setpoint {absent[0]}:21,24.")
-    bands = [by_zone[zone].band(index, settings.holidays).add_suffix(f"_{zone}") for zone in run]
+    own = {zone: by_zone[zone if zone in by_zone else ""] for zone in run}
+    bands = [held.band(index, settings.holidays).add_suffix(f"_{zone}") for zone, held in own.items()]
     return pd.concat(bands, axis=1)
 
 

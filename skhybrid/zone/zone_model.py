@@ -85,8 +85,7 @@ class ZoneModel:
     @property
     def _with_ideal(self) -> list[str]:
         """The zones with a plant whose thermostat was not learned."""
-        found = self._of_zones.items()
-        return [z for z, m in found if not m.thermostat_learned_ and any(map(is_plant, m.training_.ranges))]
+        return [z for z, m in self._of_zones.items() if not m.thermostat_learned_ and _has_plant(m)]
 
     def parts(self) -> dict[str, ZoneModel]:
         """The model of each zone by itself, by its name; of one zone this one, by an empty name."""
@@ -356,7 +355,8 @@ class ZoneModel:
         """Heating and cooling set-point for a thermostat, of several zones by zone; None under given heat."""
         if not any(role in future for role in self.settings.setpoints) or any(map(is_plant, future)):
             return None
-        rows = {zone: rows_of(future, self.settings, zone) for zone in self.zones} or {"": future}
+        heated = [zone for zone in self.zones if _has_plant(self._of_zones[zone])]
+        rows = {zone: rows_of(future, self.settings, zone) for zone in heated} if self.zones else {"": future}
         for zone, own in rows.items():
             self._refuse_one_side(zone, own)
         sides = {z: tuple(own[r].to_numpy() if r in own else None for r in SETPOINT_ROLES) for z, own in rows.items()}
@@ -379,3 +379,7 @@ class ZoneModel:
 def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:
     """The temperature of the zone; of several zones a column for each."""
     return rows[settings.roles_of("T_za")] if settings.zones else rows["T_za"]
+
+
+def _has_plant(model: Any) -> bool:
+    return any(map(is_plant, model.training_.ranges))

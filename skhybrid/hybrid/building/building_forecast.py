@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -246,7 +246,8 @@ class BuildingForecastMixin:
         T_za : mapping of zone to float, Series or sequence, optional
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
         setpoint : mapping of zone to set-point, or one for all zones, optional
-            As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free.  Without it the columns
+            As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free, and one without a plant is
+            so always.  Without it the columns
             ``T_heat_set_<zone>`` and ``T_cool_set_<zone>`` of ``future`` count where it has no heat.
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; see also :meth:`sample`.
@@ -271,6 +272,8 @@ class BuildingForecastMixin:
         now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
         if wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values()):
             self._refuse_shared_plants()
+        if limits is not None:
+            self._refuse_without_plant("limits")
         alone = known is None and not wanted and limits is None
         of = self._under_heat(ahead, now, quantiles) if alone else None
         if of is None:
@@ -322,6 +325,7 @@ class BuildingForecastMixin:
         if given is None:
             return {}
         if name == "setpoint" and not isinstance(given, Mapping):
+            self._refuse_without_plant(name)
             return dict.fromkeys(self.zones_, given)
         if not isinstance(given, Mapping | pd.Series):
             values = np.atleast_1d(as_numbers(given, name))
@@ -332,11 +336,24 @@ class BuildingForecastMixin:
         unknown = [zone for zone in by_zone if zone not in self.zones_]
         if unknown:
             raise ValueError(f"{name} names {unknown[0]!r}, which is no zone; the zones are {listed(self.zones_)}.")
+        if name != "T_za":
+            self._refuse_without_plant(name, by_zone)
         absent = [zone for zone in self.zones_ if zone not in by_zone]
         if absent and name == "T_za":
             raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
         # other zones are free; without limits each has its own
         return (dict.fromkeys(absent, (None, None)) if name == "setpoint" else {}) | by_zone
+
+    def _refuse_without_plant(self, name: str, zones: Iterable[str] = ()) -> None:
+        """Refuse a set-point or limits of zones without a plant, or where no zone has one."""
+        heated = [zone for zone, model in self.own_.items() if model._plant]
+        wrong = [zone for zone in zones if zone not in heated]
+        if wrong:
+            raise ValueError(
+                f"{name} names {wrong[0]!r}, which had no heating or cooling in training; name {listed(heated)} only."
+            )
+        if not heated:
+            raise ValueError(f"no zone had heating or cooling in training, so that {name} does nothing; leave it out.")
 
     def _joined(self, of: _Columns, first_lead: int) -> dict[str, np.ndarray]:
         """Columns of all zones; those with neighbours under what was forecast of these."""

@@ -23,6 +23,7 @@ from .coupled_zone import CoupledZone, at_common_origins
 _NEAR = 1.5  # hours within which the errors of the training are drawn
 _SPANS = 12  # parts of the rows in which zones that share a plant are settled, one after the other
 _ROUNDING = 1e-9  # of heat [kW]
+_FREE = (None, None)  # set-points of a zone without a plant
 _Key = tuple[str, bool]  # a zone, and whether its predictor is the one with neighbours
 _LEAST_DRAWN = 10  # forecasts of the training from about that hour of the day, below which those of any are drawn
 
@@ -68,7 +69,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         X : DataFrame of n_samples rows
             As in :meth:`HybridPredictor.predict_load`.
         setpoint : mapping of zone to set-point, or one for all zones
-            As there; a zone that a mapping leaves out is free.
+            As there; a zone that a mapping leaves out is free, and one without a plant is so always.
         limits : tuple of (lowest, highest), or mapping of zone to such pairs, optional
             What one plant gives to all zones together [kW], each a number or one value per row, with 0 between them; or
             what each zone's own plant can do.  Where all zones together need more, every zone gets the same share of
@@ -77,7 +78,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         Returns
         -------
         DataFrame of length n_samples
-            The columns of :meth:`HybridPredictor.predict_load` with the zone's name, such as ``Q_hvac_<zone>`` [kW].
+            The columns of :meth:`HybridPredictor.predict_load` with the zone's name, such as ``Q_hvac_<zone>`` [kW];
+            without a plant ``T_za_<zone>`` and ``zeta_<zone>`` only.
 
         Raises
         ------
@@ -112,6 +114,9 @@ class BuildingPlansMixin(BuildingForecastMixin):
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             under, key = with_next(rows, T) if T else rows, (zone, bool(T))
+            if not model._plant:
+                free = columns_of(model._held(under, _FREE))
+                return {name: free[name] for name in ("T_za", "zeta")}
             load = columns_of(model.predict_load(under, wanted.get(zone), limits[key]))
             heat[key] = load[heat_column(load)]
             return load
@@ -128,7 +133,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         span = max(1, len(rows) // _SPANS)
         while True:
             loads, heat = self._loads(rows, wanted, limits)
-            by_zone = [loads[heat_column(loads, f"_{zone}")] for zone in self.zones_]
+            by_zone = [loads[heat_column(loads, f"_{zone}")] for zone, model in self.own_.items() if model._plant]
             sides = [np.sum([side(q, 0.0) for q in by_zone], axis=0) for side in (np.minimum, np.maximum)]
             over = [np.abs(taken) > np.abs(most) + _ROUNDING for taken, most in zip(sides, shared, strict=True)]
             if not np.any(over):
