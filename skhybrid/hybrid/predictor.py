@@ -24,7 +24,8 @@ class HybridPredictor(BaseTwoStage):
         Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused beside a ``gray_box`` that has
         one.
     known : dict of str to float, optional
-        Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.
+        Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.  Those of
+        plants that the training does not have are not used, so that zones may share them.
     %(purpose)s
     %(disturbance)s
     %(horizon)s

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, concatenate_tables, last_rows
+from .._table import ZoneTable, concatenate_tables, is_plant, last_rows
 from .._time import rows_of, rows_per_day, rows_per_hour
 from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, refuse_boundary
@@ -127,7 +127,8 @@ class ScheduleScheme(Scheme):
         inputs = self.rows.training.inputs
         sources = self.network.sources([role for role in inputs if role.startswith("u_")])
         given = any(source.parameter in self.known for source in sources)
-        if given or any(np.ptp(v) > 0 for role, v in inputs.items() if role.startswith("Q_")):
+        measured = any(np.ptp(v) > 0 for role, v in inputs.items() if role.startswith("Q_"))
+        if given or measured or not any(map(is_plant, inputs)):
             return
         assumed = [f": {role} is taken to give {kw:g} kW at 1" for role, kw in self._physics.fit_.plan.known]
         warn_user(
