@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import sqlite3
 import sys
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,7 +22,7 @@ from skhybrid.persistence import load_model
 from skhybrid.study import read_log, read_settings, split_log
 from skhybrid.study.zone_part import data_of, forecast_of, settings_of
 from skhybrid.thermal import building_network
-from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, zone_folder
+from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, zone_folder, zone_state
 from skhybrid.zone.forecast_archive import open_archive
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
@@ -246,6 +249,29 @@ def test_status_scores_each_zone_by_what_was_measured(folder, log, capsys):
         assert [one["quantity"] for one in found["zones"][zone]["verdicts"]] == ["temperature", "load"]
     assert run("zone", "status", folder) == 0
     assert "  hall:\n    drift:" in capsys.readouterr().out
+
+
+def test_a_zone_whose_thermometer_is_silent_is_named_by_the_status(folder, log, tmp_path, capsys, monkeypatch):
+    quiet = {"statistic": 0.0, "threshold": 4.0, "drifted": False, "since": pd.NaT, "kind": ""}
+    monkeypatch.setattr(zone_state, "drift_days", lambda model: pd.DataFrame(quiet, log.index[:1]))
+    shutil.copytree(folder, tmp_path / "house")
+    last = log.index[8 * 24 - 1]  # of twelve days
+    with closing(sqlite3.connect(tmp_path / "house" / "archive.sqlite")) as database, database:
+        database.execute("UPDATE measured SET T_za_hall = NULL WHERE time > ?", (last.isoformat(),))
+    assert run("zone", "status", tmp_path / "house", "--json") == 0
+    states = json.loads(capsys.readouterr().out)["zones"]
+    assert states["kitchen"]["last measured"] is None
+    assert states["kitchen"]["drift"]["drifted"] is False
+    hall = states["hall"]
+    assert hall["last measured"] == f"{last} (4 days ago)"
+    assert hall["drift"] == {}
+    first, second = hall["verdicts"][0]["reasons"][:2]
+    assert first == "no past forecast can be scored yet"
+    assert second == f"no temperature was measured since {last} (4 days ago)"
+    assert run("zone", "status", tmp_path / "house") == 0
+    told = capsys.readouterr().out
+    assert told.count("last measured:") == 1
+    assert f"  hall:\n    last measured: {last} (4 days ago)\n    drift: not known before" in told
 
 
 def test_the_server_takes_and_gives_columns_per_zone(folder, log, monkeypatch):

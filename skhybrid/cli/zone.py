@@ -114,11 +114,14 @@ def _print(found: dict[str, Any], as_json: bool) -> None:
 def _in_words(found: dict[str, Any]) -> dict[str, Any]:
     """The status of a zone for those who read it."""
     none_yet = "no forecast has run out yet"
+    found = {name: value for name, value in found.items() if name != "last measured" or value is not None}
     drift = found["drift"]
     grown = f"errors have grown since {drift['since']}" if drift.get("drifted") else "none"
     verdicts = {f"{v['quantity']}: {v['level']}": v["reasons"] for v in found["verdicts"]}
     words = {
-        "drift": f"{grown} ({drift['statistic']} of {drift['threshold']})" if drift else "not known before a whole day",
+        "drift": f"{grown} ({drift['statistic']} of {drift['threshold']})"
+        if drift
+        else "not known before a whole day is measured",
         "verdicts": verdicts or none_yet,
     }
     for span in ("yesterday's forecast", "last four weeks"):

@@ -109,6 +109,9 @@ class _Head(BaseModel):
 class ZoneState(BaseModel):
     """Errors of the forecasts of a zone."""
 
+    last_measured: str | None = Field(
+        alias="last measured", description="time of the zone's last temperature, where it is a day old; else null"
+    )
     drift: Drift = Field(description="drift of the errors")
     verdicts: list[Judged] = Field(description="as skhybrid zone status prints; empty before a forecast has run out")
     yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that has run out")

@@ -95,7 +95,8 @@ def judge(
     """
     known = [c for c in comparisons if np.isfinite(c.ratio)]
     if not known:
-        return Verdict(quantity, CARE, (f"there is nothing to compare the {quantity} with", *doubts))
+        why = f"there is nothing to compare the {quantity} with" if n_origins else "no past forecast can be scored yet"
+        return Verdict(quantity, CARE, (why, *doubts))
     hardest = max(known, key=lambda c: c.ratio)
     reasons = [hardest.words()]
     care = hardest.high >= 1.0

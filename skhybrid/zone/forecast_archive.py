@@ -77,6 +77,12 @@ class ForecastArchive:
         """Stamp of the last measurement, None where there is none."""
         return self._last("measured", "time")
 
+    def last_temperature(self, zone: str = "") -> pd.Timestamp | None:
+        """Stamp of the last temperature, of several zones that of the one named; None where there is none."""
+        role = f"T_za_{zone}" if zone else "T_za"
+        known = role in self._columns("measured")
+        return self._last("measured", "time", f'WHERE "{role}" IS NOT NULL') if known else None
+
     def last_origin(self) -> pd.Timestamp | None:
         """Origin of the last forecast, None where there is none."""
         return self._last("forecast", "origin")
@@ -171,8 +177,8 @@ class ForecastArchive:
     def _columns(self, table: str) -> list[str]:
         return [row[1] for row in self._database.execute(f"PRAGMA table_info({table})")]
 
-    def _last(self, table: str, column: str) -> pd.Timestamp | None:
-        (text,) = self._database.execute(f"SELECT max({column}) FROM {table}").fetchone()
+    def _last(self, table: str, column: str, where: str = "") -> pd.Timestamp | None:
+        (text,) = self._database.execute(f"SELECT max({column}) FROM {table} {where}").fetchone()
         return None if text is None else pd.Timestamp(text)
 
     def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:

@@ -49,12 +49,14 @@ def _coverage(rows: pd.DataFrame, role: str, quantiles: str) -> float | None:
     return round(float(inside.mean()), 3) if len(inside) else None
 
 
-def verdicts_of(archive: Any, zone: ZoneModel, rows: pd.DataFrame, days: pd.DataFrame) -> list[Verdict]:
-    """The verdicts on temperature and load by finished forecasts, with the drift ``days`` of the model."""
+def verdicts_of(
+    archive: Any, zone: ZoneModel, rows: pd.DataFrame, days: pd.DataFrame, doubts: Sequence[str] = ()
+) -> list[Verdict]:
+    """The verdicts on temperature and load by finished forecasts, with the drift ``days`` and other ``doubts``."""
     stamps = pd.DatetimeIndex(pd.to_datetime(rows["time"]))
     known = archive.measured(stamps[0] - _DAY)
     before = known.reindex(stamps - _DAY).set_axis(rows.index)
-    doubts = [*_beyond(archive.latest()), *at_ends(zone.predictor.gray_box_)]
+    doubts = [*doubts, *_beyond(archive.latest()), *at_ends(zone.predictor.gray_box_)]
     measured = rows.filter(like="_measured").rename(columns=lambda name: name.removesuffix("_measured"))
     out = [_verdict("temperature", rows, (rows["T_za"], measured["T_za"], before["T_za"]), [*drifted(days), *doubts])]
     roles = [role for role in plant_roles(measured) if role in rows and measured[role].notna().any()]
@@ -72,7 +74,8 @@ def _verdict(quantity: str, rows: pd.DataFrame, values: Sequence[pd.Series], dou
     blocks = pd.to_datetime(rows["origin"]).dt.floor("D")  # forecasts of one day err alike, however many there are
     rule = compare_errors(forecast - measured, before - measured, blocks, f"yesterday's {quantity}")
     coverage = _coverage(rows, *(("T_za", "q") if quantity == "temperature" else ("Q_hvac", "Q_hvac")))
-    return judge(quantity, [rule], n_origins=blocks.nunique(), coverage=coverage, doubts=doubts)
+    scored = blocks[(forecast - measured).notna()].nunique()
+    return judge(quantity, [rule], n_origins=scored, coverage=coverage, doubts=doubts)
 
 
 def _beyond(ahead: pd.DataFrame) -> list[str]:

@@ -6,11 +6,13 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from .._warnings import several
 from ..logs.log_findings import without_standstills
 from ..study.building_study import worst_first
 from ..study.doubts import drift_days
 from ..study.judgement import load_of, plant_roles
 from ..study.settings import Settings
+from ..study.verdict import CARE, Verdict
 from ..study.zone_part import forecast_of, rows_of, settings_of
 from .forecast_archive import BEYOND, ForecastArchive
 from .forecast_scores import errors_of, verdicts_of
@@ -18,6 +20,7 @@ from .outages import like_index
 from .zone_model import ZoneModel
 
 _CORRECTED = pd.Timedelta(days=7)  # age up to which rows of the log may still change
+_SILENT = pd.Timedelta(days=1)  # age from which on the last temperature of a zone is old
 _SCORED = pd.Timedelta(days=28)
 _MEASURED = "_measured"  # how columns of a finished forecast end that were measured
 
@@ -32,6 +35,10 @@ class ZoneArchive(NamedTuple):
     def last_measured(self) -> pd.Timestamp | None:
         """As that of the archive."""
         return self.archive.last_measured()
+
+    def last_temperature(self) -> pd.Timestamp | None:
+        """Stamp of the zone's last temperature, None where there is none."""
+        return self.archive.last_temperature(self.zone)
 
     def last_origin(self) -> pd.Timestamp | None:
         """As that of the archive."""
@@ -80,18 +87,28 @@ def status_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
 
 def _state_of(archive: ForecastArchive | ZoneArchive, zone: ZoneModel) -> dict[str, Any]:
     """Drift, verdicts, and errors of the last forecast that has been measured and of those of the last four weeks."""
-    days = drift_days(zone.predictor)
-    last = archive.last_measured()
+    last, silent = archive.last_measured(), _silent(archive, zone)
+    days = drift_days(zone.predictor) if silent is None else pd.DataFrame()  # later days say nothing of the errors
+    found: dict[str, Any] = {"last measured": silent, "drift": drift_of(days)}
+    doubts = [] if silent is None else [f"no temperature was measured since {silent}"]
     rows = archive.finished(pd.Timestamp(0) if last is None else last - _SCORED)
     if rows.empty or rows["T_za"].isna().all():
-        return {"drift": drift_of(days), "verdicts": [], "yesterday's forecast": None, "last four weeks": None}
+        verdicts = [Verdict("temperature", CARE, tuple(doubts))._asdict()] if doubts else []
+        return found | {"verdicts": verdicts, "yesterday's forecast": None, "last four weeks": None}
     newest = rows[rows["origin"] == rows["origin"].iloc[-1]]
-    return {
-        "drift": drift_of(days),
-        "verdicts": [one._asdict() for one in verdicts_of(archive, zone, rows, days)],
+    return found | {
+        "verdicts": [one._asdict() for one in verdicts_of(archive, zone, rows, days, doubts)],
         "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["origin"].iloc[0]), zone), **errors_of(newest)},
         "last four weeks": {"forecasts": rows["origin"].nunique(), **errors_of(rows)},
     }
+
+
+def _silent(archive: ForecastArchive | ZoneArchive, zone: ZoneModel) -> str | None:
+    """The last temperature and its age, where other zones were measured for a day after it."""
+    last, own = archive.last_measured(), archive.last_temperature()
+    if last is None or own is None or last - own < _SILENT:
+        return None
+    return f"{_shown(own, zone)} ({several((last - own).days, 'day')} ago)"
 
 
 def drift_of(days: pd.DataFrame) -> dict[str, Any]:
