@@ -27,6 +27,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import FleetFolder, FleetPrior, ZoneFleet, dispatch, zone_jobs
 from skhybrid.fleet.fleet_folder import EXAMPLE
+from skhybrid.fleet.fleet_status import ZoneStatus, status_table
 from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.fleet.zone_rows import read_rows
@@ -561,6 +562,22 @@ def test_a_tick_takes_in_what_was_measured_and_forecasts_what_was_not(alone, fle
     assert day["inside"] == pytest.approx(inside)
     assert [one["day"] for one in journal.facts["days"]] == ["2024-01-15", "2024-01-16"]
     assert journal.facts["days"][0]["n"] == DAY
+
+
+def test_the_status_tells_which_zone_lacks_the_last_day():
+    days = pd.date_range("2024-01-15 23:00", periods=2, freq="1D")
+    row = {
+        "verdict": "usable",
+        "rmse_yesterday": 0.1,
+        "rmse_training": 0.1,
+        "coverage": 0.8,
+        "drift": False,
+        "reasons": "",
+    }
+    found = {zone: ZoneStatus(row | {"last_row": last}, pd.DataFrame()) for zone, last in zip("ab", days, strict=True)}
+    table = status_table(found, {}, "zone")[0].set_index("zone")
+    assert list(table["verdict"][["a", "b"]]) == ["use with care", "usable"]
+    assert table["reasons"]["a"].startswith("its last row is 24 h older than the newest of the fleet")
 
 
 def test_the_status_has_the_worst_zone_first(fleet, tmp_path):

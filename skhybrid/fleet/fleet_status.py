@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._warnings import several
 from ..study.doubts import at_ends, drift_days, drifted
 from ..study.verdict import CARE, NOT, USABLE, compare_errors, judge
 from .model_store import ModelStore
 
 _ORDER = (NOT, CARE, USABLE)
-_OLD = pd.Timedelta("1D")  # by how much the last row of a zone may be older than the newest of the fleet
+_OLD = pd.Timedelta("12h")  # by how much the last row of a zone may be older than the newest of the fleet
 COLUMNS = ("verdict", "last_row", "rmse_yesterday", "rmse_training", "coverage", "drift", "reasons")
 
 
@@ -60,9 +61,10 @@ def status_table(
     stamps = {z: _in_utc(row["last_row"]) for z, row in rows.items() if row["last_row"] is not pd.NaT}
     for zone, stamp in stamps.items():
         age = max(stamps.values()) - stamp
-        if age > _OLD:
-            row, days = rows[zone], age / _OLD
-            row["reasons"] = f"its last row is {days:.0f} days older than the newest of the fleet; {row['reasons']}"
+        if age >= _OLD:
+            row, hours = rows[zone], age / pd.Timedelta("1h")
+            span = several(round(hours / 24), "day") if hours > 36 else f"{hours:.0f} h"
+            row["reasons"] = f"its last row is {span} older than the newest of the fleet; {row['reasons']}"
             row["verdict"] = CARE if row["verdict"] == USABLE else row["verdict"]
     for zone, why in failed.items():
         if zone in rows and why not in rows[zone]["reasons"]:
