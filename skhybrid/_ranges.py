@@ -59,6 +59,10 @@ _BEYOND_UNITS = 900.0
 _LEAST_SHARE, _LEAST_ROWS = 0.05, 4
 #: no building is that warm all the time [degC]
 _WARMEST_MEDIAN = 42.0
+#: no zone takes more than a large hall does while its plant runs [kW], by the median
+_MOST_HEAT = 400.0
+#: heat that is more times that of the training, and more [kW], is in W, unless the plant hardly ran there [kW]
+_MOST_GROWTH, _LEAST_WATTS, _LEAST_TRAINED = 20.0, 30.0, 0.1
 
 
 def range_of(role: str) -> PhysicalRange:
@@ -67,11 +71,19 @@ def range_of(role: str) -> PhysicalRange:
 
 
 def check_range(
-    v: np.ndarray, role: str, name: str, index: pd.Index, *, named: bool = True, warns: bool = True
+    v: np.ndarray,
+    role: str,
+    name: str,
+    index: pd.Index,
+    *,
+    named: bool = True,
+    warns: bool = True,
+    trained: tuple[float, float] | None = None,
 ) -> None:
     """Refuse values (n,) that no sensor of a role can have measured, and warn of those that suggest another unit.
 
     Where no role was ``named``, since an array has its roles by position, only what is beyond every unit is refused.
+    ``trained`` are the lowest and highest value of the training.
     """
     kind, known = range_of(role), v[np.isfinite(v)]
     if not len(known):
@@ -84,13 +96,26 @@ def check_range(
     if (beyond | fill).any() and not (named and unit and _is_unit(known, kind)):
         raise ValueError(_refusal(v, beyond | fill, kind, name, index))
     warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
-    if warns and (warm or low < kind.usual_lowest or high > kind.usual_highest):
-        likely = f"likely {unit}" if unit and (warm or high > kind.usual_highest) else "unusual"
+    watts = role.startswith("Q_") and is_in_watts(known, trained)
+    if warns and (warm or watts or low < kind.usual_lowest or high > kind.usual_highest):
+        likely = f"likely {unit}" if unit and (warm or watts or high > kind.usual_highest) else "unusual"
+        before = f", in training from {trained[0]:.4g} to {trained[1]:.4g}" if watts and trained else ""
         warn_user(
-            f"{name} (role {role}) ranges from {low:.4g} to {high:.4g}: {likely}; convert it with "
+            f"{name} (role {role}) ranges from {low:.4g} to {high:.4g}{before}: {likely}; convert it with "
             "skhybrid.preprocessing.UnitConverter, or check the sensor.",
             UnitWarning,
         )
+
+
+def is_in_watts(heat: np.ndarray, trained: tuple[float, float] | None) -> bool:
+    """Whether heat (n,) is too much to be in kW, beside the lowest and highest value of the training where known."""
+    running = np.abs(heat[np.isfinite(heat) & (heat != 0.0)])
+    if not len(running):
+        return False
+    if trained is None:
+        return bool(np.median(running) > _MOST_HEAT)
+    most = max(map(abs, trained))
+    return bool(most >= _LEAST_TRAINED and running.max() > max(_MOST_GROWTH * most, _LEAST_WATTS))
 
 
 def _is_unit(known: np.ndarray, kind: PhysicalRange) -> bool:

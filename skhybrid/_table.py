@@ -289,8 +289,9 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
     inputs = {
         role: read_input(v, names[role], index) for role, v in values.items() if role not in past and wanted.reads(role)
     }
+    trained = {} if wanted.reset else getattr(getattr(estimator, "training_", None), "ranges", {})
     for role, v in {**inputs, **history}.items():
-        check_range(v, role, f"column {names[role]}", index, named=named)
+        check_range(v, role, f"column {names[role]}", index, named=named, trained=trained.get(role))
     return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values), named=named)
 
 

@@ -453,6 +453,13 @@ def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
             call()
         messages = [str(one.message) for one in given if issubclass(one.category, UnitWarning)]
         assert {text.partition(":")[0] for text in messages} == {f"zone '{zone}'" for zone in ZONES}
+    meters = [f"Q_hvac_{zone}" for zone in ZONES]
+    plan, measured = (rows.assign(**{name: 1000.0 * rows[name] for name in meters}) for rows in (tomorrow, later[:DAY]))
+    for call in (lambda: building.forecast(None, plan), lambda: copy.deepcopy(building).update(measured)):
+        with pytest.warns(UnitWarning, match="in training from .*: likely W rather than kW") as given:
+            call()
+        messages = [str(one.message) for one in given if issubclass(one.category, UnitWarning)]
+        assert {text.partition(":")[0] for text in messages} == {f"zone '{zone}'" for zone in ZONES}
 
 
 def test_what_is_known_and_learned_of_each_zone(building, rooms, later):

@@ -27,6 +27,7 @@ from skhybrid import (
     TwoStagePredictor,
     _table,
 )
+from skhybrid._ranges import is_in_watts
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
 from skhybrid._time import ASSUMED_START, Stamps, joined_stamps, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
@@ -409,6 +410,7 @@ def test_bad_targets(office):
         ("q_sol", lambda v: v * 1000, "W/m2 rather than kW/m2"),
         ("u_cool", lambda v: v * 100, "percent rather than a fraction"),
         ("Q_hvac", lambda v: v + 5500.0, "W rather than kW"),
+        ("Q_hvac", lambda v: v.where(v.index.hour < 20, 700.0), "W rather than kW"),
     ],
 )
 def test_likely_units_are_named(office, role, change, unit):
@@ -432,6 +434,21 @@ def test_right_units_are_silent(climate, start):
         gray_box(office)
         desert = np.linspace(25.0, 48.0, len(office.X))
         read(office.X.assign(T_oa=desert, u_heat=2.0, Q_hvac=-400.0))  # and a second stage, and a large hall
+
+
+@pytest.mark.parametrize(
+    ("heat", "trained", "told"),
+    [
+        ([0.0, 900.0], (0.0, 2.0), True),
+        ([0.0, -900.0], (-2.0, 0.0), True),
+        ([0.0, 24.0], (0.0, 1.0), False),  # a summer before the winter
+        ([0.0, 900.0], (0.0, 0.05), False),  # a plant that hardly ran
+        ([0.0, 900.0], (0.0, 700.0), False),  # a training in W has been told
+        ([0.0, 0.0], None, False),
+    ],
+)
+def test_heat_in_watts_is_known_by_that_of_the_training(heat, trained, told):
+    assert is_in_watts(np.array(heat), trained) is told
 
 
 # --------------------------------------------------------------------------------------------- values that cannot be

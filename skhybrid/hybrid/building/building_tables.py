@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..._ranges import is_in_watts
 from ..._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable
 from ...exceptions import SkhybridWarning
 from ..base import BaseHybrid
@@ -38,6 +39,10 @@ def tables_of_zones(
     tables = {zone: model._part_of_zone(whole, role_of) for zone, model in models.items()}
     if measured and not all("T_za" in table.history for table in tables.values()):
         return None
+    for zone, table in tables.items():
+        trained = models[zone].training_.ranges
+        if any(role.startswith("Q_") and is_in_watts(v, trained.get(role)) for role, v in table.inputs.items()):
+            return None
     return tables
 
 
