@@ -214,7 +214,7 @@ network with a forecast input disturbance; `LSTM` is the paper's DEEP_AR_LSTM_FO
 repeats the one that this week chooses; `on all days`: trained as long again on all four weeks, which every other
 method has; `output`: the same on the output disturbance.
 
-**Load**: the heat within the plant's limits that holds the measured temperature (paper Eq. inverseQ2), sought anew from
+**Load**: the heat within the plant's limits that holds the measured temperature (paper Eq. 16), sought anew from
 every midnight, against the heat that was delivered: stage x 6 kW in the simulations, measured in the small office,
 signal x an assumed 8 kW in the homes. `Heat that holds the set-points` knows no temperature after midnight, only the
 thermostat's two set-points."""

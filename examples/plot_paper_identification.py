@@ -116,7 +116,7 @@ errors.pow(2).mean().pow(0.5).round(2)
 # %%
 # The runtime that holds the measured temperature
 # -----------------------------------------------
-# Eq. inverseQ2 with the gain given: hourly means of the cooling runtime.
+# Eq. 16 with the gain given: hourly means of the cooling runtime.
 plain = {label: GrayBoxRC(known=theta, horizon="1D").fit(X_train, y_train) for label, theta in thetas.items()}
 runtime = pd.DataFrame({"measured": X_test["u_cool"].resample("1h").mean()})
 for label, network in plain.items():

@@ -402,6 +402,6 @@ def test_networks_forecast_an_output_disturbance_as_well_as_an_input_one():
             found = hybrid.fit(office.X.iloc[: 15 * 96], office.y.iloc[: 15 * 96]).forecast(history, future)
             assert np.isfinite(found.to_numpy()).all()
             left[kind, name] = found["T_za"] - found["zeta"] if kind == "output" else found["zeta"]
-    # an output disturbance is added to what the network alone forecasts (Eq. od_hybrid), whoever forecasts it
+    # an output disturbance is added to what the network alone forecasts (Eq. 18), whoever forecasts it
     np.testing.assert_allclose(left["output", "rnn"], left["output", "profile"], atol=1e-8)
     assert not np.allclose(left["input", "rnn"], left["input", "profile"], atol=0.05)

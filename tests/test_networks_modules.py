@@ -70,7 +70,7 @@ def _cell(kind, gates, c):
 
 
 def _plain_loop(spec, weights, zeta, past, future, base):
-    """Paper Eqs. RNN and LSTM for one window, step by step."""
+    """Paper Eqs. 21 and 22 for one window, step by step."""
     h, c = np.zeros((2, spec.n_layers, spec.hidden_size))
     outputs = []
     for k in range(spec.n_past + spec.n_leads):

@@ -1,4 +1,4 @@
-"""The heat that holds a set-point (paper Eqs. inverseQ1 and inverseQ2), and the plant that delivers it."""
+"""The heat that holds a set-point (paper Eqs. 15 and 16), and the plant that delivers it."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def heat_column(names: Container[object], ending: str = "") -> str:
 
 
 def steps_ahead(A: np.ndarray, heat: np.ndarray, c: np.ndarray) -> int:
-    """Steps for which a load is assumed to be held when it is sought (1: paper Eq. inverseQ2 itself).
+    """Steps for which a load is assumed to be held when it is sought (1: paper Eq. 16 itself).
 
     ``heat`` (2, n) is the effect of 1 kW of a plant that heats, and of one that cools; the longer hold of both counts.
     The state under the load that meets every set-point at once follows ``A - b (c A) / (c b)``.  With a negative

@@ -50,7 +50,7 @@ def make_office(
 ) -> Bunch:
     """Simulate the paper's office at 5 min (exact zero-order hold); return its thermostat log together with the truth.
 
-    See paper section 2.1, Eqs. gray_state and gray_mes.
+    See paper section 2.1, Eqs. 1 and 2.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ class LoadPath(NamedTuple):
 
 @compiled
 def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead):
-    """Least heat that keeps the output in [lowest, highest] (N,) at the end of every step (paper Eq. inverseQ2).
+    """Least heat that keeps the output in [lowest, highest] (N,) at the end of every step (paper Eq. 16).
 
     Where the band is one value this is the equation itself.  With ``ahead > 1`` each step applies the heat that, held
     for so many steps, meets the band at the end of the last of them: heat into a node that is not the measured one

@@ -68,7 +68,7 @@ class ModelCase:
 
     @property
     def ingredients(self) -> dict[str, int]:
-        """Regressors of paper 3.3 (Eq. regression): ``time``, ``past-w``, ``future-w`` (0 or 1) and ``pattern`` [d]."""
+        """Regressors of paper 3.3 (Eq. 23): ``time``, ``past-w``, ``future-w`` (0 or 1) and ``pattern`` [d]."""
         return {
             "time": int(any(f in TIME_FEATURES for f in self.features)),
             "pattern": self.pattern_days if "zeta" in self.past else 0,

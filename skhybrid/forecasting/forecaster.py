@@ -37,7 +37,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     Parameters
     ----------
     model : str or regressor, default "lstm"
-        A network (paper Eqs. MLP, CNN, RNN, LSTM): ``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``; a baseline; or any
+        A network (paper Eqs. 19, 20, 21, 22): ``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``; a baseline; or any
         scikit-learn regressor, which is cloned and fitted over (origin, lead) pairs on calendar, weather, lead and the
         lags of ``"ridge"``.  ``"ridge"`` is linear in calendar, weather and lags; ``"profile"`` the mean by hour of
         week; ``"last_week"`` the value seven days before, else the last known one of that time of day;

@@ -19,7 +19,7 @@ _MOST_EARLIER = 4  # states of some days ago that are remembered
 
 
 class _Start(NamedTuple):
-    """What a scheme knew before the first row from which it has not learned."""
+    """Knowledge of a scheme before the first row from which it has not learned."""
 
     rolling: Any  # state of the filter
     aggregation: HourlyAggregation

@@ -267,7 +267,7 @@ class FramesForecastMixin(FramesReadingMixin):
         DataFrame of length n_samples
             Stages [-] by role and ``Q_hvac`` [kW] over each row's step, clipped to what the plant can do, and ``T_za``
             [degC] at each row's stamp under them; stages and heat with ``_unclipped`` as the set-point would need
-            (paper Eq. inverseQ2), and ``zeta`` as forecast.  For quantiles ``q_0.1`` [degC] and ``Q_hvac_0.1`` [kW].
+            (paper Eq. 16), and ``zeta`` as forecast.  For quantiles ``q_0.1`` [degC] and ``Q_hvac_0.1`` [kW].
             Where the training has stages and a metered ``Q_hvac``, that is the meter's part, and ``Q_total`` the sum.
 
         Raises
@@ -283,7 +283,7 @@ class FramesForecastMixin(FramesReadingMixin):
     def _held(
         self, X: Any, setpoint: Any, limits: Any = None, quantiles: Sequence[float] | None = None
     ) -> pd.DataFrame:
-        """What :meth:`predict_load` returns; of a zone without a plant its load is 0."""
+        """The frame of :meth:`predict_load`; of a zone without a plant its load is 0."""
         levels = None if quantiles is None else read_quantiles(quantiles)
         table, n_tail, origins = self._load_rows(X, self._plant)
         table, moved = self._with_earlier(table)

@@ -205,7 +205,7 @@ class TwoStageScheme(EarlierStates):
         return monitor.watch(measured[later], forecast[later])
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
-        """Drive the network with the forecast disturbance (paper Eqs. ID_hybrid and od_hybrid)."""
+        """Drive the network with the forecast disturbance (paper Eqs. 17 and 18)."""
         kept = origins < table.n_history - 1
         if kept.any():
             scheme, earlier, moved = self._before(table, origins[kept])
@@ -271,7 +271,7 @@ class TwoStageScheme(EarlierStates):
         return zeta, self.gray_box_.drive(here, origins - table.n_history, acting, kind=self.disturbance)
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
-        """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. inverseQ2)."""
+        """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. 16)."""
         here, first = _after_history(table), 0 if self.disturbance == "input" else 1
         counts = np.diff(np.append(origins, table.n_rows))
         zeta = self._disturbance_paths(table, here, origins, int(counts.max()) + first, 0)

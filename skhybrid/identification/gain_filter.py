@@ -43,7 +43,7 @@ class FilteredStates(NamedTuple):
 class GainFilter:
     """A network with the unmeasured heat as filter states: ``profile + g``, ``g[k+1] = phi g[k] + w``.
 
-    ``phi = 1`` is the random walk of the input-disturbance model (paper Eq. ID_filter).
+    ``phi = 1`` is the random walk of the input-disturbance model (paper Eq. 9).
     """
 
     network: RCNetwork

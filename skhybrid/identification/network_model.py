@@ -121,8 +121,8 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         X : DataFrame of shape (n_samples, n_features)
             With the measured temperature as column ``T_za``, else ValueError.
         kind : {"input", "output"}
-            ``"input"``: heat on the disturbed node [kW] (paper Eq. ID_filter); ``"output"``: what the measured
-            temperature has beyond the simulated one [K] (paper Eq. od_pred).
+            ``"input"``: heat on the disturbed node [kW] (paper Eq. 9); ``"output"``: what the measured
+            temperature has beyond the simulated one [K] (paper Eq. 13).
         smooth : bool
             False: from rows up to each row, as a forecast may use it; True: from all rows, for ``"input"`` only.
 
@@ -213,7 +213,7 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         return innovations_table(self.filtered_network_, table, parts)
 
     def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
-        """Forecast the rows after each origin under a given disturbance (paper Eqs. ID_hybrid and od_hybrid).
+        """Forecast the rows after each origin under a given disturbance (paper Eqs. 17 and 18).
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         return self.filtered_network_.drive(table, rows, start)
 
     def predict_load(self, X: Any, setpoint: Any, limits: Any = None) -> pd.DataFrame:
-        """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. inverseQ2).
+        """Heating and cooling that brings the temperature to a set-point at the end of every row (paper Eq. 16).
 
         States are taken at each origin, as in :meth:`predict`; heating and cooling columns are read up to there, and
         rows ahead need none.

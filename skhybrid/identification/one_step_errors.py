@@ -87,7 +87,7 @@ def simulation_errors(filtered: FilteredNetwork, table: ZoneTable, warmup: Any, 
 def arma_innovations(
     filtered: FilteredNetwork, table: ZoneTable, segment: int | None, found: Mapping[str, float], noise_std: float
 ) -> Innovations:
-    """OD: what the open loop leaves over, predicted by the ARMA(1,1) disturbance ``found`` (paper Eq. od_pred)."""
+    """OD: what the open loop leaves over, predicted by the ARMA(1,1) disturbance ``found`` (paper Eq. 13)."""
     experiment, network = filtered.experiment(table), filtered.network
     if segment is None:
         state = np.array(filtered.open_start(table), dtype=np.float64)

@@ -24,7 +24,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     """Identification with an ARMA(1,1) disturbance on the output (OD, paper 2.2.3).
 
     The network runs open loop; what the unmeasured heat does to the temperature is filtered white noise.  The sum of
-    squared errors of the innovations form of Eq. od_dis, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``, is minimised.  After
+    squared errors of the innovations form of Eq. 11, ``y_hat(k+1|k) = C x(k+1) + zeta(k+1)``, is minimised.  After
     missing measurements errors are weighted by their larger variance, which the gain of the predictor follows.
 
     Parameters

@@ -38,7 +38,7 @@ def loads(
 
     A single temperature (a band whose sides are equal) is followed by a linear-quadratic path: heat that met each value
     of a measured temperature would answer to the thermometer's noise.  A band takes the least heat that keeps within it
-    (paper Eq. inverseQ2).  Origins increase; ``setpoint`` [degC] and ``limits`` [kW] are of the rows from the first on.
+    (paper Eq. 16).  Origins increase; ``setpoint`` [degC] and ``limits`` [kW] are of the rows from the first on.
     """
     ends = np.append(origins[1:], table.n_rows)
     variation = _Variation.of(fit) if np.array_equal(*setpoint) else None

@@ -51,7 +51,7 @@ def _network(
     )
 
 
-_HAM = f"{_PAPER}, Eq. gray_state; two time constants as in {_MADSEN}"
+_HAM = f"{_PAPER}, Eq. 1; two time constants as in {_MADSEN}"
 _SIMPLE = (
     _network("1R1C", "", "R_zo", "a single node (Bacher and Madsen's Ti)"),
     _network("2R2C", "w", "R_zw R_zo", "zone air and a wall mass that is not connected to the outside", "w", _HAM),

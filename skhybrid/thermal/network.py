@@ -63,7 +63,7 @@ class RCNetwork(Declaration):
 
     Notes
     -----
-    Paper Eq. gray_state is ``RCNetwork("2R2C", {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za",
+    Paper Eq. 1 is ``RCNetwork("2R2C", {"w": "C_w", "za": "C_za"}, {"R_zw": ("za", "w"), "R_zo": ("za",
     "T_oa")}, {"za": "f", "w": None})``.
 
     Examples

@@ -1,4 +1,4 @@
-"""Torch modules of the paper's networks (Eqs. MLP, CNN, RNN, LSTM): stacks of networks of equal shape.
+"""Torch modules of the paper's networks (Eqs. 19, 20, 21, 22): stacks of networks of equal shape.
 
 A network that is trained alone is a stack of one.  The first axis of every tensor counts networks, the second windows:
 
@@ -92,7 +92,7 @@ class NetworkStack(nn.Module):
 
 
 class MLPStack(NetworkStack):
-    """Eq. MLP over the one-dimensional input vectors (n_networks, n_windows, flat_width)."""
+    """Eq. 19 over the one-dimensional input vectors (n_networks, n_windows, flat_width)."""
 
     def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
         """Forecasts (n_networks, n_windows, n_leads)."""
@@ -109,7 +109,7 @@ class MLPStack(NetworkStack):
 
 
 class CNNStack(NetworkStack):
-    """Eq. CNN over the one-dimensional input vectors (n_networks, n_windows, flat_width)."""
+    """Eq. 20 over the one-dimensional input vectors (n_networks, n_windows, flat_width)."""
 
     def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
         """Forecasts (n_networks, n_windows, n_leads)."""

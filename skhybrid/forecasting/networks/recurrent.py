@@ -1,4 +1,4 @@
-"""Torch modules of RNN and LSTM (paper Eqs. RNN and LSTM): stacks that decode autoregressively over the horizon.
+"""Torch modules of RNN and LSTM (paper Eqs. 21 and 22): stacks that decode autoregressively over the horizon.
 
 Step k reads zeta(k - 1) and the columns of row k.  The past is run with the measured disturbance; over the horizon the
 network's own outputs stand in for it.
@@ -90,7 +90,7 @@ def _product_gradients(weight: Tensor, z: Tensor, dgates: Tensor) -> tuple[Tenso
 
 
 class RecurrentStack(NetworkStack):
-    """Eqs. RNN and LSTM over sequences (n_networks, n_windows, n_columns + 1, n_past + n_leads), the last column 1."""
+    """Eqs. 21 and 22 over sequences (n_networks, n_windows, n_columns + 1, n_past + n_leads), the last column 1."""
 
     def forward(self, inputs: Tensor, base: Tensor, kept: Tensor | None = None) -> Tensor:
         """Forecasts (n_networks, n_windows, n_leads)."""

@@ -116,7 +116,7 @@ def pooled(length: int, spec: NetworkSpec) -> int:
 
 
 def _cnn_layers(spec: NetworkSpec) -> list[Layer]:
-    """``n_layers + 1`` convolutions over the one-dimensional input vector, as in Eq. CNN, then the head."""
+    """``n_layers + 1`` convolutions over the one-dimensional input vector, as in Eq. 20, then the head."""
     layers, length, channels = [], spec.flat_width, 1
     for i in range(spec.n_layers + 1):
         shape = (spec.n_channels, channels, spec.filter_size)

@@ -1,4 +1,4 @@
-"""Bayesian regression of the error on the ingredients of a disturbance model (paper 3.3, Eq. regression)."""
+"""Bayesian regression of the error on the ingredients of a disturbance model (paper 3.3, Eq. 23)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PatternExpressiveness(BaseEstimator):
     Parameters
     ----------
     terms : "ingredients", "sizes" or sequence of str, default="ingredients"
-        ``"ingredients"`` is Eq. regression: ``framework`` (one term for each but the reference), ``time``,
+        ``"ingredients"`` is Eq. 23: ``framework`` (one term for each but the reference), ``time``,
         ``pattern``, ``past-w``, ``future-w`` and ``ID``.  ``"sizes"`` takes the size hyper-parameters in the table.
         A list names ingredients or columns of the table; a column of categories has one term for each category but
         the first.
@@ -193,7 +193,7 @@ class PatternExpressiveness(BaseEstimator):
 def regression_model(
     X: np.ndarray, y: np.ndarray, y_scale: float, prior_scale: float, groups: np.ndarray | None = None
 ) -> tuple[Any, dict[str, Any]]:
-    """The PyMC model of Eq. regression, and the start of its chains.
+    """The PyMC model of Eq. 23, and the start of its chains.
 
     X (n_candidates, 1 + n_terms) is a column of ones and the standardised terms, y (n_candidates,) the errors less
     their mean, and ``y_scale`` their standard deviation.  The unexplained part of each group is integrated out:

@@ -1,4 +1,4 @@
-"""Bayesian comparison of the errors of cases over their sizes (paper 3.3, Eqs. robustness and comparison)."""
+"""Bayesian comparison of the errors of cases over their sizes (paper 3.3, Eqs. 24 and 25)."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _ONE_PER_CASE = ("framework", "disturbance")  # columns of a results table that 
 
 
 class RobustnessComparison(BaseEstimator):
-    """Compare the errors of each case over its sizes with those of the best case (paper 3.3, Fig. robustness).
+    """Compare the errors of each case over its sizes with those of the best case (paper 3.3).
 
     The errors of a case over its sizes are log-normal, ``log(rmse) ~ Normal(mu, sigma)``, with the paper's priors
-    ``mu ~ Normal(0, 10)`` and ``sigma ~ HalfNormal(1)`` (Eq. robustness).  The best case is the one with the lowest
+    ``mu ~ Normal(0, 10)`` and ``sigma ~ HalfNormal(1)`` (Eq. 24).  The best case is the one with the lowest
     median; it is compared with each other case by the posterior predictive probability that its error is lower
-    (Eq. comparison).  All cases are sampled in one PyMC model.
+    (Eq. 25).  All cases are sampled in one PyMC model.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def _spreads(errors: pd.Series) -> _Spreads:
 
 
 def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
-    """The PyMC model of Eq. robustness, and the start of its chains.
+    """The PyMC model of Eq. 24, and the start of its chains.
 
     The sufficient statistics ``mean ~ Normal(mu, sigma / sqrt(n))`` and ``squares / sigma^2 ~ chi2(n - 1)`` replace the
     ``n`` errors.  ``mu`` is sampled as ``mean + sigma z / sqrt(n)``, so that a case of few sizes has no funnel.
