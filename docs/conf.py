@@ -80,6 +80,9 @@ sphinx_gallery_conf = {
 }
 
 # ------------------------------------------------------------------------------------------------------------ look
+# tables of results need the width
+_WITH_CONTENTS = [f"{folder}/**" for folder in "start how_to explanation reference generated auto_examples".split()]
+_WITH_CONTENTS += ["api", "citation", "glossary", "index", "whats_new"]
 html_theme = "pydata_sphinx_theme"
 html_title = f"skhybrid {release}"
 html_static_path = ["_static"]
@@ -88,8 +91,7 @@ html_js_files = ["skhybrid.js"]
 html_theme_options = {
     "navigation_with_keys": False,
     "show_prev_next": False,
-    # tables of results need the width
-    "secondary_sidebar_items": {"**": ["page-toc"], "results/**": []},
+    "secondary_sidebar_items": {page: ["page-toc"] for page in _WITH_CONTENTS},
     "header_links_before_dropdown": 6,
     "logo": {"text": "skhybrid"},
 }
