@@ -81,8 +81,8 @@ sphinx_gallery_conf = {
 
 # ------------------------------------------------------------------------------------------------------------ look
 # tables of results need the width
-_WITH_CONTENTS = [f"{folder}/**" for folder in "start how_to explanation reference generated auto_examples".split()]
-_WITH_CONTENTS += ["api", "citation", "glossary", "index", "whats_new"]
+_FOLDERS = ("start", "how_to", "explanation", "reference", "generated", "auto_examples")
+_WITH_CONTENTS = [*(f"{folder}/**" for folder in _FOLDERS), "api", "citation", "glossary", "index", "whats_new"]
 html_theme = "pydata_sphinx_theme"
 html_title = f"skhybrid {release}"
 html_static_path = ["_static"]
