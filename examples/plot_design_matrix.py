@@ -58,5 +58,5 @@ plt.show()
 # %%
 # ... and how robust each case is to its size.
 
-RobustnessDisplay.from_estimator(choice.robustness).figure_.suptitle("Error of each case over its sizes")
+RobustnessDisplay.from_estimator(choice.robustness).figure_.suptitle("Errors of cases", x=0.99, ha="right")
 plt.show()

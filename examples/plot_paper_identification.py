@@ -76,13 +76,13 @@ table.round(2)
 # ---------------
 true = make_state_space("2R2C", office.theta)
 bode = BodeDisplay.from_estimator(models, truth=true)
-bode.figure_.suptitle("Bode magnitudes of the identified networks and the true one")
+bode.figure_.suptitle("Bode magnitudes", x=0.99, ha="right")
 
 # %%
 # Step responses over 12 hours
 # ----------------------------
 steps = StepResponseDisplay.from_estimator(models, truth=true, duration="12h")
-steps.figure_.suptitle("Step responses of the identified networks and the true one")
+steps.figure_.suptitle("Step responses", x=0.99, ha="right")
 
 # %%
 # Three days ahead, the gain given
