@@ -338,6 +338,12 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
     return np.concatenate([[0], np.flatnonzero(begins) + 1]).astype(np.int64)
 
 
+def refuse_other_stamps(given: pd.Series | pd.DataFrame, index: pd.Index, name: str, of: str = "X") -> None:
+    """Refuse values whose index is not that of the table that they belong to."""
+    if not given.index.equals(index):
+        raise ValueError(f"{name} bears other time stamps than {of}; align it with .reindex({of}.index).")
+
+
 def spell(step: pd.Timedelta) -> str:
     """A duration as text, such as "15 min"."""
     seconds = step / pd.Timedelta("1s")  # total_seconds() of pandas 2 has no nanoseconds

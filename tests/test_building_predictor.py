@@ -305,11 +305,17 @@ def test_zones_are_forecast_from_every_day_whichever_of_them_is_not_measured(two
     assert not np.allclose(blind[others][DAY:], with_all[others][DAY:], atol=1e-3)
 
 
-def test_a_room_without_heating_and_a_shared_boiler(rooms):
+@pytest.fixture(scope="module")
+def with_unheated_hall(rooms):
+    """A building whose hall has no plant, and the day after its training."""
     X, y = rooms
-    unheated = X.drop(columns="Q_hvac_hall")
-    model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=DOORS).fit(unheated[:N_TRAIN], y[:N_TRAIN])
-    tomorrow = unheated[N_TRAIN : N_TRAIN + DAY]
+    X = X.drop(columns="Q_hvac_hall")
+    model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=DOORS)
+    return model.fit(X[:N_TRAIN], y[:N_TRAIN]), X[N_TRAIN : N_TRAIN + DAY]
+
+
+def test_a_room_without_heating(with_unheated_hall):
+    model, tomorrow = with_unheated_hall
     found = model.affine_forecast(None, tomorrow)
     T = found.temperature(tomorrow[list(found.inputs)].to_numpy())
     np.testing.assert_allclose(T, temperatures(model.forecast(None, tomorrow)), atol=1e-9)
@@ -320,6 +326,10 @@ def test_a_room_without_heating_and_a_shared_boiler(rooms):
     pd.testing.assert_frame_equal(
         *(model.predict_load(tomorrow, held) for held in (20.0, {"kitchen": 20.0, "study": 20.0}))
     )
+
+
+def test_what_a_plant_would_do_is_refused_of_a_room_without_one(with_unheated_hall):
+    model, tomorrow = with_unheated_hall
     plan = tomorrow.drop(columns="Q_hvac_kitchen")
     for call, given in (
         (lambda: model.predict_load(tomorrow, {"hall": 20.0}), "setpoint"),
@@ -332,6 +342,10 @@ def test_a_room_without_heating_and_a_shared_boiler(rooms):
         model.own_["hall"].predict_load(tomorrow, 20.0)
     with pytest.raises(ValueError, match="the training has no heating or cooling, so that set-points do nothing"):
         model.own_["hall"].forecast(None, tomorrow, setpoint=20.0)
+
+
+def test_a_boiler_that_rooms_share(rooms):
+    X, y = rooms
     boiler = X.drop(columns=[f"Q_hvac_{zone}" for zone in ZONES]).assign(u_heat=X.filter(like="Q_").sum(axis=1) / 7.5)
     model = BuildingPredictor(HybridPredictor(intervals=False, known={"Q_h": 2.5}), adjacency=DOORS)
     tomorrow = boiler[N_TRAIN : N_TRAIN + DAY].drop(columns=T_OF)

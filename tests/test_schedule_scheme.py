@@ -593,7 +593,7 @@ def test_quantiles_rise_and_know_no_more_than_their_origin(fitted, X):
 
 # ---------------------------------------------------------------------------------------------------------------- load
 class Piece:
-    """A network fitted on measured heat, and rows behind its training."""
+    """A network fitted on measured heat, and rows after its training."""
 
     def __init__(self, X, network="4R3C"):
         frame = X.assign(Q_hvac=6.0 * X["u_heat"] - 6.0 * X["u_cool"]).drop(columns=["u_heat", "u_cool"])
@@ -620,7 +620,7 @@ class Piece:
         return network
 
     def path(self, heat, origin):
-        """Forecast [degC] of the rows behind an origin under the heat from it on."""
+        """Forecast [degC] of the rows after an origin under the heat from it on."""
         n = self.table.n_rows - origin - 1
         later = self.later(heat[: n + 1], origin)
         paths, _ = self.rolled(later, origin).forecast(later, n)
@@ -633,7 +633,7 @@ def piece(X):
 
 
 def load_for(piece, wanted, learned=None, band=None, fit=None):
-    """Load from the rows' first origin behind the training, with no limits."""
+    """Load from the rows' first origin after the training, with no limits."""
     first, n = len(piece.T) - len(wanted), len(wanted)
     free, origins = Limits(np.full(n, -np.inf), np.full(n, np.inf)), np.array([first])
     learned = piece.learned(origins) if learned is None else learned
@@ -756,7 +756,7 @@ def test_load_of_the_default_keeps_to_its_stages_and_limits(fitted, X):
     assert not off["Q_hvac"].any()
 
 
-def test_load_reads_no_plant_behind_its_origin(fitted, X):
+def test_load_reads_no_plant_after_its_origin(fitted, X):
     for begin in (N_TRAIN, N_TRAIN + 11):  # behind the training, and cold
         table = X[begin : N_TRAIN + DAY]
         one, other = (fitted.predict_load(x, 21.0) for x in (table, table.assign(u_heat=0.9, u_cool=0.4)))

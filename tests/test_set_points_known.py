@@ -108,7 +108,7 @@ def test_nothing_after_an_origin_changes_a_forecast(log, model):
 
 @pytest.mark.parametrize("n_leads", [DAY, 7])
 def test_a_path_under_a_thermostat_reads_nothing_after_its_origin(log, two_stages, n_leads):
-    """Wherever the origin lies between those of the paths that only divide the rows."""
+    """The origin lies anywhere between those of the paths that only divide the rows."""
     table = two_stages._read_X(log[14 * DAY :])
     wanted = WantedPaths(band_of(table), (-6.0, 6.0))
     for origin in range(30, 31 + n_leads):

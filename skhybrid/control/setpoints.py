@@ -10,6 +10,7 @@ import pandas as pd
 
 from .._ranges import check_range
 from .._table import ZoneTable, as_numbers, numeric
+from .._time import refuse_other_stamps
 
 
 class Band(NamedTuple):
@@ -104,8 +105,8 @@ def _columns(frame: pd.DataFrame) -> list[pd.Series]:
 def _by_row(given: Any, table: ZoneTable, name: str, absent: float, role: str) -> np.ndarray:
     """(N,) float64 of a number, one value per row, or None, within the range of a role."""
     if isinstance(given, pd.Series):
-        if isinstance(table.index, pd.DatetimeIndex) and not given.index.equals(table.index):
-            raise ValueError(f"{name} bears other time stamps than X; align it with .reindex(X.index).")
+        if isinstance(table.index, pd.DatetimeIndex):
+            refuse_other_stamps(given, table.index, name)
         given = numeric(given, name)
     values = as_numbers(absent if given is None else given, name)
     if values.ndim == 0:

@@ -132,17 +132,22 @@ class KnownRows:
 
     def without_known(self, table: ZoneTable) -> ZoneTable:
         """The rows of a table that come after the last known one."""
+        n = self._n_known(table)
+        return table.rows(slice(n, None)) if n else table
+
+    def _n_known(self, table: ZoneTable) -> int:
+        """Rows of a table up to the last known one; 0 without stamps."""
         if table.utc is None or self.last_stamp is None:
-            return table
-        return table.rows(slice(int((table.utc <= self.last_stamp).sum()), None))
+            return 0
+        return int((table.utc <= self.last_stamp).sum())
 
     def refuse_other_values(self, table: ZoneTable, name: Any) -> None:
         """Raise a ValueError if a known row has another temperature in a table; ``name`` is the column of it."""
-        if table.utc is None or self.last_stamp is None:
+        if not (n := self._n_known(table)):
             return
-        n = int((table.utc <= self.last_stamp).sum())
-        past = last_rows(self.tables, self.n_rows) if self.keeps_all else self.end()
+        past = self.whole() if self.keeps_all else self.end()
         assert past.utc is not None
+        assert table.utc is not None
         at = past.utc.get_indexer(table.utc[:n])
         given, known = table.history["T_za"][:n], past.history["T_za"][at]
         other = (at >= 0) & np.isfinite(given) & ~np.isclose(given, known, 1e-6, 1e-6)

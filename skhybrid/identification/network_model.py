@@ -14,6 +14,7 @@ from .._ranges import check_range
 from .._rolling import checked_origins
 from .._table import ZoneTable, as_numbers, as_pandas, is_plant, listed
 from .._threads import one_blas_thread
+from .._time import refuse_other_stamps
 from ..control import Plant
 from ..filtering import simulate_path
 from ..thermal import RCNetwork
@@ -314,9 +315,8 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
     """(N, d) unmeasured heat of every row [kW]."""
     n, d = here.n_rows, len(network.disturbed_nodes)
     heat_gain = as_pandas(heat_gain, "heat_gain")
-    stamps = getattr(heat_gain, "index", None)
-    if isinstance(stamps, pd.DatetimeIndex) and here.utc is not None and not stamps.equals(here.index):
-        raise ValueError("heat_gain bears other time stamps than X; align it with heat_gain.reindex(X.index).")
+    if isinstance(getattr(heat_gain, "index", None), pd.DatetimeIndex) and here.utc is not None:
+        refuse_other_stamps(heat_gain, here.index, "heat_gain")
     if d > 1 and isinstance(heat_gain, pd.DataFrame) and any(isinstance(column, str) for column in heat_gain):
         heat_gain = _by_node(heat_gain, network.disturbed_names)
     heat = np.zeros((n, d)) if heat_gain is None else as_numbers(heat_gain, "heat_gain")

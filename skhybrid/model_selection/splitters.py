@@ -179,7 +179,7 @@ def _clock_steps(X: Any) -> np.ndarray:
 
 
 def _row_by_clock(X: Any) -> Callable[[np.ndarray], Any]:
-    """The row that lies a length (..., 2) behind the first one, also beyond the end of X."""
+    """The row that lies a length (..., 2) after the first one, also beyond the end of X."""
     steps = _clock_steps(X)
     end = steps.max(initial=-1) + 1
 

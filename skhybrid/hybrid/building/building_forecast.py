@@ -247,8 +247,8 @@ class BuildingForecastMixin:
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
         setpoint : mapping of zone to set-point, or one for all zones, optional
             As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free, and one without a plant is
-            so always.  Without it the columns
-            ``T_heat_set_<zone>`` and ``T_cool_set_<zone>`` of ``future`` count where it has no heat.
+            so always.  Without it the columns ``T_heat_set_<zone>`` and ``T_cool_set_<zone>`` of ``future`` count where
+            it has no heat.
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; see also :meth:`sample`.
         limits : tuple of (lowest, highest), optional

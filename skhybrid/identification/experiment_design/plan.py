@@ -15,7 +15,7 @@ from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
 from ..._ranges import check_range
 from ..._threads import one_blas_thread
-from ..._time import rows_of, wall_clock
+from ..._time import refuse_other_stamps, rows_of, wall_clock
 from ...thermal import RCNetwork, get_network
 from ..fitting.excitation import scaling_of
 from ..gain_model import DAY_TYPES
@@ -277,13 +277,9 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, stack_inputs(zone, columns, n_rows))
 
 
-def _refuse_other_stamps(given: Any, index: pd.Index, name: str) -> None:
-    if isinstance(given, pd.Series | pd.DataFrame) and not given.index.equals(index):
-        raise ValueError(f"{name} bears other time stamps than weather; align it with .reindex(weather.index).")
-
-
 def _usual_setpoints(setpoints: Any, index: pd.Index, log: _Log) -> np.ndarray:
-    _refuse_other_stamps(setpoints, index, "setpoints")
+    if isinstance(setpoints, pd.Series | pd.DataFrame):
+        refuse_other_stamps(setpoints, index, "setpoints", "weather")
     if isinstance(setpoints, pd.DataFrame):
         both = setpoints.reindex(columns=["T_heat_set", "T_cool_set"])
         wanted = both.to_numpy(dtype=np.float64)[: len(log.time)]
@@ -304,7 +300,8 @@ def _allowed(when: Any, index: pd.Index, log: _Log) -> np.ndarray:
         if when not in ("weekend", "any"):
             raise ValueError(f"when={when!r} is unknown; choose 'weekend', 'any', or a bool for every row of weather.")
         return np.flatnonzero(NO_HOLIDAYS.weekend(log.time) | (when == "any"))
-    _refuse_other_stamps(when, index, "when")
+    if isinstance(when, pd.Series | pd.DataFrame):
+        refuse_other_stamps(when, index, "when", "weather")
     mask = np.asarray(when)
     if mask.dtype != bool or mask.shape != index.shape:
         raise ValueError(f"when has shape {mask.shape} and type {mask.dtype}; give a bool for every row of weather.")
