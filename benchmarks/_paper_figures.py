@@ -83,7 +83,7 @@ def draw_parameters(runs: list[pd.DataFrame]) -> None:
     ax.minorticks_off()
     ax.set_xticks(range(len(FREE)), FREE)
     tidy(ax, ylabel="estimated / true [-]")
-    legend(ax, 5)
+    legend(ax)
     save(figure, "parameters")
 
 
@@ -120,12 +120,12 @@ def draw_data(case: Any) -> None:
     for column, color, label in (("T_heat_set", COLORS[1], "heating"), ("T_cool_set", COLORS[0], "cooling")):
         axes[1].step(X.index, setpoints[column], where="post", color=color, linewidth=1.0, label=f"{label} set-point")
     tidy(axes[1], ylabel="temperature [degC]")
-    legend(axes[1], 3)
+    legend(axes[1])
     for role, color, label in (("u_heat", COLORS[1], "heating"), ("u_cool", COLORS[0], "cooling")):
         hourly = X[role].resample("1h").mean()
         axes[2].step(hourly.index, hourly, where="post", color=color, linewidth=1.2, label=label)
     tidy(axes[2], ylabel="runtime [-]")
-    legend(axes[2], 2)
+    legend(axes[2])
     axes[3].plot(gain, color="#b8860b", linewidth=1.2)
     tidy(axes[3], ylabel="gain [kW]")
     time_axis(axes[3], X.index)
@@ -142,8 +142,8 @@ def draw_week(case: Any, fitted: dict[str, Any]) -> None:
     below.plot(output, color=COLORS[2], linewidth=1.2, label="output disturbance")
     tidy(above, ylabel="ID [kW]")
     tidy(below, ylabel="OD [K]")
-    legend(above, 2)
-    legend(below, 1)
+    legend(above)
+    legend(below)
     time_axis(below, X.index)
     save(figure, "week")
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import inspect
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -68,3 +70,40 @@ def test_files_and_functions_are_small(path):
     functions = (node for node in ast.walk(TREES[path]) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
     long = {f"{f.name} ({body_length(f)})" for f in functions if body_length(f) > MOST_LINES_OF_A_FUNCTION}
     assert not long
+
+
+REPOSITORY = PACKAGE.parent
+SCRIPTS = sorted(path for folder in ("benchmarks", "examples", "tools") for path in (REPOSITORY / folder).glob("*.py"))
+
+
+def package_calls(tree: ast.AST) -> Iterator[tuple[ast.Call, Callable]]:
+    """Calls of functions, classes and class methods that a script imports from the package by name."""
+    imported = {
+        alias.asname or alias.name: getattr(importlib.import_module(node.module), alias.name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "skhybrid"
+        for alias in node.names
+    }
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        called = node.func
+        if isinstance(called, ast.Name) and called.id in imported:
+            yield node, imported[called.id]
+        elif isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) and called.value.id in imported:
+            yield node, getattr(imported[called.value.id], called.attr)
+
+
+@pytest.mark.skipif(not SCRIPTS, reason="an installed package has no scripts")
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_a_script_calls_the_package_as_it_is(script):
+    """Benchmarks that run for hours do not run with the tests; their calls at least fit the signatures."""
+    for call, function in package_calls(ast.parse(script.read_text(encoding="utf-8"))):
+        names = {keyword.arg: None for keyword in call.keywords if keyword.arg}
+        starred = len(names) < len(call.keywords) or any(isinstance(value, ast.Starred) for value in call.args)
+        bind = inspect.signature(function).bind_partial if starred else inspect.signature(function).bind
+        positional = [value for value in call.args if not isinstance(value, ast.Starred)]
+        try:
+            bind(*positional, **names)
+        except TypeError as error:
+            pytest.fail(f"line {call.lineno}, {ast.unparse(call.func)}: {error}")
