@@ -53,6 +53,14 @@ def test_a_set_point_counts_over_the_step(held):
     assert refined["T_heat_set"].equals(refined["T_heat_set_hall"])
 
 
+def test_a_short_gap_of_a_set_point_holds_the_last_value(log):
+    """A thermostat jumps: no set-point between the two was ever in force."""
+    wanted = np.where(np.arange(len(log)) < 6, 17.0, 21.0)
+    out = regularize(log.assign(T_heat_set=wanted, T_cool_set_hall=wanted + 4.0).drop(log.index[4:6]))
+    np.testing.assert_array_equal(out["T_heat_set"], wanted)
+    np.testing.assert_array_equal(out["T_cool_set_hall"], wanted + 4.0)
+
+
 def test_uneven_stamps_weigh_by_time():
     index = pd.DatetimeIndex(["2024-01-01 00:00", "2024-01-01 00:04", "2024-01-01 00:10", "2024-01-01 00:15"])
     frame = pd.DataFrame({"u_heat": [1.0, 0.0, 0.5, 0.0]}, index=index)

@@ -391,6 +391,9 @@ BAD = {
     "negative hours": ({"hours": [12, -5]}, "hours has -5; give 0 or a multiple of the step of weather, 0.5 h"),
     "hours off the step": ({"hours": [3.7]}, "hours has 3.7"),
     "all known": ({"known": list(THETA)}, "known= names every parameter"),
+    "crossed levels": ({"perturbations": {"p": [[18.0, 25.0], [25.0, 18.0]]}}, "perturbation 'p' has .* in row 1"),
+    "negative hysteresis": ({"hysteresis": -0.3}, "hysteresis=-0.3 must be"),
+    "absent hysteresis": ({"hysteresis": np.nan}, "hysteresis=nan must be"),
     "fill value": ({"weather": WEATHER.assign(T_oa=9999.0)}, "weather column 'T_oa' holds 9999 degC"),
 }
 

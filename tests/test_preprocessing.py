@@ -126,6 +126,15 @@ def test_short_gaps_are_filled_by_lines_and_long_ones_left(log):
     assert GapFiller(max_gap="15min").fit_transform(log)["T_oa"].isna().sum() == 2
 
 
+@pytest.mark.parametrize("column", ["T_heat_set", "T_cool_set_north"])
+def test_short_gaps_of_set_points_hold_the_last_value(log, column):
+    """No set-point between the two was ever in force."""
+    log[column] = np.where(np.arange(len(log)) < 6, 17.0, 21.0)
+    gap = log.copy()
+    gap.iloc[4:6, -1] = np.nan
+    pd.testing.assert_frame_equal(GapFiller().fit_transform(gap), log)
+
+
 @pytest.mark.parametrize("column", ["T_za", "T_za_north", "zeta"])
 def test_history_is_never_filled(log, column):
     log[column] = 1.0

@@ -82,7 +82,8 @@ def regularize(
     step : timedelta-like, optional
         Step of the result; default is the typical spacing of the stamps.
     max_gap : timedelta-like
-        Longest gap in an input to fill by linear interpolation; longer gaps stay NaN.
+        Longest gap in an input to fill, in a set-point with its last value, else by linear interpolation; longer gaps
+        stay NaN.
     held : collection of str
         Columns that were logged by change (:attr:`skhybrid.logs.RawLog.held`): a value holds until the next one.
     max_hold : timedelta-like
@@ -129,7 +130,9 @@ def regularize(
         for name in names
     }
     hours = stamp_hours(grid)
-    full = {n: v if n in held or is_history(n) else fill_gaps(v, hours, span) for n, v in raw.items()}
+    full = {
+        n: v if n in held or is_history(n) else fill_gaps(v, hours, span, hold=is_set_point(n)) for n, v in raw.items()
+    }
     out = pd.DataFrame(full, index=grid, columns=names)
     missing = out.isna()
     report = RegularizeReport(

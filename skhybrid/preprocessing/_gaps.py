@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 
-from .._table import is_history, numeric
+from .._table import is_history, is_set_point, numeric
 from .._time import duration_from_zero, read_index
 from ._frames import TableTransformer
 
 
 class GapFiller(OneToOneFeatureMixin, TableTransformer):
-    """Fill short gaps in inputs by linear interpolation and leave long gaps missing.
+    """Fill short gaps in inputs and leave long gaps missing: set-points hold, all else is interpolated linearly.
 
     Parameters
     ----------
@@ -54,12 +54,12 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         if not isinstance(table, pd.DataFrame):
             hours = self._row_hours(table)
-            return np.column_stack([fill_gaps(column, hours, self.max_gap_) for column in table.T])
+            return np.column_stack([fill_gaps(column, hours, self.max_gap_, hold=False) for column in table.T])
         hours = stamp_hours(table.index) if isinstance(table.index, pd.DatetimeIndex) else self._row_hours(table)
         filled = table.copy()
         chosen = [c for c in table if not is_history(c) and pd.api.types.is_numeric_dtype(table[c])]
         for column in chosen:
-            filled[column] = fill_gaps(numeric(table[column]), hours, self.max_gap_)
+            filled[column] = fill_gaps(numeric(table[column]), hours, self.max_gap_, hold=is_set_point(column))
         return filled
 
     def _row_hours(self, table: pd.DataFrame | np.ndarray) -> np.ndarray:
@@ -81,8 +81,8 @@ def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:
     return (ticks - ticks[0]) / 3.6e12 if len(ticks) else np.zeros(0)
 
 
-def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> np.ndarray:
-    """(n,) values with gaps up to ``max_gap`` interpolated; a gap begins one step after the last known value."""
+def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta, *, hold: bool) -> np.ndarray:
+    """(n,) values with gaps up to ``max_gap`` interpolated, or the last value held; a gap begins one step after it."""
     known = np.flatnonzero(np.isfinite(values))
     filled = values.astype(np.float64, copy=True)
     if len(known) < 2 or len(known) == len(values):
@@ -93,6 +93,7 @@ def fill_gaps(values: np.ndarray, hours: np.ndarray, max_gap: pd.Timedelta) -> n
     inside = (after > 0) & (after < len(known))
     missing, after = missing[inside], after[inside]
     length = hours[known[after]] - hours[known[after - 1]] - step
-    short = missing[length <= max_gap / pd.Timedelta("1h") + 1e-9]
-    filled[short] = np.interp(hours[short], hours[known], values[known])
+    short = length <= max_gap / pd.Timedelta("1h") + 1e-9
+    last, rows = values[known[after - 1]], missing[short]
+    filled[rows] = last[short] if hold else np.interp(hours[rows], hours[known], values[known])
     return filled

@@ -189,6 +189,8 @@ def plan_experiment(
         cases += [_Case(name, h, _perturbed(usual, levels, allowed, h, log)) for h in perturbed]
     if not (np.isfinite(target) and target > 0):
         raise ValueError(f"target={target!r} must be a positive relative error, such as 0.1 for 10 %.")
+    if hysteresis is not None and not (is_number(hysteresis) and hysteresis >= 0):
+        raise ValueError(f"hysteresis={hysteresis!r} must be 0 K or more, or None for a plant that modulates.")
     if n_draws < 1:
         raise ValueError(f"n_draws={n_draws!r} must be at least 1.")
     free = tuple(name for name in zone.order if name not in known)
@@ -319,6 +321,12 @@ def _levels(name: str, wanted: Any) -> np.ndarray:
             "and cooling set-points, (n, 2)."
         )
     check_range(levels.ravel(), "T_za", f"perturbation {name!r}", pd.RangeIndex(len(levels)).repeat(2))
+    crossed = levels[:, 0] > levels[:, 1]
+    if crossed.any():
+        raise ValueError(
+            f"perturbation {name!r} has the heating set-point above the cooling one in row {int(np.argmax(crossed))}; "
+            "swap or mend them."
+        )
     return levels
 
 
