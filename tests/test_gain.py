@@ -246,6 +246,29 @@ def test_a_model_for_planning_is_cloned_and_saved_whole(plan, log, tmp_path):
     pd.testing.assert_series_equal(loaded.gain_std_, plan.gain_std_)
 
 
+# ------------------------------------------------------------------------------------------------------------ refits
+def test_a_refit_is_the_same_however_the_rows_came(plan, log):
+    """Ten days after the training: what the others learn without the heat follows the network from that row on."""
+    X, _ = log
+    end = N_TRAIN + 11 * DAY
+    ahead, daily = X[end : end + DAY].drop(columns="T_za"), deepcopy(plan)
+    for day in range(N_TRAIN, end, DAY):
+        daily.update(X[day : day + DAY]).forecast(None, X[day + DAY : day + DAY + 2].drop(columns="T_za"))
+    at_once = deepcopy(plan).update(X[N_TRAIN:end])
+    assert not np.array_equal(daily._scheme._running["full"].network.psi, network(plan).psi)
+    np.testing.assert_allclose(daily.forecast(None, ahead), at_once.forecast(None, ahead), rtol=0, atol=1e-8)
+
+
+def test_a_refit_at_the_present_row_sees_its_temperature(plan, log):
+    X, _ = log
+    now = N_TRAIN + 10 * DAY
+    ahead, model = X[now : now + DAY].drop(columns="T_za"), deepcopy(plan).update(X[N_TRAIN:now])
+    model.forecast(None, ahead)
+    found = model.forecast(None, ahead, T_za=X["T_za"].iloc[now])
+    later = model.update(X[now : now + 1]).forecast(None, ahead[1:])
+    np.testing.assert_allclose(found[1:], later, rtol=0, atol=1e-8)
+
+
 # ------------------------------------------------------------------------------------------------ error and warnings
 def test_the_stated_error_covers_the_truth():
     inside = []

@@ -163,6 +163,9 @@ class GivenMember:
     def errors(self):
         return np.where(self.ends <= self.row, self.given, np.nan)[..., None]
 
+    def refits(self, origin):
+        return ()
+
     def advance(self, view, origin):
         self.row = origin
 

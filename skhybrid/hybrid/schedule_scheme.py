@@ -360,7 +360,7 @@ class ScheduleScheme(Scheme):
             table = last_rows(tables, n_rows + ahead.n_rows)
         before = {role: self.rows.input_before(role, n_rows, n_filtered) for role in table.inputs}
         begin, first, T = self.rows.training.n_rows, n_known - n_rows, table.history["T_za"]
-        return NumberedTable(table, T, begin, True, first, lambda: self._joined(self.rows.tables)[:2], before)
+        return NumberedTable(table, T, begin, True, first, lambda: self._joined(tables)[:2], before)
 
     def relearned(self, measured: ZoneTable | None) -> Self:
         """The scheme fitted again on the last weeks of all that is known."""

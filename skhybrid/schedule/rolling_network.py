@@ -143,6 +143,14 @@ class RollingNetwork:
         made._morning_coefs = dict(self._morning_coefs)
         return made
 
+    def refits(self, origin: int) -> range:
+        """Rows to come, up to ``origin``, at which it is refitted."""
+        if self.adapt != "full":
+            return range(0)
+        apart = _REFIT_DAYS * self._per_day
+        n_before = max(1, -(-(self.row - self.begin) // apart))
+        return range(self.begin + n_before * apart, origin + 1, apart)
+
     def advance(self, rows: NumberedSegment, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""
         while self.row <= origin:

@@ -84,10 +84,13 @@ class RollingBlend:
 
     def advance(self, views: list[Any], origin: int) -> None:
         """Go through the rows up to and including ``origin``."""
-        for rolling, view in zip(self._rolling, views, strict=True):
-            if isinstance(rolling, RollingWithoutHeat):
-                rolling.follow(self.network)
-            rolling.advance(view, origin)
+        refits = self.network.refits(origin)
+        # all stop before and at a refit, so that it does not matter in how many calls the rows come
+        for row in sorted({*refits, *(refit - 1 for refit in refits), origin}):
+            for rolling, view in zip(self._rolling, views, strict=True):
+                if isinstance(rolling, RollingWithoutHeat):
+                    rolling.follow(self.network)
+                rolling.advance(view, row)
         before, self.row = max(self.row, self._begin), origin
         if self.adapt is not None and origin > before:
             self._products = self._products * self._share(before, origin) + self._since(before)
