@@ -641,7 +641,9 @@ def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
     ahead = folder / "data" / "zone=a" / "third.parquet"
     ZONES["a"][AHEAD].assign(T_za=np.nan).to_parquet(ahead)
     assert main(["fleet", "tick", str(folder), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"forecast zones": 1, "rows": 24, "failed": 0, "errors": {}}
+    found = json.loads(capsys.readouterr().out)
+    assert found.pop("warnings")["b/1"][0].startswith("there is no forecast, since no rows follow 2024-01-15 23:00:00")
+    assert found == {"forecast zones": 1, "rows": 24, "failed": 0, "with warnings": 1, "errors": {}}
     X = ZONES["a"]
     model = clone(HYBRID).fit(X[DAY : 7 * DAY], X["T_za"][DAY : 7 * DAY]).update(X[NEW])
     expected = model.forecast(None, X[AHEAD].drop(columns="T_za"), quantiles=(0.1, 0.9))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +29,7 @@ def fit(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
 
     say(1, 1, "fitting the zones")
     fleet = FleetFolder(folder, jobs).fit()
-    _print_errors(fleet.errors_, say)
-    _show({"folder": str(folder), "zones": len(fleet.zones_), "failed": len(fleet.errors_)}, fleet.errors_, as_json)
+    _show({"folder": str(folder), "zones": len(fleet.zones_)}, fleet.errors_, fleet.warnings_, say, as_json)
     return DONE
 
 
@@ -46,10 +45,9 @@ def tick(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
     from ..fleet import FleetFolder
 
     found = FleetFolder(folder, jobs).tick()
-    _print_errors(found.errors, say)
     key = str(found.forecast.columns[0])
     facts = {"forecast zones": int(found.forecast[key].nunique()), "rows": len(found.forecast)}
-    _show({**facts, "failed": len(found.errors)}, found.errors, as_json)
+    _show(facts, found.errors, found.warnings, say, as_json)
     return DONE
 
 
@@ -84,15 +82,22 @@ command = as_group(
 )
 
 
-def _print_errors(errors: Mapping[Any, str], say: Progress) -> None:
-    for zone, why in list(errors.items())[:_MOST_SHOWN]:
-        say.warn(f"{zone}: {why}")
-    if len(errors) > _MOST_SHOWN:
-        say.warn(f"and {len(errors) - _MOST_SHOWN} more zones")
-
-
-def _show(found: dict[str, Any], errors: Mapping[Any, str], as_json: bool) -> None:
+def _show(
+    found: dict[str, Any],
+    errors: Mapping[Any, str],
+    warnings: Mapping[Any, Sequence[str]],
+    say: Progress,
+    as_json: bool,
+) -> None:
+    """Facts on stdout; why zones failed, and then warnings, on stderr."""
+    told = {**errors, **{zone: " ".join(texts) for zone, texts in warnings.items() if zone not in errors}}
+    for zone, text in list(told.items())[:_MOST_SHOWN]:
+        say.warn(f"{zone}: {text}")
+    if len(told) > _MOST_SHOWN:
+        say.warn(f"and {len(told) - _MOST_SHOWN} more zones")
+    found |= {"failed": len(errors), "with warnings": len(warnings)}
     if as_json:
-        print_json({**found, "errors": {str(zone): why for zone, why in errors.items()}})
+        shown = {"errors": errors, "warnings": {zone: list(texts) for zone, texts in warnings.items()}}
+        print_json(found | shown)
     else:
         print("\n".join(f"{name}: {value}" for name, value in found.items()))

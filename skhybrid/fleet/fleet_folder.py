@@ -35,10 +35,12 @@ class FleetTick(NamedTuple):
     ----------
     forecast : DataFrame, the forecasts of all zones
     errors : dict, why zones failed
+    warnings : dict, such as that nothing new was measured
     """
 
     forecast: pd.DataFrame
     errors: dict[str, str]  # by zone
+    warnings: dict[str, tuple[str, ...]]  # by zone
 
 
 class FleetFolder:
@@ -87,7 +89,7 @@ class FleetFolder:
         found = fleet.tick(self.data)
         with atomic_path(self.forecast) as made:
             found.to_parquet(made)
-        return FleetTick(found, {str(zone): why for zone, why in fleet.errors_.items()})
+        return FleetTick(found, fleet.errors_, fleet.warnings_)
 
     def status(self) -> pd.DataFrame:
         """The status of every zone, the worst first, and the page ``status.html``."""

@@ -50,7 +50,10 @@ def zone_status(zone: str, store: str) -> ZoneStatus:
         "drift": bool(len(watched) and watched["drifted"].iloc[-1]),
         "reasons": "; ".join(verdict.reasons),
     }
-    return ZoneStatus(row, pd.concat([journal.scored, journal.ahead]))
+    ahead = journal.ahead
+    if len(ahead) and len(journal.scored):
+        ahead = ahead[ahead.index > journal.scored.index[-1]]
+    return ZoneStatus(row, pd.concat([journal.scored, ahead]))
 
 
 def status_table(

@@ -19,6 +19,7 @@ from .journal import Journal
 
 _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
 _NEW_MODEL = ("+0.skops", "+1.skops")  # of a zone, by turns; no name of a zone has a plus, see _file
+_LONGEST = 230  # name of a file without its ending; a temporary file has 24 characters more, and systems take 255
 _MOST_ROWS = 4000  # of a journal; above it the model is saved with them
 
 
@@ -34,7 +35,7 @@ class ModelStore:
 
     def has(self, zone: str) -> bool:
         """Whether a zone has a model."""
-        return self._file(zone, _JOURNAL).exists()
+        return len(_stem(zone)) <= _LONGEST and self._file(zone, _JOURNAL).exists()
 
     def journal(self, zone: str) -> Journal:
         """The journal of a zone that has a model."""
@@ -82,8 +83,12 @@ class ModelStore:
             made.write_text(json.dumps(dict(whys)), encoding="utf-8")
 
     def _file(self, zone: str, kind: str) -> Path:
-        name = quote(zone, safe=" ")
-        return self.path / f"{name.replace('.', '%2E', 1) if name.startswith('.') else name}{kind}"
+        stem = _stem(zone)
+        if len(stem) > _LONGEST:
+            raise ValueError(
+                f"its name takes {len(stem)} characters as that of a file, and {_LONGEST} are possible; shorten it."
+            )
+        return self.path / f"{stem}{kind}"
 
     def check(self, settings: Mapping[str, str]) -> None:
         """Refuse a store of other estimators."""
@@ -120,3 +125,9 @@ class ModelStore:
     def _open(self) -> AbstractContextManager[sqlite3.Connection]:
         busy = f"another fleet is at work in {self.path}; wait until it has ended, or give another store."
         return open_database(self.path / _LOCK, busy, "check the disk, or give another store.")
+
+
+def _stem(zone: str) -> str:
+    """The name of a zone as that of a file."""
+    name = quote(zone, safe=" ")
+    return name.replace(".", "%2E", 1) if name.startswith(".") else name

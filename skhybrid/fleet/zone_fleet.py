@@ -19,7 +19,7 @@ from .. import __version__
 from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
-from ..parallel.stored_settings import VERSION, as_plain
+from ..parallel.stored_settings import VERSION, as_plain, is_estimator
 from .dispatch import Outcome, run
 from .fleet_page import write_page
 from .fleet_status import status_table, zone_status
@@ -200,6 +200,8 @@ class ZoneFleet(BaseEstimator):
     def tick(self, X: Any) -> pd.DataFrame:
         """Take in what was measured since, and forecast the rows after the last measurement.
 
+        ``warnings_`` tells for which zones nothing new was measured, and which have no forecast.
+
         Parameters
         ----------
         X : as in :meth:`fit`
@@ -211,7 +213,10 @@ class ZoneFleet(BaseEstimator):
             The key and the columns of the estimator's forecast, with 80 % intervals where they were learned.
         """
         with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
-            return self._joined(self._run(tick_zone, files.by_zone, files), files)
+            made = self._joined(self._run(tick_zone, files.by_zone, files), files)
+            absent = [zone for zone in self.zones_ if zone not in files.paths]
+            self.warnings_ |= dict.fromkeys(absent, ("there are no rows of it.",))
+            return made
 
     def score(self, X: Any, y: Any = None) -> pd.DataFrame:
         """Score each zone as the estimator's ``score`` does.
@@ -318,6 +323,9 @@ class ZoneFleet(BaseEstimator):
 
     def _settings(self) -> dict[str, str]:
         """Settings that a store must have been made with."""
+        for name, given in [("estimator", self.estimator), ("fallback", self.fallback)]:
+            if not is_estimator(given) and (name, given) != ("fallback", None):
+                raise ValueError(f"{name}={given!r} must be an estimator, such as HybridPredictor().")
         params = self.estimator.get_params(deep=False)
         found = {f"parameter {name}": as_plain(value) for name, value in params.items()}
         fixed = {"estimator": as_plain(type(self.estimator)), "fallback": as_plain(self.fallback)}

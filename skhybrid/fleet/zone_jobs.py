@@ -10,7 +10,8 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._time import positive_duration
-from ..exceptions import TooFewDaysError
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest
 from ..study.scores import INTERVAL
@@ -26,11 +27,12 @@ def fit_zone(
     """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
     X, y = _training_rows(read_rows(paths[0]), estimator, last)
     mark, models = fingerprint(X, y), ModelStore(store)
+    why, days = None, []
     if models.has(zone):
         known = models.journal(zone).facts
         if known["fitted"] == mark and known["updated"] is None:
             return known["fallback"]
-    why = None
+        days = known["days"]
     try:
         model = clone(estimator).fit(X, y)
     except Exception as error:  # whatever it is, the fallback may do
@@ -45,7 +47,7 @@ def fit_zone(
         "fallback": why,
         "until": str(X.index[-1]) if stamped else None,
         "training_rmse": _training_error(model, X, y),
-        "days": [],
+        "days": [day for day in days if stamped and day["day"] <= f"{X.index[-1]:%Y-%m-%d}"],
     }
     day = y[X.index > X.index[-1] - pd.Timedelta("1D")] if stamped else y[:0]
     models.save(zone, model, Journal(facts, scored=pd.DataFrame({"y_true": day})))
@@ -109,8 +111,12 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame | Non
     new, ahead = (X.index > known) & (X.index <= now), X.index > now
     if new.any():
         _take_in(model, journal, X[new], y[new], fingerprint(X[new]))
+    else:
+        warn_user(f"nothing was measured after {known}, the last known row.", SkhybridWarning)
     found = None
-    if ahead.any():
+    if not ahead.any():
+        warn_user(f"there is no forecast, since no rows follow {now}; give the weather to come.", SkhybridWarning)
+    else:
         future = X[ahead].drop(columns=_measured_column(model), errors="ignore")
         found = _forecast(model, journal, None, future, {"quantiles": INTERVAL})
         journal.ahead = _first_forecasts(journal.ahead, found, now)

@@ -19,6 +19,7 @@ from .._files import named_in_errors
 from .._table import refuse_order
 
 TARGET = "__y__"  # column of a target that was given beside the table
+_UNNAMED = ("", "__HIVE_DEFAULT_PARTITION__")  # what writers of a dataset put for a missing name
 
 
 class ZoneFiles(NamedTuple):
@@ -126,7 +127,10 @@ def _in_dataset(path: Path, key: str) -> ZoneFiles:
         raise ValueError(f"{path} is not a folder; give a Parquet dataset with one folder per zone, as {key}=kitchen.")
     found = ZoneFiles({}, {})
     for folder in sorted(path.glob(f"{escape(key)}=*/")):
-        found.add(unquote(folder.name.partition("=")[2]), str(folder))
+        name = folder.name.partition("=")[2]
+        if name in _UNNAMED:
+            raise ValueError(f"{folder} holds rows that name no zone; name it, or remove the folder.")
+        found.add(unquote(name), str(folder))
     if not found.paths:
         raise ValueError(f"{path} has no folder {key}=...; give a Parquet dataset partitioned by {key!r}.")
     return found
@@ -154,9 +158,21 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
     bare = [file for file, frame in zip(files, frames, strict=True) if not isinstance(frame.index, pd.DatetimeIndex)]
     if bare:
         raise ValueError(f"{bare[0]} has no time stamps, by which the files of a zone are joined; add the column time.")
+    frames = _in_one_clock(frames, files)
     rows, numbers = pd.concat(frames), np.repeat(np.arange(len(frames)), list(map(len, frames)))
     last = pd.Series(numbers).groupby(rows.index.to_numpy(), dropna=False).transform("max").to_numpy()
     return rows[numbers == last].sort_index(kind="stable")
+
+
+def _in_one_clock(frames: list[pd.DataFrame], files: list[Path]) -> list[pd.DataFrame]:
+    """Tables whose stamps are in UTC if they had several time zones, such as the offsets of winter and summer."""
+    clocks = [pd.DatetimeIndex(frame.index).tz for frame in frames]
+    if None in clocks and any(clocks):
+        raise ValueError(
+            f"{files[clocks.index(None)]} has stamps without a time zone, but other files of the zone have one; give "
+            "all of them one."
+        )
+    return [frame.tz_convert("UTC") for frame in frames] if len(set(map(str, clocks))) > 1 else frames
 
 
 def _read_file(path: Path) -> pd.DataFrame:

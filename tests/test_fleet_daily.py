@@ -1,0 +1,141 @@
+"""The daily work of a fleet: what a tick says of zones without new rows, files of a dataset, names, and refusals."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import ARXRegressor
+from skhybrid.cli import main
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
+from skhybrid.fleet import ZoneFleet
+from skhybrid.fleet.fleet_status import zone_status
+from skhybrid.fleet.zone_rows import read_rows
+
+DAY = 24
+ZONES = {
+    name: make_office(n_days=11, sampling_time="1h", start="2024-01-08", random_state=seed).X
+    for seed, name in enumerate("abc")
+}
+ARX = ARXRegressor()
+ZONE = ZONES["a"]
+
+
+def upto(measured, ahead, zone="a"):
+    """Rows of a zone, those after the measured ones without a temperature."""
+    X = ZONES[zone][: measured + ahead].copy()
+    X.loc[X.index[measured:], "T_za"] = np.nan
+    return X
+
+
+def everywhere(which):
+    return {zone: X[which] for zone, X in ZONES.items()}
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    return ZoneFleet(ARX, store=tmp_path / "store").fit(everywhere(slice(0, 7 * DAY)))
+
+
+# ----------------------------------------------------------------------------------------------------------- the tick
+def test_a_tick_names_the_zones_without_new_rows_and_those_without_a_forecast(fleet):
+    X = {"a": upto(8 * DAY, DAY), "b": upto(7 * DAY, DAY, "b")}
+    found = fleet.tick(X)
+    assert set(found["zone"]) == {"a", "b"}
+    assert fleet.errors_ == {}
+    assert fleet.warnings_ == {
+        "b": ("nothing was measured after 2024-01-14 23:00:00, the last known row.",),
+        "c": ("there are no rows of it.",),
+    }
+    fleet.tick({"a": upto(9 * DAY, DAY), "b": upto(8 * DAY, 0, "b"), "c": upto(8 * DAY, DAY, "c")})
+    assert fleet.warnings_ == {
+        "b": ("there is no forecast, since no rows follow 2024-01-15 23:00:00; give the weather to come.",)
+    }
+
+
+def test_the_command_says_which_zones_have_nothing_new(tmp_path, capsys):
+    def put(zone, X, name):
+        (tmp_path / "data" / f"zone={zone}").mkdir(parents=True, exist_ok=True)
+        X.to_parquet(tmp_path / "data" / f"zone={zone}" / f"{name}.parquet")
+
+    (tmp_path / "fleet.toml").write_text(
+        '[estimator]\nnetwork = "1R1C"\nintervals = false\nknown = {Q_h = 6, Q_c = -6}\n'
+    )
+    for zone in "ab":
+        put(zone, upto(7 * DAY, DAY, zone), "1")
+    assert main(["fleet", "fit", str(tmp_path), "-q"]) == 0
+    put("a", upto(8 * DAY, DAY), "2")
+    capsys.readouterr()
+    assert main(["fleet", "tick", str(tmp_path)]) == 0
+    shown = capsys.readouterr()
+    assert "with warnings: 1\n" in shown.out
+    assert shown.err == "warning: b: nothing was measured after 2024-01-14 23:00:00, the last known row.\n"
+    assert main(["fleet", "tick", str(tmp_path), "--json", "--strict"]) == 1
+    assert set(json.loads(capsys.readouterr().out)["warnings"]) == {"a", "b"}
+
+
+def test_a_new_fit_keeps_the_errors_of_past_forecasts(fleet):
+    fleet.tick({"a": upto(8 * DAY, DAY)})
+    fleet.tick({"a": upto(9 * DAY, DAY)})
+    before = fleet.status().set_index("zone").loc["a"]
+    fleet.fit({"a": upto(9 * DAY, DAY)})
+    after = fleet.status().set_index("zone").loc["a"]
+    assert after["rmse_yesterday"] == before["rmse_yesterday"] > 0.0
+    assert after["coverage"] == before["coverage"]
+    assert np.isnan(fleet.fit(everywhere(slice(0, 7 * DAY))).status()["rmse_yesterday"]).all()  # it ends before them
+
+
+def test_the_chart_has_each_row_once(fleet):
+    fleet.tick({"a": upto(8 * DAY, DAY)})
+    fleet.tick({"a": upto(8 * DAY + 6, 0)})  # nothing follows, so the last forecast stays
+    recent = zone_status("a", fleet.store_).recent
+    assert recent.index.is_unique
+    assert recent.index[-1] == ZONE.index[9 * DAY - 1]
+
+
+# ------------------------------------------------------------------------------------------------------------ datasets
+def test_files_with_other_time_zones_are_joined_in_utc(tmp_path):
+    winter, summer = ZONE[:100].tz_localize("+01:00"), ZONE[100:168].tz_localize("+01:00").tz_convert("+02:00")
+    winter.to_parquet(tmp_path / "1.parquet")
+    summer.to_parquet(tmp_path / "2.parquet")
+    expected = ZONE[:168].tz_localize("+01:00").tz_convert("UTC")
+    pd.testing.assert_frame_equal(read_rows(tmp_path), expected, check_freq=False)
+    ZONE[100:168].to_parquet(tmp_path / "2.parquet")
+    with pytest.raises(
+        ValueError, match=r"2\.parquet has stamps without a time zone, but other files of the zone have"
+    ):
+        read_rows(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["", "__HIVE_DEFAULT_PARTITION__"])
+def test_rows_without_a_zone_are_refused_in_a_dataset_too(tmp_path, name):
+    for zone in ("a", name):
+        (tmp_path / f"zone={zone}").mkdir()
+        ZONE[:168].to_parquet(tmp_path / f"zone={zone}" / "1.parquet")
+    with pytest.raises(ValueError, match=f"zone={name} holds rows that name no zone; name it, or remove the folder"):
+        ZoneFleet(ARX).fit(tmp_path)
+
+
+# --------------------------------------------------------------------------------------------------- names, arguments
+def test_a_name_that_is_too_long_for_a_file_costs_its_zone_alone(tmp_path):
+    long, longest = "комната " * 6, "x" * 230
+    with pytest.warns(SkhybridWarning, match="1 of 3 zones could not be fitted"):
+        fleet = ZoneFleet(ARX, store=tmp_path).fit(dict.fromkeys(("a", longest, long), ZONE[:168]))
+    said = "its name takes 258 characters as that of a file, and 230 are possible; shorten it."
+    assert fleet.errors_ == {long: said}
+    new = dict.fromkeys(("a", longest, long), ZONE[168:192])
+    assert set(fleet.predict(new)["zone"]) == {"a", longest}
+    assert fleet.errors_ == {long: said}
+
+
+@pytest.mark.parametrize("given", [None, ARXRegressor, "arx"])
+def test_what_is_no_estimator_is_refused(given):
+    with pytest.raises(ValueError, match=r"estimator=.* must be an estimator, such as HybridPredictor\(\)"):
+        ZoneFleet(given).fit({"a": ZONE})
+    if given is not None:
+        with pytest.raises(ValueError, match=r"fallback=.* must be an estimator"):
+            ZoneFleet(ARX, fallback=given).fit({"a": ZONE})
