@@ -20,6 +20,12 @@ def test_an_even_log_is_left_as_it_is(log):
     assert not report.missing
 
 
+@pytest.mark.parametrize(("step", "days"), [("5min", 105), ("15min", 365), ("1h", 3000)])
+def test_a_long_log_keeps_its_last_row(step, days):
+    index = pd.date_range("2016-01-01", periods=int(days * pd.Timedelta("1D") / pd.Timedelta(step)), freq=step)
+    assert regularize(pd.DataFrame({"T_oa": 5.0}, index), step).index.equals(index)
+
+
 def test_means_and_instant_values_of_a_longer_step(log):
     out = regularize(log, "1h")
     inputs = ["q_sol", "u_heat", "u_cool"]

@@ -228,7 +228,8 @@ def _even_index(
             f"a step of {spell(step)} from {index[0]} to {index[-1]} makes {n_rows:.3g} rows, but the log has one per "
             f"{spell(source)}; give a longer step, or drop rows whose stamps are wrong."
         )
-    stamps = pd.DatetimeIndex(np.arange(begin, end + 1, step.value).astype("datetime64[ns]"), name=index.name)
+    even = begin + step.value * np.arange(n_rows)  # np.arange(begin, end + 1, step) loses the last row after 104 days
+    stamps = pd.DatetimeIndex(even.astype("datetime64[ns]"), name=index.name)
     stamps = stamps.as_unit(index.unit)
     return stamps if index.tz is None else stamps.tz_localize("UTC").tz_convert(index.tz)
 
