@@ -120,7 +120,7 @@ def refuse_missing(target: np.ndarray, max_missing: Any) -> None:
     most = read_max_missing(max_missing)
     missing = float(np.isnan(target).mean()) if len(target) else 1.0
     if missing == 1.0 or missing > most:
-        allowed = "" if missing == 1.0 else f", more than max_missing={most:.0%}"
+        allowed = "" if missing == 1.0 else f", more than max_missing={most:g}"
         raise ValueError(
-            f"Input y contains NaN in {missing:.0%} of its rows{allowed}; choose a span with more measurements."
+            f"Input y contains NaN in {100 * missing:.0f} % of its rows{allowed}; choose a span with more measurements."
         )

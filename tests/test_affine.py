@@ -348,7 +348,7 @@ def test_a_plan_beyond_training_is_warned_of(name, fitted, tables, recwarn):
     wild = future.copy()
     wild.iloc[: DAY // 4, wild.columns.get_loc("Q_hvac")] = 40.0
     for call in (model.affine_forecast, model.to_state_space):
-        with pytest.warns(PlanWarning, match="Q_hvac outside of .* in 25% of the rows ahead"):
+        with pytest.warns(PlanWarning, match="Q_hvac outside of .* in 25 % of the rows ahead"):
             call(None, wild)
 
 

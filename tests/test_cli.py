@@ -205,7 +205,7 @@ def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
     page = (out / "report.html").read_text()
     assert "separate identification (InputDisturbanceID)" in page
     assert "Learned schedules" in page
-    assert f"contained {metrics['interval_80_coverage']:.0%} of the" in page
+    assert f"contained {100 * metrics['interval_80_coverage']:.0f}\u00a0% of the" in page
 
 
 def test_loads_of_stages_are_in_kw_of_the_identification(files):

@@ -19,6 +19,7 @@ from skhybrid.inspection import (
     LeadErrorDisplay,
     ScheduleDisplay,
 )
+from skhybrid.inspection._style import time_axis
 from skhybrid.inspection.unshown_figure import blank_axes
 from skhybrid.inspection.zone_panels import weeks_figure
 from skhybrid.model_selection import backtest
@@ -260,3 +261,13 @@ def test_schedules_are_drawn_by_hour_and_type_of_day():
 def test_schedules_of_a_model_that_has_none_are_refused():
     with pytest.raises(ValueError, match="Shifted has learned no schedules"):
         ScheduleDisplay.from_estimator(Shifted())
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("hours", [3, 24, 47, 49, 71, 73, 168, 500])
+@pytest.mark.parametrize("width", [4.4, 9.0])
+def test_a_time_axis_of_any_length_has_ticks_and_no_warning(width, hours):
+    figure, (ax,) = blank_axes(1, (width, 2.0))
+    time_axis(ax, pd.date_range("2024-01-01", periods=4 * hours + 1, freq="15min", tz="Europe/Amsterdam"))
+    figure.draw_without_rendering()
+    assert 2 <= len(ax.get_xticks()) <= 10

@@ -357,7 +357,7 @@ def test_what_counts_as_a_finding():
     full = pd.Series(20.0 + np.arange(200) % 7, index)
     assert list(sensor_findings("T_za", "room", full)) == []
     (found,) = sensor_findings("T_za", "room", full.mask(np.arange(200) % 20 == 0))
-    assert found.text == "5% of the rows have no value."
+    assert found.text == "5 % of the rows have no value."
     for hours_at_rest, n_found in ((23, 0), (24, 1)):
         resting = full.where((np.arange(200) < 50) | (np.arange(200) > 50 + hours_at_rest), 19.0)
         assert len(standstills("T_za", resting)) == n_found

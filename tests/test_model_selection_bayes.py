@@ -592,7 +592,7 @@ def test_the_posterior_is_drawn_term_by_term(regression):
     assert "change of RMSE [K]" in ax.get_xlabel()
     shown = {text.get_text() for text in ax.texts}
     assert {f"{p:.3f}" for p in regression.summary_["probability_reduces"]} <= shown
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["mean, 90% interval", "no effect"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["mean, 90 % interval", "no effect"]
     ends = [line.get_xdata() for line in ax.get_lines() if len(line.get_xdata()) == 2]
     first = regression.summary_.iloc[0]
     assert any(np.array_equal(end, [first["lower"], first["upper"]]) for end in ends)

@@ -63,7 +63,7 @@ def _study(**other):
             {"gain": 1.5, "ua": -0.1},
             index=pd.MultiIndex.from_product([("weekday", "weekend"), range(24)], names=["day", "hour"]),
         ),
-        "weights": pd.DataFrame({"network": [0.75], "ARX": [0.25]}, index=["first twelfth"]),
+        "weights": pd.DataFrame({"network": [0.75, 0.5, 0.25], "ARX": [0.25, 0.5, 0.75]}),
         "identification": "PeriodicDisturbanceID",
         "coverage": 0.81,
         "spans": {"train": "January"},
@@ -129,9 +129,9 @@ def test_it_tells_the_numbers(page):
         "2R2C",
         "Monday 1 January 2024",
         "last day of the log",
-        "first twelfth",
-        "75%",
-        "it contained 81% of the",
+        "0 to 2 h 75\u00a0% 25\u00a0% 2 to 8 h 50\u00a0% 50\u00a0% 8 to 24 h",
+        "it contained 81\u00a0% of the",
+        "Q_h [kW]",
         "separate identification (PeriodicDisturbanceID)",
     ):
         assert wanted in text
@@ -145,7 +145,7 @@ def test_what_it_is_given_is_escaped(tmp_path):
     study = _study(title=evil, notes=[evil], settings={evil: evil})
     study["table"] = study["table"].assign(note=evil)
     study["parameters"] = study["parameters"].assign(remark=evil, unit=evil)
-    study["weights"] = study["weights"].rename(columns={"ARX": evil}, index={"first twelfth": evil})
+    study["weights"] = study["weights"].rename(columns={"ARX": evil})
     study["identification"] = evil
     write_report(tmp_path / "r.html", **study)
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
@@ -182,7 +182,7 @@ def test_one_picture_of_a_study(tmp_path, columns):
 @pytest.mark.parametrize(
     ("own", "other", "words"),
     [
-        (0.4, 0.5, "forecasts best: its error is 0.40 K, 20% less than the next best, ARX"),
+        (0.4, 0.5, "forecasts best: its error is 0.40 K, 20 % less than the next best, ARX"),
         (0.5, 0.4, "Another model forecasts better here: the error of ARX is 0.40 K"),
         (0.4, 0.405, "equally well, within the noise"),
         (0.4, 0.415, "equally well, within the noise"),
@@ -250,3 +250,12 @@ def test_it_fits_a_phone_and_its_tables_fit_the_paper(tmp_path):
     assert int(wider_on_phone) <= 0
     assert int(wider_on_paper) <= 0
     assert int(clipped_on_paper) == 0
+
+
+@pytest.mark.parametrize("remark", ["", "given"])
+def test_a_column_of_remarks_is_left_out_where_there_are_none(tmp_path, remark):
+    study = _study()
+    write_report(tmp_path / "r.html", **study | {"parameters": study["parameters"].assign(remark=remark)})
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert (">remark</th>" in page) == bool(remark)
+    assert ">description</th>" in page

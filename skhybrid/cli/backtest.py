@@ -48,5 +48,5 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         table = found.table.rename(columns=units).round(3).to_string(na_rep="-")
         print("\n".join([*map(str, found.verdicts), "", table]))
         if found.coverage is not None:
-            print(f"\n80 % intervals of the hybrid hold {found.coverage:.0%} of the measurements")
+            print(f"\n80 % intervals of the hybrid hold {100 * found.coverage:.0f} % of the measurements")
     return DONE

@@ -99,8 +99,8 @@ def warn_uncovered(plan: Plan, given: Sequence[str], covered: np.ndarray) -> Non
         share = float(((values < low - margin) | (values > high + margin)).mean())
         if role in given and share > 0:
             warn_user(
-                f"the plan has {role} outside of {low:.4g} to {high:.4g}, which training covered, in {share:.0%} of "
-                "the rows ahead: what it does there is extrapolated.",
+                f"the plan has {role} outside of {low:.4g} to {high:.4g}, which training covered, in "
+                f"{100 * share:.0f} % of the rows ahead: what it does there is extrapolated.",
                 PlanWarning,
             )
 

@@ -12,6 +12,7 @@ import pandas as pd
 
 from .._files import atomic_path
 from ..study.report.html import html_cards, html_page, html_table
+from ..study.report.words import percent
 from ..study.verdict import CARE, NOT, USABLE
 
 _MOST_CHARTS = 200  # of the worst zones: more would make a page of many megabytes
@@ -55,7 +56,7 @@ def _zone(row: pd.Series, recent: pd.DataFrame | None, key: str) -> str:
     facts = [
         f"error {row['rmse_yesterday']:.2f} K yesterday" if np.isfinite(row["rmse_yesterday"]) else "",
         f"error {row['rmse_training']:.2f} K in training" if np.isfinite(row["rmse_training"]) else "",
-        f"{row['coverage']:.0%} in the interval" if np.isfinite(row["coverage"]) else "",
+        f"{percent(row['coverage'])} in the interval" if np.isfinite(row["coverage"]) else "",
     ]
     chart = "" if recent is None else _chart(recent)
     return (
@@ -114,7 +115,6 @@ def _errors(table: pd.DataFrame, key: str) -> str:
     rows = []
     for _, row in table.iterrows():
         numbers = [f"{row[c]:.2f}" if np.isfinite(row[c]) else "–" for c in ("rmse_yesterday", "rmse_training")]
-        inside = f"{row['coverage']:.0%}" if np.isfinite(row["coverage"]) else "–"
         last = "–" if row["last_row"] is pd.NaT else str(row["last_row"])
-        rows.append((str(row[key]), *numbers, inside, "yes" if row["drift"] else "no", last))
+        rows.append((str(row[key]), *numbers, percent(row["coverage"]), "yes" if row["drift"] else "no", last))
     return html_table(heads, rows)

@@ -80,7 +80,8 @@ class PosteriorDisplay(Display):
         ax = axes_or_new(ax, (6.4, 1.3 + 0.42 * len(terms)))
         for row, term in enumerate(terms):
             self._draw_term(ax, row, term)
-        ax.plot([], [], color=MEASURED, linewidth=2.2, marker="o", markersize=4.5, label=f"mean, {level:.0%} interval")
+        label = f"mean, {100 * level:.0f} % interval"
+        ax.plot([], [], color=MEASURED, linewidth=2.2, marker="o", markersize=4.5, label=label)
         ax.axvline(0.0, color="#CC0000", linewidth=1.1, label="no effect")
         ax.annotate("P(reduces)", (1.01, 1.0), xycoords="axes fraction", va="bottom", fontsize="small")
         ax.set_yticks(range(len(terms)), [str(term) for term in terms])

@@ -72,10 +72,11 @@ class ProfileDisplay(Display):
         curve = found.curve["deviance"].sort_index()
         shown = curve[curve <= 3.0 * found.threshold]
         ax.plot(shown.index, shown, color=COLORS[0], marker="o", markersize=3.5, linewidth=1.6, label="deviance")
-        ax.axhline(found.threshold, color=MEASURED, linewidth=1.0, linestyle="--", label=f"{found.level:.0%} threshold")
+        level = f"{100 * found.level:.0f} %"
+        ax.axhline(found.threshold, color=MEASURED, linewidth=1.0, linestyle="--", label=f"{level} threshold")
         interval = np.array([found.lower, found.upper])
         span = np.where(np.isfinite(interval), interval, ax.get_xlim())
-        inside = f"{found.level:.0%} interval: {found.lower:.3g} to {found.upper:.3g}"
+        inside = f"{level} interval: {found.lower:.3g} to {found.upper:.3g}"
         ax.axvspan(*span, color=COLORS[0], alpha=0.12, linewidth=0, label=inside)
         ax.axvline(found.best, color=COLORS[0], linewidth=0.8)
         if truth is not None:

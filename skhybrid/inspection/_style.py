@@ -86,7 +86,9 @@ def time_axis(ax: Any, time: pd.Index) -> None:
         return
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-    locator = AutoDateLocator(minticks=3, maxticks=9 if ax.figure.get_figwidth() > _NARROW else 5, tz=time.tz)
+    # a narrow axis has room for 2 to 5 ticks: fewer than 3 days are 2 ticks by day and too many by hour
+    few, many = (3, 9) if ax.figure.get_figwidth() > _NARROW else (2, 5)
+    locator = AutoDateLocator(minticks=few, maxticks=many, tz=time.tz)
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=time.tz))
     ax.set_xlim(time.min(), time.max())

@@ -77,7 +77,7 @@ def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | N
         return
     absent = float((values if even is None else even).isna().mean())
     if absent > 0.02:
-        yield Finding("note", name, f"{absent:.0%} of the rows have no value.")
+        yield Finding("note", name, f"{100 * absent:.0f} % of the rows have no value.")
     yield from _beyond(role, name, known)
     yield from _standing_still(role, name, known)
     if role in _JUMP:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..study.report.figures import NARROW, WIDE, backtest_figure, day_figure, in_two_widths
 from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
+from ..study.report.words import percent
 from ..study.verdict import Verdict
 from .zone_view import ZoneView, compared
 
@@ -103,8 +104,7 @@ def _state(status: dict[str, Any]) -> str:
         for quantity in ("temperature [K]", "load [kW]"):
             if errors := (status[name] or {}).get(quantity):
                 shown = (f"{errors[key]:.2f}" for key in ("rmse", "bias"))
-                inside = "–" if errors["coverage"] is None else f"{errors['coverage']:.0%}"
-                rows.append((f"{short} {quantity[quantity.index('[') :]}", *shown, inside))
+                rows.append((f"{short} {quantity[quantity.index('[') :]}", *shown, percent(errors["coverage"])))
     facts = f"{rows_words(status)} Drift: {drift_words(status['drift'])}."
     table = html_table(("errors", "RMSE", "bias", "in band"), rows) if rows else ""
     return f"<h2>State</h2>\n{table}<p>{escape(facts)}</p>"

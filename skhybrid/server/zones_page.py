@@ -10,7 +10,8 @@ import pandas as pd
 
 from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes, zones_in_words
 from ..study.report.figures import days_figure, in_two_widths, weeks_figure
-from ..study.report.html import html_cards, html_page, number
+from ..study.report.html import html_cards, html_page
+from ..study.report.words import number, percent
 from ..study.verdict import Verdict
 from .page import (
     LINKS,
@@ -119,6 +120,5 @@ def _state(status: dict[str, Any]) -> str:
 def _errors(state: dict[str, Any]) -> list[str]:
     last, weeks = state["yesterday's forecast"] or {}, state["last four weeks"] or {}
     newest, all_of, load = (found or {} for found in (last.get(_T), weeks.get(_T), weeks.get("load [kW]")))
-    share = all_of.get("coverage")
     numbers = [number(newest.get("rmse"), 2), number(all_of.get("rmse"), 2), number(all_of.get("bias"), 2)]
-    return [*numbers, "–" if share is None else f"{share:.0%}", number(load.get("rmse"), 2)]
+    return [*numbers, percent(all_of.get("coverage")), number(load.get("rmse"), 2)]

@@ -100,9 +100,9 @@ def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) 
 def _experiment(fit: LeadFit, role: str) -> str:
     """Days of an experiment, and how far they would lower the error of a plant's gain."""
     days, error = days_to_determine(fit, role)
-    often, reached = f"{days} days", f"below {LITTLE_ERROR:.0%}"
+    often, reached = f"{days} days", f"below {100 * LITTLE_ERROR:.0f} %"
     if error >= LITTLE_ERROR:
-        often, reached = f"even {often}", f"only to {error:.0%}"
+        often, reached = f"even {often}", f"only to {100 * error:.0f} %"
     return (
         f"{often} of random set-points (skhybrid.identification.plan_experiment) would bring what the data leave open "
         f"of the gain of {role} after 24 h {reached}"

@@ -65,7 +65,7 @@ class Identifiability:
     def _sections(self) -> list[tuple[str, tuple[str, ...]]]:
         return [
             ("flat directions: no row tells them apart; fix one member of each by known=", self.flat_directions),
-            (f"weak directions: what they may be off by at {_LEVEL:.0%}", self.weak_directions),
+            (f"weak directions: what they may be off by at {100 * _LEVEL:.0f} %", self.weak_directions),
             ("at a bound of the search: widen bounds=, or question the network", self.at_bound),
             ("not excited: no row moves them; known=, or days on which they run", self.not_excited),
         ]
@@ -185,7 +185,7 @@ def _weak(rows: np.ndarray, found: ParameterUncertainty) -> tuple[str, ...]:
 def _percent(move: float) -> str:
     """A move of a logarithm as a percentage, or as a factor where it is large."""
     if abs(move) < np.log(5.0):
-        return f"{np.expm1(move):+.0%}"
+        return f"{100 * np.expm1(move):+.0f} %"
     factor = f"{np.exp(abs(move)):.0f}" if abs(move) < np.log(1e3) else "1000 or more"
     return f"a factor of {factor if move > 0 else f'1/{factor}'}"
 

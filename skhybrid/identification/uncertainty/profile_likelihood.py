@@ -48,7 +48,7 @@ class ProfileLikelihood:
 
     def __str__(self) -> str:
         return (
-            f"{self.parameter} = {self.best:.4g} {self.unit}, {self.level:.0%} between {self.lower:.4g} and "
+            f"{self.parameter} = {self.best:.4g} {self.unit}, {100 * self.level:.0f} % between {self.lower:.4g} and "
             f"{self.upper:.4g} ({len(self.curve)} values tried)"
         )
 

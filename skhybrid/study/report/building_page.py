@@ -18,19 +18,8 @@ from ..identified_building import identified_only
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
-from .html import (
-    day_energy,
-    day_words,
-    flat,
-    html_cards,
-    html_list,
-    html_page,
-    html_table,
-    number,
-    results_table,
-    verdict,
-    verdict_boxes,
-)
+from .html import day_energy, html_cards, html_list, html_page, html_table, results_table, verdict, verdict_boxes
+from .words import day_words, flat, lead_groups, number, percent
 
 _SHOWN = {"wide": pd.Timedelta("7D"), "narrow": pd.Timedelta("3D")}
 _MOST_MODELS = 4  # in the figure of errors
@@ -158,14 +147,13 @@ def _neighbours(result: BuildingResult) -> str:
     shares, rows = result.model.shares_, []
     for zone in result.zones.index:
         if zone in shares.index:
-            own = [f"{share:.0%}" for share in shares.loc[zone]]
+            own = [percent(share) for share in shares.loc[zone]]
             errors = [number(result.zones.loc[zone, label], 2) for label in (HYBRID, ALONE)]
             rows.append((str(zone), *own, *errors, ", ".join(result.model.coupled_[zone].neighbours)))
         else:
             alone = number(result.zones.loc[zone, ALONE], 2)
             rows.append((str(zone), *["–"] * len(shares.columns), alone, alone, "none"))
-    hours = result.frames[HYBRID]["lead"].max() / pd.Timedelta("1h")
-    spans = (f"share to {hours / part:.2g} h" for part in (12, 3, 1))
+    spans = (f"share, {span}" for span in lead_groups(result.frames[HYBRID]))
     heads = ("zone", *spans, "RMSE [K]", "by itself [K]", "neighbours in the forecast")
     return (
         by_zone(heads, rows, n_texts=1)
@@ -233,7 +221,7 @@ def _zone_table(result: BuildingResult, models: Sequence[str]) -> str:
     rows = []
     for zone, row in table.iterrows():
         cells = [str(zone), *(number(row[label], 2) for label in models)]
-        cells.append("–" if pd.isna(row["coverage"]) else f"{row['coverage']:.0%}")
+        cells.append(percent(row["coverage"]))
         cells += [number(row[name], 2) for name in ("load_rmse", "load_yesterday")] if has_loads else []
         rows.append((*cells, str(row["level"])))
     heads = ["zone", *(f"{label} [K]" for label in models), "in 80\u00a0% band"]

@@ -16,6 +16,7 @@ from ..scores import has_intervals
 from ..tariff import Cost
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image, backtest_figure, day_figure, lead_figure, schedule_figure, week_figure
+from .words import day_words, flat, lead_groups, number, percent
 
 #: below the comparison of a study's models, with what is to be said of stages
 _TABLE_WORDS = (
@@ -91,7 +92,7 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
         return f"The day-ahead temperature error of the {label} model is {own:.2f} K (RMSE)."
     other, best = str(others.idxmin()), float(others.min())
     if own < best * (1 - _NOISE):
-        less = f"{1 - own / best:.0%} less than the next best, {other} ({best:.2f} K)"
+        less = f"{100 * (1 - own / best):.0f} % less than the next best, {other} ({best:.2f} K)"
         return f"The {label} model forecasts best: its error is {own:.2f} K, {less}."
     if own <= best * (1 + _NOISE):
         return f"The {label} model ({own:.2f} K) and {other} ({best:.2f} K) forecast equally well, within the noise."
@@ -154,7 +155,7 @@ def write_report(
         _head(title, table, frames, forecast, label, verdicts, scaled, cost),
         _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
         _accuracy(table, frames, label, coverage, scaled),
-        _learned(schedule, weights, label),
+        _learned(schedule, weights, frames[label], label),
         _week(zeta, truth),
         _building(parameters, building, identification, label),
         html_list("Warnings", map(escape, notes)),
@@ -263,7 +264,7 @@ def _accuracy(
         if coverage is None
         else (
             f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
-            f"{coverage:.0%} of the measurements of the test days.</p>\n"
+            f"{percent(coverage)} of the measurements of the test days.</p>\n"
         )
     )
     return (
@@ -288,7 +289,7 @@ def results_table(table: pd.DataFrame, scaled: bool) -> str:
     return html_table(heads, rows, n_texts=1, of_models=True)
 
 
-def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label: str) -> str:
+def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, frame: pd.DataFrame, label: str) -> str:
     if schedule is None:
         return ""
     words = (
@@ -300,9 +301,9 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, label:
     section = f"<h2>Learned schedules</h2>\n{words}{picture}"
     if weights is None:
         return section
-    rows = [(str(name), *(f"{share:.0%}" for share in row)) for name, *row in weights.itertuples()]
-    shares = html_table(["share in the forecast", *map(str, weights)], rows)
-    return f'{section}{shares}<p class="soft">Weights by part of the horizon, after training.</p>'
+    rows = zip(lead_groups(frame), *(map(percent, weights[name]) for name in weights), strict=True)
+    shares = html_table(["hours ahead", *map(str, weights)], rows)
+    return f'{section}{shares}<p class="soft">Share of each model in the forecast, by lead, after training.</p>'
 
 
 def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
@@ -328,24 +329,24 @@ def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identific
         f"({escape(identification)}): the network of the {escape(label)} model is fitted for its forecasts, and "
         "its parameters do not describe the building."
     )
-    described = "" if building is None else _values("quantity", building, ("unit", "remark"))
+    described = "" if building is None else _values("quantity", building, ("remark",))
     return (
         "<h2>The building</h2>\n<p>Heat loss of the zone per degree of temperature difference, time constants, and the "
         "window area that the sun heats through. The standard error shows how well the data determine a value; one "
         f"that they do not determine is not shown.{separate}</p>\n{described}"
         "<p>Parameters of the thermal network: capacities store heat, and resistances slow its flow.</p>\n"
-        + _values("parameter", parameters, ("unit", "description", "remark"))
+        + _values("parameter", parameters, ("description", "remark"))
     )
 
 
 def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
-    """A table of values with standard errors, to two digits of the error."""
-    rows = []
+    """A table of values with standard errors, to two digits of the error; texts that all are empty are left out."""
+    texts, rows = [name for name in texts if table[name].any()], []
     for name, row in table.iterrows():
         error = float(row["std"])
         digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 4)) if 0.0 < error < np.inf else 3
         numbers = [number(row[c], digits) for c in ("value", "std")]
-        rows.append((str(name), *numbers, *(str(row.get(c, "")) for c in texts)))
+        rows.append((f"{name} [{row['unit']}]", *numbers, *(str(row[c]) for c in texts)))
     return html_table((what, "value", "± std. error", *texts), rows, n_texts=len(texts))
 
 
@@ -353,18 +354,6 @@ def html_list(title: str, items: Iterable[str], kind: str = "prose") -> str:
     """A section with a list of HTML items; empty without items."""
     items = "".join(f"<li>{item}</li>" for item in items)
     return f'<h2>{title}</h2>\n<ul class="{kind}">{items}</ul>' if items else ""
-
-
-def flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Nested settings as one level with names such as ``load.setpoint``."""
-    out: dict[str, Any] = {}
-    for key, value in settings.items():
-        name = f"{above}{key}"
-        if isinstance(value, Mapping):
-            out |= flat(value, f"{name}.")
-        elif value is not None:
-            out[name] = value
-    return out
 
 
 def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0, of_models: bool = False) -> str:
@@ -383,18 +372,3 @@ def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int
 def _figure(image: str, caption: str) -> str:
     text = escape(caption, quote=True)
     return f'<figure tabindex="0"><img src="{image}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
-
-
-def number(value: Any, digits: int) -> str:
-    """A number of so many digits, or a dash."""
-    if value is None or not np.isfinite(float(value)):
-        return "–"
-    number = float(value)
-    return f"{number:.{digits}f}" if abs(number) >= 10.0**-digits or number == 0 else f"{number:.2g}"
-
-
-def day_words(index: pd.Index) -> str:
-    """The day of some rows in words."""
-    if not isinstance(index, pd.DatetimeIndex):
-        return "the next day"
-    return f"{index[0]:%A} {index[0].day} {index[0]:%B %Y}"
