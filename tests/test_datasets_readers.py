@@ -57,6 +57,11 @@ def test_named_time_column_and_european_numbers(write):
     pd.testing.assert_frame_equal(found, frame)
 
 
+def test_date_and_time_in_two_columns(write):
+    path = write("Date,Time,seen,T_za\n2024-01-31,00:45,1,20\n2024-01-31,01:00,1,21\n")
+    assert read_zone_csv(path).index.tolist() == [pd.Timestamp("2024-01-31 00:45"), pd.Timestamp("2024-01-31 01:00")]
+
+
 def test_compressed_file(tmp_path):
     path = tmp_path / "log.csv.gz"
     path.write_bytes(gzip.compress(SIMPLE.encode()))
@@ -228,7 +233,7 @@ HEAD = "time,T_za,T_oa\n"
         (HEAD, {}, "has a header but no rows"),
         ("a;b\n1;2\n", {}, "only one column, 'a;b'; pass its separator"),
         ("T_za,T_oa\n1,2\n", {}, "no column of time stamps among 'T_za', 'T_oa'; pass its name as time_column="),
-        (HEAD + "2024-01-01,1,2\n", {"time_column": "zeit"}, "time_column='zeit' is not in 'log.csv'; its columns are"),
+        (HEAD + "2024-01-01,1,2\n", {"time_column": "zeit"}, "time_column= names 'zeit', which is not in 'log.csv'"),
         ("time,room\n2024-01-01,1\n", {}, r"named after a role \('room'\); pass columns="),
         (
             HEAD + "2024-01-01,1,2\n",

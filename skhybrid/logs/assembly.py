@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,7 @@ import pandas as pd
 from .._warnings import several
 from .cell_numbers import NumberColumn
 from .raw_log import RawLog
-from .stamp_cells import read_stamps
+from .stamp_cells import joined_cells, read_stamps
 from .stamps import in_zone, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
 
@@ -98,13 +98,25 @@ class Pieces:
     notes: list[str] = field(default_factory=list)
 
 
+def assemble_columns(
+    pieces: Pieces,
+    names: Sequence[str],
+    long: tuple[str, str] | None,
+    choice: Choice,
+    read: Callable[[list[str]], Iterable[pd.DataFrame]],
+) -> RawLog:
+    """The log of a table of which ``read`` gives the columns that it needs; ``long`` are points and values, if any."""
+    wanted = choice.wanted(names, pieces.stamps, pieces.where) if long is None else [*long, *unit_columns(names)]
+    pieces.frames = read([*pieces.stamps, *wanted])
+    return assemble(pieces, choice) if long is None else assemble_long(pieces, *long, choice)
+
+
 def assemble(pieces: Pieces, choice: Choice) -> RawLog:
     """The log of a wide table, one column per channel."""
     channels: dict[str, NumberColumn] = {}
     texts = []
-    for piece in pieces.frames:
-        kept = _with_stamp(piece, pieces)
-        texts.append(_stamp_cells(kept, pieces))
+    for kept in _with_stamps(pieces):
+        texts.append(joined_cells(kept, pieces.stamps))
         for name in kept.columns.drop(list(pieces.stamps)):
             channels.setdefault(str(name), NumberColumn()).add(kept[name], pieces.decimal)
     stamps, order = _stamps(texts, pieces, choice)
@@ -122,10 +134,9 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
     rows: dict[str, list[np.ndarray]] = {}
     texts, n_rows = [], 0
     wanted = None if choice.columns is None else set(choice.columns)
-    for piece in pieces.frames:
-        kept = _with_stamp(piece, pieces)
+    for kept in _with_stamps(pieces):
         kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
-        texts.append(_stamp_cells(kept, pieces))
+        texts.append(joined_cells(kept, pieces.stamps))
         for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
             channel = channels.setdefault(str(name).strip(), NumberColumn())
             channel.add(kept[value].iloc[places], pieces.decimal)
@@ -153,6 +164,14 @@ def unit_columns(names: Iterable[Hashable]) -> list[str]:
     return [str(name) for name in names if _UNIT_COLUMN.fullmatch(str(name).strip())]
 
 
+def _with_stamps(pieces: Pieces) -> Iterator[pd.DataFrame]:
+    """The rows of each piece that have a time stamp, numbered so that messages name their line of the file."""
+    begin = pieces.first_line - 2
+    for piece in pieces.frames:
+        yield _with_stamp(piece.set_axis(range(begin, begin + len(piece)), axis=0), pieces)
+        begin += len(piece)
+
+
 def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
     """The rows that have a time stamp; a footer such as "Total" and a repeated header have none."""
     cells = piece[pieces.stamps[0]]
@@ -165,14 +184,6 @@ def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
     if filled.any():
         pieces.notes.append(f"{several(int(filled.sum()), 'row')} without a time stamp left out")
     return piece[known]
-
-
-def _stamp_cells(piece: pd.DataFrame, pieces: Pieces) -> pd.Series:
-    """The time stamps of a piece, date and time joined; the index says in which line of the file they stand."""
-    cells = piece[pieces.stamps[0]]
-    for other in pieces.stamps[1:]:
-        cells = cells.astype(str).str.strip() + " " + piece[other].astype(str).str.strip()
-    return cells.set_axis(cells.index + pieces.first_line - 2)
 
 
 def _joined(texts: list[pd.Series], where: str) -> pd.Series:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble, assemble_long, unit_columns
+from .assembly import Choice, Pieces, assemble_columns
 from .change_of_value import long_columns
 from .raw_log import RawLog
 from .stamp_cells import find_stamp_columns
@@ -53,13 +53,10 @@ def _read(file: Any, choice: Choice, where: str) -> RawLog:
     time = choice.time_column or (dated[0] if dated else None)
     stamps = find_stamp_columns(sample, time, where)
     long = long_columns([name for name in names if name not in stamps])
-    pieces = Pieces((), stamps, where, "Parquet", {})
-    if long is not None:
-        pieces.frames = _frames(file, [*stamps, *long, *unit_columns(names)], size)
-        return assemble_long(pieces, *long, choice)
-    wanted = [name for name in choice.wanted(names, stamps, where) if name not in indices or choice.columns is not None]
-    pieces.frames = _frames(file, [*stamps, *wanted], size)
-    return assemble(pieces, choice)
+    if choice.columns is None:
+        names = [name for name in names if name not in indices]
+    pieces = Pieces((), stamps, where, "Parquet")
+    return assemble_columns(pieces, names, long, choice, lambda wanted: _frames(file, wanted, size))
 
 
 def _is_nested(kind: Any) -> bool:
@@ -69,8 +66,5 @@ def _is_nested(kind: Any) -> bool:
 
 
 def _frames(file: Any, names: list[str], size: int) -> Iterator[pd.DataFrame]:
-    begin = 0
     for batch in file.iter_batches(batch_size=size, columns=names):
-        frame = batch.to_pandas(ignore_metadata=True)
-        yield frame.set_axis(range(begin, begin + len(frame)), axis=0)
-        begin += len(frame)
+        yield batch.to_pandas(ignore_metadata=True)

@@ -13,7 +13,7 @@ from .assembly import Choice, Pieces, assemble
 from .cell_numbers import decimal_sign
 from .raw_log import RawLog
 from .stamp_cells import find_stamp_columns, is_stamp
-from .table_layout import Layout, find_layout, separator_of, split_lines
+from .table_layout import Layout, find_layout, separator_of, split_lines, table_of
 from .text_files import encoding_of, head_of, open_bytes
 
 _HEAD = 1 << 16  # characters that show the layout
@@ -115,7 +115,5 @@ def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -
             "put numbers with a decimal comma in quotes, or pass the separator, such as sep=';'."
         )
     data = [row for row in rows[layout.first :] if any(row)]
-    width = len(layout.names)
-    sample = pd.DataFrame([[*row, *[""] * (width - len(row))][:width] for row in data], columns=layout.names, dtype=str)
     sign = decimal or decimal_sign([cell for row in data for cell in row], sep)
-    return TextTable(path, encoding_of(path) or "utf-8", sep, sign, layout, sample)
+    return TextTable(path, encoding_of(path) or "utf-8", sep, sign, layout, table_of(data, layout.names))

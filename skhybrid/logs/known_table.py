@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from .stamps import YEARS, cell, in_zone, parse_stamps
 _NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
 
 
-def existing(path: Path | str) -> tuple[Path, str]:
+def existing(path: str | PathLike[str]) -> tuple[Path, str]:
     """A file that exists, and its name as messages show it."""
     file = Path(path)
     if not file.is_file():

@@ -11,11 +11,11 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble, assemble_long
+from .assembly import Choice, Pieces, assemble_columns
 from .change_of_value import long_columns
 from .raw_log import RawLog
 from .stamp_cells import find_stamp_columns
-from .table_layout import Layout, find_layout
+from .table_layout import Layout, find_layout, table_of
 
 _HEAD, _PIECE = 200, 20_000  # rows
 
@@ -39,16 +39,13 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
         rows, layout, where, notes = _find_table(book, sheet, repr(path.name))
         names = layout.names
         head = list(islice(rows, layout.first + _HEAD))[layout.first :]
-        stamps = find_stamp_columns(_frame(head, names, 0), choice.time_column, where)
-        frames = _pieces(chain(head, rows), names)
+        stamps = find_stamp_columns(table_of(head, names), choice.time_column, where)
         units = {name: unit for name, unit in layout.units.items() if name not in stamps}
-        pieces = Pieces(frames, stamps, where, "Excel", units, ".", layout.first + 1, notes)
-        long = long_columns(names)
-        if long is not None:
-            return assemble_long(pieces, *long, choice)
-        wanted = choice.wanted(names, stamps, where)
-        pieces.frames = (piece[[*stamps, *wanted]] for piece in frames)
-        return assemble(pieces, choice)
+        pieces = Pieces((), stamps, where, "Excel", units, ".", layout.first + 1, notes)
+        frames = _pieces(chain(head, rows), names)
+        return assemble_columns(
+            pieces, names, long_columns(names), choice, lambda wanted: (piece[wanted] for piece in frames)
+        )
     finally:
         book.close()
 
@@ -110,13 +107,5 @@ def _text(cell: Any) -> str:
 
 
 def _pieces(rows: Iterator[list[str]], names: tuple[str, ...]) -> Iterator[pd.DataFrame]:
-    begin = 0
     while part := list(islice(rows, _PIECE)):
-        yield _frame(part, names, begin)
-        begin += len(part)
-
-
-def _frame(rows: list[list[str]], names: tuple[str, ...], begin: int) -> pd.DataFrame:
-    width = len(names)
-    cells = [[*row, *[""] * (width - len(row))][:width] for row in rows]
-    return pd.DataFrame(cells, columns=list(names), index=range(begin, begin + len(cells)), dtype=str)
+        yield table_of(part, names)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble, assemble_long, unit_columns
+from .assembly import Choice, Pieces, assemble_columns
 from .change_of_value import chosen_columns, long_columns
 from .raw_log import RawLog
 from .recorder import is_sqlite
@@ -115,17 +115,13 @@ def _read(connection: Any, what: Any, where: str, long: tuple[str | None, str | 
     if head.empty:
         raise ValueError(f"{where} has no rows.")
     is_long = any(long) or long_columns(names) is not None
-    both = chosen_columns(names, *long, where) if is_long else ()
-    stamps = find_stamp_columns(head.drop(columns=list(both)), choice.time_column, where)
-    wanted = [*both, *unit_columns(names)] if both else choice.wanted(names, stamps, where)
-    frames = (frame[[*stamps, *wanted]] for frame in _frames(rows, head))
-    pieces = Pieces(frames, stamps, where, "SQL")
-    return assemble_long(pieces, both[0], both[1], choice) if both else assemble(pieces, choice)
+    both = chosen_columns(names, *long, where) if is_long else None
+    stamps = find_stamp_columns(head.drop(columns=list(both or ())), choice.time_column, where)
+    pieces = Pieces((), stamps, where, "SQL")
+    return assemble_columns(pieces, names, both, choice, lambda wanted: (f[wanted] for f in _frames(rows, head)))
 
 
 def _frames(rows: Any, head: pd.DataFrame) -> Iterator[pd.DataFrame]:
     yield head
-    begin = len(head)
     while part := rows.fetchmany(_PIECE):
-        yield pd.DataFrame([tuple(row) for row in part], columns=head.columns, index=range(begin, begin + len(part)))
-        begin += len(part)
+        yield pd.DataFrame([tuple(row) for row in part], columns=head.columns)

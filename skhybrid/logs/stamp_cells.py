@@ -74,13 +74,22 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
     dates, times = ([name for name in names if held[name] == kind] for kind in ("date", "time"))
     if dates and times and not any(kind == "stamp" for kind in held.values()):
         return (dates[0], times[0])
-    for kinds in (("stamp",), ("date",), ("stamp", "date", "epoch")):
-        for name in names:
-            if held[name] in kinds and (is_stamp_name(str(name)) or "epoch" not in kinds):
-                return (name,)
+    usual = [name for name in names if is_stamp_name(str(name))]
+    for kind, among in (("stamp", usual), ("stamp", names), ("date", names), ("epoch", usual), (None, usual)):
+        found = [name for name in among if held[name] == kind]
+        if found:
+            return (found[0],)
     raise ValueError(
         f"{where} has no column of time stamps among {', '.join(map(repr, names))}; pass its name as time_column=."
     )
+
+
+def joined_cells(table: pd.DataFrame, stamps: Sequence[str]) -> pd.Series:
+    """The cells of time stamps, date and time joined."""
+    cells = table[stamps[0]]
+    for other in stamps[1:]:
+        cells = cells.astype(str).str.strip() + " " + table[other].astype(str).str.strip()
+    return cells
 
 
 def _kind(cells: pd.Series) -> str | None:

@@ -9,34 +9,11 @@ import numpy as np
 import pandas as pd
 from pandas.tseries.api import guess_datetime_format
 
-_USUAL_NAMES = ("timestamp", "time", "datetime", "date_time", "date", "stamp", "index", "utc", "local_time")
 YEARS = (1700, 2250)  # another year is a slip of the pen, and its nanoseconds overflow
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _BLOCK = 50_000  # rows
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 _ZONE_BY_NAME = "has time stamps with a zone by name; give an offset from UTC, or none."
-
-
-def find_stamp_column(table: pd.DataFrame, time_column: str | None, where: str) -> str:
-    """Column of time stamps: the one named, one with a usual name, or the first whose cells are dates."""
-    if time_column is not None:
-        if time_column not in table:
-            raise ValueError(
-                f"time_column={time_column!r} is not in {where}; its columns are {', '.join(map(repr, table.columns))}."
-            )
-        return time_column
-    for column in table.columns:
-        if str(column).strip().lower() in _USUAL_NAMES:
-            return column
-    for column in table.columns:
-        cells = table[column].dropna().head(3).astype(str)
-        looks = cells.str.contains(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}", regex=True)
-        if len(cells) and looks.all():
-            return column
-    raise ValueError(
-        f"{where} has no column of time stamps among {', '.join(map(repr, table.columns))}; pass its name as "
-        "time_column=."
-    )
 
 
 def parse_stamps(

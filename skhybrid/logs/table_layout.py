@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import pandas as pd
+
 from .stamp_cells import is_stamp, is_stamp_name
 from .unit_names import is_unit, unit_named
 
@@ -29,6 +31,12 @@ def split_lines(lines: Sequence[str], sep: str) -> list[list[str]]:
         return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=sep, skipinitialspace=True)]
     except csv.Error:
         return []
+
+
+def table_of(rows: Sequence[Sequence[str]], names: Sequence[str]) -> pd.DataFrame:
+    """Rows of cells as a table of text; short rows are filled, what is beyond the names is left out."""
+    width = len(names)
+    return pd.DataFrame([[*row, *[""] * (width - len(row))][:width] for row in rows], columns=list(names), dtype=str)
 
 
 def separator_of(lines: Sequence[str]) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -12,7 +12,9 @@ import pandas as pd
 from .._table import is_instant, role_of
 from ..preprocessing._units import conversion_of, convert
 from .even_steps import CONTIGUOUS, typical_step, usual_step
-from .stamps import cell, find_stamp_column, in_zone, line, parse_stamps
+from .known_table import existing
+from .stamp_cells import find_stamp_columns, joined_cells
+from .stamps import cell, in_zone, line, parse_stamps
 
 
 def read_zone_csv(
@@ -22,7 +24,7 @@ def read_zone_csv(
     timezone: str | None = None,
     label: str = "left",
     units: Mapping[str, str] | None = None,
-    time_column: str | None = None,
+    time_column: str | Sequence[str] | None = None,
     dayfirst: bool | None = None,
     sep: str = ",",
     decimal: str = ".",
@@ -45,8 +47,8 @@ def read_zone_csv(
         stamp and stay there.
     units : dict of role to unit, optional
         Units of the log that differ from the contract's: ``{"T_oa": "degF", "q_sol": "W/m2", "u_heat": "percent"}``.
-    time_column : str, optional
-        The column of time stamps; by default found by its name or its cells.
+    time_column : str or pair of str, optional
+        The column of time stamps, or those of date and time; by default found by their cells and names.
     dayfirst : bool, optional
         Whether dates such as 02/03/2024 begin with the day; only needed if no date in the file shows it.
     sep, decimal : str
@@ -65,12 +67,12 @@ def read_zone_csv(
     """
     if label not in ("left", "right"):
         raise ValueError(f"label={label!r} must be 'left' or 'right'.")
-    file = Path(path)
-    where = repr(file.name)
+    file, where = existing(path)
     table = _read_cells(file, where, sep, decimal)
-    stamp_column = find_stamp_column(table, time_column, where)
-    chosen = _columns_by_role(table, columns, stamp_column, where)
-    stamps = in_zone(parse_stamps(table[stamp_column], dayfirst, where), timezone, table[stamp_column], where)
+    of_stamps = find_stamp_columns(table, time_column, where)
+    chosen = _columns_by_role(table, columns, of_stamps, where)
+    cells = joined_cells(table, of_stamps)
+    stamps = in_zone(parse_stamps(cells, dayfirst, where), timezone, cells, where)
     frame = pd.DataFrame({role: _to_numbers(table[column], column, where) for role, column in chosen.items()})
     frame.index = stamps.rename("time")
     if stamps[0] > stamps[-1]:  # the newest row comes first
@@ -135,8 +137,6 @@ def _from_its_start(means: pd.Series, usual: pd.Timedelta) -> pd.Series:
 
 
 def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:
-    if not file.is_file():
-        raise FileNotFoundError(f"there is no file {str(file)!r}.")
     try:
         table = pd.read_csv(file, sep=sep, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig")
     except pd.errors.EmptyDataError:
@@ -158,9 +158,9 @@ def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:
 
 
 def _columns_by_role(
-    table: pd.DataFrame, columns: Mapping[str, str] | None, stamp_column: str, where: str
+    table: pd.DataFrame, columns: Mapping[str, str] | None, of_stamps: Sequence[str], where: str
 ) -> dict[str, str]:
-    shown = ", ".join(repr(c) for c in table.columns if c != stamp_column)
+    shown = ", ".join(repr(c) for c in table.columns if c not in of_stamps)
     if columns is None:
         found = {c: c for c in table.columns if role_of(c) is not None}
         if not found:
