@@ -21,6 +21,8 @@ from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _remarks
+from skhybrid.zone.forecast_archive import open_archive
+from skhybrid.zone.posted_rows import keep_log, keep_posted, read_posted
 from skhybrid.zone.tomorrow import rows_ahead
 
 COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
@@ -292,6 +294,28 @@ def test_columns_of_a_right_labelled_log_keep_their_own_time(tmp_path):
     hourly = sun[96 : 96 + len(frame)].reshape(-1, 4).mean(1)
     np.testing.assert_allclose(frame["q_sol"], np.repeat(hourly, 4), atol=1e-9)
     assert (frame.index[1:][np.diff(frame["T_cool_set"]) != 0.0] == index[96:-96][row[96:-96] % 32 == 9]).all()
+
+
+def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused(tmp_path):
+    """Until the first posted change the last known value is in force, not a line between the two."""
+    index = pd.date_range("2024-01-01", periods=6 * 96, freq="15min", name="time")
+    known, row = index <= "2024-01-05 12:00", np.arange(len(index))
+    stage = pd.Series((row // 10) % 3 == 1, index).astype(float)
+    points = {"room": pd.Series(20.0 + np.round(np.sin(row / 9.0), 2), index), "out": pd.Series(5.0 + row % 7, index)}
+    points["stage"] = stage[stage.diff() != 0.0]
+    rows = pd.concat([p.rename("value").to_frame().assign(point=name) for name, p in points.items()]).sort_index()
+    before = rows.index.isin(index[known])
+    for name, chosen in (("past", before), ("posted", ~before)):
+        rows[chosen].to_csv(tmp_path / f"{name}.csv")
+    settings = settings_from({"columns": {"T_za": "room", "T_oa": "out", "u_heat": "stage"}, "step": "15min"})
+    past, _ = read_log(tmp_path / "past.csv", settings)
+    with open_archive(tmp_path / "archive.sqlite") as archive, archive.transaction():
+        keep_log(archive, past, past.index[-1])
+        given, held = read_posted(tmp_path / "posted.csv", settings)
+        found, _ = keep_posted(archive, given, settings, held)
+    np.testing.assert_array_equal(found["u_heat"], stage)
+    with pytest.raises(ValueError, match="u_heat is logged by change"):
+        read_posted(tmp_path / "posted.csv", replace(settings, label="right"))
 
 
 def test_strict_counts_warnings(folder, capsys):

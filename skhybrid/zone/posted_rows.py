@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any
@@ -23,8 +24,10 @@ _CLOCK_AHEAD = pd.Timedelta(days=1)  # by which a sender's clock, or its time zo
 _SEED = 3  # even rows before the first posted one, which tell the step where one row is posted alone
 
 
-def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = False) -> pd.DataFrame:
-    """Rows of a file by role, at their own stamps.
+def read_posted(
+    path: str | PathLike[str], settings: Settings, *, plain: bool = False
+) -> tuple[pd.DataFrame, list[str]]:
+    """Rows of a file by role, at their own stamps, and the roles that are logged by change.
 
     Parameters
     ----------
@@ -42,6 +45,11 @@ def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = 
     log = read_by_role(path, settings)
     for channel in log.channels:
         _refuse_sums(channel)
+    if log.held and settings.label == "right":
+        raise ValueError(
+            f"{log.held[0]} is logged by change, which the posted rows of a right-labelled log do not determine; let "
+            "skhybrid zone tick read the log."
+        )
     frame = plant_heat(on_even_steps(log.frame, settings, log.held)[0] if log.held else log.frame, settings)
     refuse_infinite_columns(frame)
     for role in frame:
@@ -50,7 +58,8 @@ def read_posted(path: str | PathLike[str], settings: Settings, *, plain: bool = 
     frame = frame.sort_index(kind="stable").dropna(how="all")
     if frame.empty:
         raise ValueError("no posted row has a value; the columns are those of zone.toml.")
-    return frame[~frame.index.duplicated(keep="last")]
+    meters = ["Q_hvac"] if {"Q_heat", "Q_cool"}.intersection(log.held) else []
+    return frame[~frame.index.duplicated(keep="last")], [*log.held, *meters]
 
 
 def _refuse_sums(channel: Channel) -> None:
@@ -69,10 +78,13 @@ def keep_log(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestamp
     archive.forget_log(EVEN, origin - _KEPT)
 
 
-def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, int]:
+def keep_posted(
+    archive: ForecastArchive, rows: pd.DataFrame, settings: Settings, held: Sequence[str] = ()
+) -> tuple[pd.DataFrame, int]:
     """Keep posted rows; the log that the archive has by now, at the step of the settings, and the number of rows ahead.
 
-    Rows after the last posted temperature are weather and plans.
+    Values of ``held`` roles hold until the next one, also from the log that was known before.  Rows after the last
+    posted temperature are weather and plans.
 
     Raises
     ------
@@ -97,7 +109,7 @@ def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings
     archive.keep_log(rows.iloc[n_measured:], AHEAD)
     posted = _local(archive.log(POSTED), tz)
     if len(posted):
-        found = _on_steps(even, posted, settings)
+        found = _on_steps(even, posted, settings, held)
         even = found.combine_first(even)  # where nothing was found now, the value of an earlier post stays
         archive.keep_log(even[even.index.isin(found.index)], EVEN)
         archive.forget_log(EVEN, posted.index[-1] - _KEPT)
@@ -115,7 +127,7 @@ def keep_posted(archive: ForecastArchive, rows: pd.DataFrame, settings: Settings
     return pd.concat([even, ahead]).rename_axis("time"), len(rows) - n_measured
 
 
-def _on_steps(even: pd.DataFrame, posted: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+def _on_steps(even: pd.DataFrame, posted: pd.DataFrame, settings: Settings, held: Sequence[str]) -> pd.DataFrame:
     """Posted rows at even steps, up to the last step that they fill."""
     if settings.label == "right":
         posted = to_left_label(posted) if len(posted) > 1 else posted.iloc[:0]
@@ -127,7 +139,7 @@ def _on_steps(even: pd.DataFrame, posted: pd.DataFrame, settings: Settings) -> p
         raise ValueError(
             "the archive has no rows of the log yet; run skhybrid zone tick once, or post two weeks of it."
         )
-    found, report = on_even_steps(rows, settings)
+    found, report = on_even_steps(rows, settings, held)
     found = found[found.index <= posted.index[-1] + report.source_step - report.step]
     return found[found.index > before.index[-1]] if len(before) else found
 

@@ -194,7 +194,8 @@ class ZoneFolder:
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
             zone, settings = self.load(), read_settings(self.config)
-            frame, n_ahead = keep_posted(archive, read_posted(rows, settings, plain=plain), settings)
+            given, held = read_posted(rows, settings, plain=plain)
+            frame, n_ahead = keep_posted(archive, given, settings, held)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = None
             try:
