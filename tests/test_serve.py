@@ -252,6 +252,9 @@ def test_rows_without_weather_to_come_are_kept_and_the_answer_says_so(log, folde
     assert found["new_steps"] == 0
     assert found["forecast_from"] == log.index[24 * DAYS + 2].isoformat()
     assert client.get("/forecast").json()["origin"] == found["forecast_from"]
+    assert not any("--setpoint" in text for text in found["remarks"])
+    night = client.post("/rows", json=as_json(ahead.assign(T_heat_set=15.0, Q_hvac=0.0))).json()
+    assert "'Q_hvac', 'T_heat_set' of the rows ahead are not used, since --setpoint is given" in night["remarks"]
 
 
 def test_rows_without_an_input_are_named_in_the_answer(log, client):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._table import is_plant, listed
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
@@ -92,11 +93,19 @@ def day_ahead(
     )
     out = with_electricity(out, settings).rename_axis("time")
     remarks = [
+        *_unused(later, settings, schedule),
         *([] if unread is None or unread.is_step else [str(unread)]),
         *zone.remarks_on_outages(frame, history),
         *_remarks(zone, history, ahead.frame, ahead.planned),
     ]
     return DayAhead(out, _summary(out, settings, zone.scaled), tuple(remarks))
+
+
+def _unused(later: pd.DataFrame, settings: Settings, schedule: Schedules | None) -> list[str]:
+    """A remark on heat and set-points of the rows ahead, which set-points of the command line replace."""
+    given = later.columns[later.notna().any()] if schedule is not None else []
+    roles = sorted(str(role) for role in given if is_plant(role) or role in settings.setpoints)
+    return [f"{listed(roles)} of the rows ahead are not used, since --setpoint is given"] if roles else []
 
 
 def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
