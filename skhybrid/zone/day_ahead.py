@@ -103,7 +103,9 @@ def day_ahead(
 
 def _unused(later: pd.DataFrame, settings: Settings, schedule: Schedules | None) -> list[str]:
     """A remark on heat and set-points of the rows ahead, which set-points of the command line replace."""
-    given = later.columns[later.notna().any()] if schedule is not None else []
+    if schedule is None:
+        return []
+    given = later.columns[later.notna().any()]
     roles = sorted(str(role) for role in given if is_plant(role) or role in settings.setpoints)
     return [f"{listed(roles)} of the rows ahead are not used, since --setpoint is given"] if roles else []
 
