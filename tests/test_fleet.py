@@ -132,8 +132,12 @@ def test_its_prior_is_that_of_its_models(alone, fleet):
     assert fleet.prior().n_zones == 3
     with pytest.raises(ValueError, match=r"zone 'd', of which the store has no model"):
         fleet.prior({"d": 6.0})
-    with pytest.raises(ValueError, match="models holds 0 fitted zones"):
+    with pytest.raises(ValueError, match="models holds 0 zones"):
         fleet.prior({})
+    with pytest.raises(ValueError, match=r"sizes=\[3.0, 4.0\] must be a mapping of zones to their nameplates"):
+        fleet.prior([3.0, 4.0])
+    with pytest.raises(ValueError, match="sizes gives zone 'c' the size 0"):
+        fleet.prior({"a": 3.0, "c": 0.0})
     numbered = ZoneFleet(ARX).fit(dict(enumerate(X[TRAIN] for X in ZONES.values())))
     assert numbered.prior({0: 3.0, 2: 4.0}).n_zones == 2
 

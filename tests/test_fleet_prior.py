@@ -11,6 +11,7 @@ from sklearn.base import clone
 
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor, SchedulePredictor
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.filtering import learn_normal
 from skhybrid.fleet import FleetPrior
 from skhybrid.persistence import load_model, save_model
@@ -179,7 +180,7 @@ def refused(message, call):
 def test_another_kind_of_zone_is_refused(arx_prior, prior):
     coarse = zone(16, n_days=4, step="30min")
     refused("learned at 1 h, this log has 30 min", lambda: fitted(clone(ARX).set_params(prior=arx_prior), coarse))
-    refused("learned at 60 min, this log has 30 min", lambda: fitted(clone(SCHEDULE).set_params(prior=prior), coarse))
+    refused("learned at 1 h, this log has 30 min", lambda: fitted(clone(SCHEDULE).set_params(prior=prior), coarse))
     rows = zone(16, n_days=4)
     stage = rows.assign(u_heat=rows["Q_hvac"].clip(lower=0.0) / 6.0).drop(columns="Q_hvac")
     refused(
@@ -208,13 +209,36 @@ def test_what_does_not_go_together_is_refused(arx_prior, prior):
 
 def test_learning_refuses_what_says_nothing(schedules):
     one = fitted(ARX, zone(0))
-    refused("models holds 1 fitted zones", lambda: FleetPrior.learn([one]))
+    refused("models holds 1 zone that learned from two days", lambda: FleetPrior.learn([one]))
     refused("mixes predictors with a network", lambda: FleetPrior.learn([one, schedules[0]]))
     refused("holds a GrayBoxRC", lambda: FleetPrior.learn([GrayBoxRC(), GrayBoxRC()]))
     refused("2 numbers for 3 models", lambda: FleetPrior.learn(schedules, [1.0, 2.0]))
     refused("gives model 1 the size -2", lambda: FleetPrior.learn(schedules, [1.0, -2.0, 3.0]))
     coarse = fitted(ARX, zone(1, step="30min"))
-    refused("the first of models was learned at 1 h", lambda: FleetPrior.learn([one, coarse]))
+    refused("^model 0 was learned at 1 h, model 1 has 30 min; give zones of", lambda: FleetPrior.learn([one, coarse]))
+    refused("^hall was learned at 1 h, attic has", lambda: FleetPrior.learn([one, coarse], names=["hall", "attic"]))
+    refused("gives model 0 the size '6'", lambda: FleetPrior.learn(schedules, ["6", 2.0, 3.0]))
     plain = FleetPrior.learn([one, fitted(ARX, zone(1))])
     refused("without sizes", lambda: plain.for_nameplate(6.0))
-    refused("size=nan", lambda: plain.for_nameplate(float("nan")))
+    for size in (float("nan"), "6", None, True, [6.0]):
+        refused("size=.* must be a positive number", lambda size=size: plain.for_nameplate(size))
+
+
+@pytest.mark.parametrize("rows", [18, 24])
+@pytest.mark.parametrize("objective", ["one_step", "multi_step"])
+def test_a_zone_of_a_day_is_left_out(rows, objective):
+    """Its regression leaves nothing, so that it seemed known for certain: it was the whole prior, or a singular one."""
+    arx = clone(ARX).set_params(objective=objective, calendar=True)
+    models = [fitted(arx, zone(seed)) for seed in range(2)]
+    short = fitted(arx, zone(2).iloc[:rows])
+    with pytest.warns(SkhybridWarning, match="1 zone of 3 learned from less than two days.*model 1"):
+        found = FleetPrior.learn([models[0], short, models[1]], [6.0, 1.0, 7.0])
+    expected = FleetPrior.learn(models, [6.0, 7.0])
+    np.testing.assert_array_equal(found.arx[objective].mean, expected.arx[objective].mean)
+    assert (found.n_zones, found.nameplates) == (2, expected.nameplates)
+
+
+def test_a_nameplate_in_another_unit_is_warned_of(arx_prior):
+    arx_prior.for_nameplate(20.0)
+    with pytest.warns(SkhybridWarning, match="size=6000 is far from the sizes of the fleet, 2 on average"):
+        arx_prior.for_nameplate(6000.0)

@@ -7,12 +7,18 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from sklearn.pipeline import Pipeline
 
+from .._arguments import is_number
+from .._warnings import several, warn_user
+from ..exceptions import SkhybridWarning
 from ..forecasting.arx_prior import ARXPrior, ZoneEvidence, ZoneSums
 from ..schedule import NetworkPrior, NetworkSums
 
 _PSEUDO_ZONES = 5.0  # strength with which covariances are shrunk to their diagonals
+_LEAST = pd.Timedelta(days=2)  # with less, regressions leave nothing, and a zone seems known for certain
+_FAR = float(np.log(100.0))  # beyond it a nameplate is in another unit
 _FACTOR = float(np.exp(1.645))  # of a 90 % interval, per standard deviation of a logarithm
 
 
@@ -52,8 +58,10 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
     nameplate: float | None = None
 
     @classmethod
-    def learn(cls, models: Iterable[Any], sizes: Iterable[float] | None = None) -> Self:
-        """Learn from fitted zones.
+    def learn(
+        cls, models: Iterable[Any], sizes: Iterable[float] | None = None, names: Iterable[str] | None = None
+    ) -> Self:
+        """Learn from fitted zones; one that learned from less than two days says nothing of others, and is left out.
 
         Parameters
         ----------
@@ -61,16 +69,19 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
             Fitted on logs with the same columns and the same step, and with the same network.
         sizes : iterable of float, optional
             A nameplate of each zone: the heat of its plant [kW], or any other figure that grows as the zone does.
+        names : iterable of str, optional
+            What messages call the zones.
 
         Raises
         ------
         ValueError
-            If there are fewer than two models, or they or their sizes do not go together.
+            If there are fewer than two models of two days, or they or their sizes do not go together.
         """
-        evidence = [_evidence_of(model) for model in models]
-        if len(evidence) < 2:
-            raise ValueError(f"models holds {len(evidence)} fitted zones; a prior is learned from two or more.")
-        log_plates = _log_sizes(sizes, len(evidence))
+        read = [_evidence_of(model) for model in models]
+        called = [f"model {i}" for i in range(len(read))] if names is None else list(names)
+        log_plates = _log_sizes(sizes, called)
+        kept = _long_enough([span for _, span in read], called)
+        evidence, log_plates, called = [read[i][0] for i in kept], log_plates[kept], [called[i] for i in kept]
         networks = [zone.network for zone in evidence if zone.network is not None]
         if networks and len(networks) < len(evidence):
             raise ValueError("models mixes predictors with a network and ARXRegressors; give models of one kind.")
@@ -80,7 +91,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
             here = [i for i, zone in enumerate(evidence) if objective in zone.regressions]
             if len(here) > 1:
                 sums = [evidence[i].regressions[objective] for i in here]
-                found[objective] = _regression(sums, log_sizes[here])
+                found[objective] = _regression(sums, log_sizes[here], [called[i] for i in here])
         network = _network(networks, log_plates) if networks else None
         ratio = log_sizes - log_plates
         return cls(len(evidence), found, network, _spread(ratio), _spread(log_plates))
@@ -98,11 +109,17 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         ValueError
             If it is not a positive number, or no sizes were given.
         """
-        if not (np.isfinite(size) and size > 0):
+        if not (is_number(size) and size > 0):
             raise ValueError(f"size={size!r} must be a positive number.")
         if not any(self.nameplates):
             raise ValueError(
                 "this prior was learned without sizes, so that a nameplate says nothing; pass sizes to learn."
+            )
+        usual, spread = self.nameplates
+        if abs(np.log(size) - usual) > max(_FAR, 3.0 * spread):
+            warn_user(
+                f"size={size:g} is far from the sizes of the fleet, {np.exp(usual):.3g} on average; check its unit.",
+                SkhybridWarning,
             )
         return replace(self, nameplate=float(size))
 
@@ -145,7 +162,8 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         return f"FleetPrior({self.n_zones} zones{plate})"
 
 
-def _evidence_of(model: Any) -> ZoneEvidence:
+def _evidence_of(model: Any) -> tuple[ZoneEvidence, pd.Timedelta]:
+    """What a fitted zone says of others, and the span that it learned from."""
     last = model[-1] if isinstance(model, Pipeline) else model
     found = getattr(last, "evidence_", None)
     if not isinstance(found, ZoneEvidence):
@@ -153,28 +171,45 @@ def _evidence_of(model: Any) -> ZoneEvidence:
             f"models holds a {type(last).__name__} from which no prior is learned; give fitted HybridPredictors of the "
             "schedule model, SchedulePredictors or ARXRegressors."
         )
-    return found
+    return found, last.training_.n_rows * last.training_.step
 
 
-def _log_sizes(sizes: Iterable[float] | None, n: int) -> np.ndarray:
+def _log_sizes(sizes: Iterable[float] | None, names: Sequence[str]) -> np.ndarray:
     if sizes is None:
-        return np.zeros(n)
-    given = np.array(list(sizes), dtype=np.float64)
-    if len(given) != n:
-        raise ValueError(f"sizes has {len(given)} numbers for {n} models; give one per model.")
-    if not (np.isfinite(given) & (given > 0)).all():
-        bad = int(np.argmin(np.isfinite(given) & (given > 0)))
-        raise ValueError(f"sizes gives model {bad} the size {given[bad]:g}; every size must be a positive number.")
-    return np.log(given)
+        return np.zeros(len(names))
+    given = list(sizes)
+    if len(given) != len(names):
+        raise ValueError(f"sizes has {len(given)} numbers for {len(names)} models; give one per model.")
+    for name, size in zip(names, given, strict=True):
+        if not (is_number(size) and size > 0):
+            raise ValueError(f"sizes gives {name} the size {size!r}; every size must be a positive number.")
+    return np.log(np.array(given, dtype=np.float64))
+
+
+def _long_enough(spans: Sequence[pd.Timedelta], names: Sequence[str]) -> list[int]:
+    """Numbers of the zones that learned from two days or more; the others are warned of, fewer than two refused."""
+    kept = [i for i, span in enumerate(spans) if span >= _LEAST]
+    if len(kept) < 2:
+        raise ValueError(
+            f"models holds {several(len(kept), 'zone')} that learned from two days or more; a prior needs two of them."
+        )
+    short = [name for i, name in enumerate(names) if i not in kept]
+    if short:
+        warn_user(
+            f"{several(len(short), 'zone')} of {len(names)} learned from less than two days, and tell nothing, "
+            f"the first {short[0]}.",
+            SkhybridWarning,
+        )
+    return kept
 
 
 def _spread(values: np.ndarray) -> tuple[float, float]:
     return float(values.mean()), float(values.std(ddof=1))
 
 
-def _regression(sums: Sequence[ZoneSums], log_sizes: np.ndarray) -> ARXPrior:
-    for zone in sums[1:]:
-        sums[0].kind.refuse_other(zone.kind, "the first of models")
+def _regression(sums: Sequence[ZoneSums], log_sizes: np.ndarray, names: Sequence[str]) -> ARXPrior:
+    for zone, name in zip(sums[1:], names[1:], strict=True):
+        sums[0].kind.refuse_other(zone.kind, names[0], name, "zones")
     return ARXPrior.learn(sums, log_sizes, _PSEUDO_ZONES)
 
 

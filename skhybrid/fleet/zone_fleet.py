@@ -16,6 +16,7 @@ from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
 
 from .. import __version__
+from .._arguments import as_mapping
 from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
@@ -281,7 +282,7 @@ class ZoneFleet(BaseEstimator):
         Returns
         -------
         FleetPrior
-            Of the zones that the estimator was fitted on, not the fallback.
+            Of the zones that the estimator, not the fallback, was fitted on for two days or more.
 
         Raises
         ------
@@ -289,14 +290,17 @@ class ZoneFleet(BaseEstimator):
             If ``sizes`` names a zone without a model, or as :meth:`FleetPrior.learn`.
         """
         models = self._models
-        plates = None if sizes is None else {str(zone): size for zone, size in sizes.items()}
+        given = sizes.to_dict() if isinstance(sizes, pd.Series) else sizes
+        named = as_mapping("sizes", given, "zones to their nameplates")
+        plates = None if sizes is None else {str(zone): size for zone, size in named.items()}
         zones = models.zones() if plates is None else list(plates)
         unknown = [zone for zone in zones if not models.has(zone)]
         if unknown:
             raise ValueError(f"sizes names zone {unknown[0]!r}, of which the store has no model; leave it out.")
         zones = [zone for zone in zones if models.journal(zone).facts["fallback"] is None]
         fitted = (models.load(zone)[0] for zone in zones)
-        return FleetPrior.learn(fitted, None if plates is None else [plates[zone] for zone in zones])
+        names = [f"zone {zone!r}" for zone in zones]
+        return FleetPrior.learn(fitted, None if plates is None else [plates[zone] for zone in zones], names)
 
     @property
     def zones_(self) -> list[str]:

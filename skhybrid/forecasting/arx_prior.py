@@ -42,17 +42,19 @@ class ARXKind(NamedTuple):
         roles = tuple(sorted(design.roles))
         return cls(step, roles, design.n_lags, design.n_input_lags, design.calendar, objective)
 
-    def refuse_other(self, other: ARXKind, what: str = "prior=") -> None:
+    def refuse_other(
+        self, other: ARXKind, what: str = "prior=", here: str = "this log", give: str = "a prior of zones"
+    ) -> None:
         """Raise a ValueError if ``other`` differs in step, columns or setting."""
         if other.step != self.step:
             raise ValueError(
-                f"{what} was learned at {spell(self.step)}, this log has {spell(other.step)}; give a prior that was "
-                "learned from zones of the same step."
+                f"{what} was learned at {spell(self.step)}, {here} has {spell(other.step)}; give {give} of the same "
+                "step."
             )
         if other.roles != self.roles:
             raise ValueError(
-                f"{what} was learned from the columns {', '.join(self.roles)}, this log has {', '.join(other.roles)}; "
-                "give a prior that was learned from zones with the same columns."
+                f"{what} was learned from the columns {', '.join(self.roles)}, {here} has {', '.join(other.roles)}; "
+                f"give {give} with the same columns."
             )
         for name in ("n_lags", "n_input_lags", "calendar", "objective"):
             mine, its = getattr(self, name), getattr(other, name)

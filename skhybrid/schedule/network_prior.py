@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
+import pandas as pd
 
+from .._time import spell
 from ..filtering import learn_normal
 from ..thermal import RCNetwork
 from .channels import UA_DIFFERENCE
@@ -117,13 +119,13 @@ class NetworkPrior:
         """Raise a ValueError if the prior was learned with another network or step."""
         if model.step != self.step:
             raise ValueError(
-                f"prior= was learned at {60.0 * self.step:g} min, this log has {60.0 * model.step:g} min; give a prior "
-                "that was learned from zones of the same step."
+                f"prior= was learned at {_spell(self.step)}, this log has {_spell(model.step)}; give a prior of zones "
+                "of the same step."
             )
         if model.names != self.names or model.network.resistors != self.network.resistors:
             raise ValueError(
                 f"prior= was learned with network={self.network.name!r}, this one is {model.network.name!r}; give a "
-                "prior that was learned with the same network."
+                "prior of zones with the same network."
             )
 
 
@@ -164,3 +166,7 @@ def _shared_sums(zone: NetworkSums, shared: Sequence[str]) -> np.ndarray:
     T[:J, -1] = [0.0 if name in shared else -c for name, c in zip(zone.channels, zone.coef, strict=True)]
     T[J, -1] = 1.0
     return T.T @ zone.gram @ T
+
+
+def _spell(hours: float) -> str:
+    return spell(pd.Timedelta(hours=hours))
