@@ -128,6 +128,16 @@ def test_init_tick_and_status_from_the_command_line(log, zone, tmp_path, capsys)
     assert "% of the measurements inside the 80 % interval" in out
 
 
+def test_a_forecast_from_an_older_log_is_not_archived(log, zone, cheap, tmp_path):
+    """Its model has seen the day that it forecasts, which would be scored."""
+    zone.tick(write(log, tmp_path / "log.csv", DAYS + 2), schedule=SCHEDULE)
+    before = tables(zone)
+    zone.tick(write(log, tmp_path / "log.csv", DAYS + 1), schedule=SCHEDULE)
+    assert tables(zone) == before
+    zone.tick(write(log, tmp_path / "log.csv", DAYS + 2), schedule=SCHEDULE)
+    assert tables(zone) == before
+
+
 def test_a_tick_that_fails_changes_nothing(log, zone, tmp_path):
     source = write(log, tmp_path / "log.csv", DAYS + 1)
     before = tables(zone), zone.model.read_bytes()

@@ -17,7 +17,7 @@ from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .outages import stretches
+from .outages import like_index, stretches
 from .posted_rows import keep_log, keep_posted, read_posted
 from .tomorrow import Schedules
 from .zone_model import ZoneModel
@@ -236,9 +236,13 @@ class ZoneFolder:
         *,
         changed: bool,
     ) -> None:
-        """Archive what was measured and forecast, and save a model that has changed."""
+        """Archive what was measured and forecast, and save a model that has changed.
+
+        A forecast from a log that ends before what the model has seen is not archived: it knows what it forecasts.
+        """
         archive.add_measured(measured_rows(frame, zone.settings, origin, archive.last_measured()), zone.zones)
-        if found is not None:
+        seen = like_index(zone.known_until, pd.DatetimeIndex([origin]))
+        if found is not None and origin >= seen:
             archive.add_forecast(origin, _with_beyond(found.frame, zone), zone.zones)
         if changed:
             zone.save(self.model)
