@@ -285,6 +285,24 @@ def test_a_changed_configuration(log, zone, cheap, tmp_path):
         zone.tick(write(log, tmp_path / "short.csv", DAYS, without=slice(0, 24 * (DAYS - 4))))
 
 
+def test_a_full_disk_is_named_and_the_archive_stays(tmp_path):
+    index = pd.date_range("2024-01-01", periods=20_000, freq="1h")
+    rows = pd.DataFrame({"T_za": 20.0, "Q_hvac": 0.0}, index)
+    path = tmp_path / "archive.sqlite"
+
+    def add(rows):
+        with forecast_archive.open_archive(path) as archive:
+            archive._database.execute("PRAGMA max_page_count = 20")
+            with archive.transaction():
+                archive.add_measured(rows)
+
+    add(rows[:10])
+    with pytest.raises(OSError, match="database or disk is full"):
+        add(rows)
+    with forecast_archive.open_archive(path) as archive:
+        assert archive.last_measured() == index[9]
+
+
 def test_an_archive_that_is_none_is_refused(log, zone, tmp_path):
     zone.archive.write_bytes(b"not a database" * 100)
     with pytest.raises(OSError, match=r"archive.sqlite cannot be used \(.*move the file away"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import PathLike, fspath
 from typing import Any
 
@@ -59,7 +59,9 @@ class ForecastArchive:
         try:
             yield
         except BaseException:
-            self._database.execute("ROLLBACK")
+            # SQLite has rolled back by itself if the disk is full, and cannot if it is gone
+            with suppress(sqlite3.Error):
+                self._database.execute("ROLLBACK")
             raise
         self._database.execute("COMMIT")
 
