@@ -12,8 +12,10 @@ from skhybrid import ARXRegressor
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
-from skhybrid.fleet import ZoneFleet
+from skhybrid.fleet import ZoneFleet, model_store
 from skhybrid.fleet.fleet_status import zone_status
+from skhybrid.fleet.journal import Journal
+from skhybrid.fleet.model_store import ModelStore
 from skhybrid.fleet.zone_rows import read_rows
 
 DAY = 24
@@ -95,6 +97,25 @@ def test_the_chart_has_each_row_once(fleet):
     recent = zone_status("a", fleet.store_).recent
     assert recent.index.is_unique
     assert recent.index[-1] == ZONE.index[9 * DAY - 1]
+
+
+def test_a_model_is_never_read_beside_the_journal_of_another(monkeypatch, fleet):
+    """A status or forecast may read a zone while a fit or tick saves it."""
+    store, real = ModelStore(fleet.store), model_store.load_model
+    model, journal = store.load("a")
+    journal.facts["n"] = 0
+    store.save("a", model.set_params(alpha=0.5), journal)
+    calls = []
+
+    def meanwhile(path):
+        calls.append(path)
+        if len(calls) == 1:
+            store.save("a", real(path).set_params(alpha=0.7), Journal({**journal.facts, "n": 1}))
+        return real(path)
+
+    monkeypatch.setattr(model_store, "load_model", meanwhile)
+    found, its = store.load("a")
+    assert (found.alpha, its.facts["n"]) == (0.7, 1)
 
 
 # ------------------------------------------------------------------------------------------------------------ datasets

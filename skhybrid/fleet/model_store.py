@@ -43,9 +43,11 @@ class ModelStore:
 
     def load(self, zone: str) -> tuple[Any, Journal]:
         """The model of a zone, which has taken in the rows of its journal where it can, and the journal."""
-        journal = self.journal(zone)
-        new = self._file(zone, _NEW_MODEL[journal.facts.get("turn", 0)])
-        model = load_model(new if new.exists() else self._file(zone, _MODEL))
+        path, known = self._file(zone, _JOURNAL), -1
+        while known != (known := path.stat().st_mtime_ns):  # another process may replace the pair meanwhile
+            journal = self.journal(zone)
+            new = self._file(zone, _NEW_MODEL[journal.facts.get("turn", 0)])
+            model = load_model(new if new.exists() else self._file(zone, _MODEL))
         if len(journal.rows) and hasattr(model, "update"):
             model.update(journal.rows)
         return model, journal
