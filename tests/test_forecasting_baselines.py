@@ -9,7 +9,8 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import Ridge
 
 from skhybrid._table import read_table
-from skhybrid.forecasting import DisturbanceForecaster
+from skhybrid.forecasting import BoostedRegressor, DisturbanceForecaster
+from skhybrid.forecasting.features import clock_changes, same_slot
 from skhybrid.forecasting.ridge import ALPHAS, _solve, lag_features, ridge_by_blocks
 
 
@@ -73,6 +74,34 @@ def test_the_same_hour_of_an_earlier_day_is_that_of_the_local_clock(begin):
     features = lag_features(table, by_day.to_numpy(), begins[12:18] - 1, 24)
     for same in (features[..., 6] + features[..., 7], features[..., 8]):
         assert ((same == by_day.to_numpy()[rows[3:9]]) | beside[rows[3:9]]).all()
+
+
+@pytest.mark.parametrize("begin", ["2024-01-29", "2024-09-23"])  # the clocks change after six weeks, on a Sunday
+def test_boosting_reads_the_day_before_by_the_local_clock(begin):
+    index = pd.date_range(begin, periods=44 * 24, freq="1h", tz="America/Chicago")
+    week = (index.tz_localize(None) - index[0].tz_localize(None)).days // 7
+    T = 20.0 + np.random.default_rng(0).normal(size=(7, 24))[week, index.hour]  # every week has another day
+    X, n = pd.DataFrame({"T_oa": 5.0, "T_za": T}, index=index), 40 * 24
+    model = BoostedRegressor(random_state=0).fit(X[:n], X["T_za"][:n])
+    origin = np.flatnonzero(index.hour == 0)[41] - 1
+    errors = model.predict_from(X, [origin])[0, 5:23] - T[origin + 6 : origin + 24]
+    assert np.abs(errors).mean() < 0.3
+
+
+def test_the_row_of_an_earlier_day_is_known_wherever_the_table_begins():
+    index = pd.date_range("2024-03-01", "2024-11-30", freq="15min", tz="America/Chicago")  # both changes of the clock
+    table = read_table(BaseEstimator(), pd.DataFrame({"T_oa": 5.0}, index=index), reset=True)
+    origins = np.arange(96, table.n_rows - 96)
+    rows = origins[:, None] + np.arange(1, 97, 5)
+    found = same_slot(rows, origins, 96, clock_changes(table))
+    assert (found <= origins[:, None]).all()
+    hour, minute = index.hour.to_numpy(), index.minute.to_numpy()
+    assert ((hour[found] == hour[rows]) & (minute[found] == minute[rows]) | (hour[rows] == 2)).all()
+    first = int(np.flatnonzero(index >= "2024-07-01")[0])
+    later = origins >= first + 96
+    of_later = clock_changes(table.rows(slice(first, None)))
+    moved = same_slot(rows[later] - first, origins[later] - first, 96, of_later)
+    np.testing.assert_array_equal(moved + first, found[later])
 
 
 def test_last_week_repeats_it_and_falls_back_to_the_day_before():

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import BaseEstimator
 
 from skhybrid import (
     DisturbanceForecaster,
@@ -14,6 +15,7 @@ from skhybrid import (
     SchedulePredictor,
     TwoStagePredictor,
 )
+from skhybrid._table import read_table
 from skhybrid.control import Band, WantedPaths
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import UnitWarning
@@ -21,7 +23,7 @@ from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
 from skhybrid.hybrid.thermostat_law.closed_loop import _Errors
-from skhybrid.hybrid.thermostat_law.law_features import LawRows, same_plan
+from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
 from skhybrid.hybrid.thermostat_law.plant_law import Pairs
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
@@ -357,6 +359,24 @@ def test_a_plan_is_that_of_the_week_before_by_a_plain_loop():
     ]
     assert 0.2 < np.mean(expected) < 0.8
     np.testing.assert_array_equal(same_plan(rows, targets), expected)
+
+
+@pytest.mark.parametrize("begin", ["2024-02-26", "2024-10-21"])  # the clocks change after 13 days
+def test_a_thermostat_s_week_before_is_that_of_the_local_clock(begin):
+    index = pd.date_range(begin, periods=20 * 24, freq="1h", tz="America/Chicago")
+    hour = index.hour.to_numpy(dtype=np.float64)
+    X = pd.DataFrame({"T_oa": hour, "Q_hvac": hour, "T_za": hour}, index=index)
+    table = read_table(BaseEstimator(), X, reset=True)
+    band = Band(np.where((hour >= 6) & (hour < 20), 21.0, 15.0), np.full(len(hour), np.inf))
+    rows, origins = LawRows.of(table, hour, band), np.flatnonzero(hour == 0)[8:19]
+    targets, lead = (origins[:, None] + np.arange(3, 23)).ravel(), np.tile(np.arange(3, 23), len(origins))
+    begins = np.repeat(origins, 20)
+    assert same_plan(rows, targets).all()
+    heat, _ = same_clock(rows, begins, targets)
+    np.testing.assert_array_equal(heat, hour[targets])
+    features = further_features(rows, begins, lead)
+    np.testing.assert_array_equal(features[:, 10], hour[targets])  # heat of the day before
+    np.testing.assert_array_equal(features[:, 11:17], 0.0)  # set-points and outdoor temperature less those before
 
 
 def test_a_refit_learns_from_what_was_known_at_the_begin_of_its_week(monkeypatch):

@@ -19,7 +19,7 @@ from .._time import hour_of_day, rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor
-from .features import periods_before, span_means
+from .features import clock_changes, same_slot, span_means
 from .quantiles import left_out_blocks
 from .reading import read_zone
 
@@ -181,9 +181,10 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     def _features(self, table: ZoneTable, origins: np.ndarray, leads: np.ndarray, base: np.ndarray) -> np.ndarray:
         """(n_origins * n_leads, n_features) of forecasts at increasing leads, whose base is (n_origins, n_leads)."""
         T, per_hour, per_day = self._carried_forward(table), rows_per_hour(table.step), rows_per_day(table.step)
-        targets = np.minimum(origins[:, None] + leads, table.n_rows - 1)
+        ahead = origins[:, None] + leads
+        targets = np.minimum(ahead, table.n_rows - 1)
         here = np.broadcast_to(T[origins][:, None], targets.shape)
-        day_before = np.maximum(periods_before(origins[:, None] + leads, leads, per_day), 0)
+        day_before = np.maximum(same_slot(ahead, origins, per_day, clock_changes(table)), 0)
         columns = [np.broadcast_to(leads * table.step_hours, targets.shape), hour_of_day(table.time)[targets]]
         columns += [table.day_of_week[targets], here, base - here, T[day_before] - here]
         for hours in _HOURS_BACK:

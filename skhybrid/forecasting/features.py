@@ -93,19 +93,31 @@ def clock_changes(table: ZoneTable) -> np.ndarray | None:
     return None if (ahead == ahead[:1]).all() else ahead - ahead[0]
 
 
+def rows_back(rows: np.ndarray, n_steps: Any, changes: np.ndarray | None) -> np.ndarray:
+    """Rows that lie ``n_steps`` before others by the local clock, whose ``changes`` are those of :func:`clock_changes`.
+
+    Of an hour that comes twice it is the first; in place of one that is left out it is the row after.
+    """
+    if changes is None:
+        return np.asarray(rows - n_steps)
+    clock = np.maximum.accumulate(np.arange(len(changes)) + changes)
+    earlier = rows + changes[np.clip(rows, 0, len(changes) - 1)] - n_steps
+    return np.where(earlier < 0, earlier, np.searchsorted(clock, earlier))
+
+
 def same_slot(
     rows: np.ndarray, origins: np.ndarray, period: int, changes: np.ndarray | None = None, back: int = 0
 ) -> np.ndarray:
-    """(n_origins, n_leads) rows that lie whole periods before; the last ones up to the origin, or ``back`` more before.
+    """Rows that lie whole periods before ``rows`` (n_origins, ...); the last up to the origin, or ``back`` more before.
 
     A period is a number of steps by the local clock, of which ``changes`` are those of :func:`clock_changes`.
     """
-    if changes is None:
-        return periods_before(rows, rows - origins[:, None], period) - back * period
-    last = len(changes) - 1
-    clock = rows + changes[np.clip(rows, 0, last)]
-    earlier = periods_before(clock, clock - (origins + changes[origins])[:, None], period) - back * period
-    return earlier - changes[np.clip(earlier, 0, last)]
+    limit = origins.reshape((-1,) + (1,) * (rows.ndim - 1))
+    ahead = rows - limit
+    if changes is not None:
+        at, last = (changes[np.clip(each, 0, len(changes) - 1)] for each in (rows, limit))
+        ahead = ahead + at - last
+    return rows_back(rows, (back + -(-ahead // period)) * period, changes)
 
 
 def last_same_slot(
@@ -124,11 +136,6 @@ def last_same_slot(
             break
         out = np.where(missing, known_at(series, same_slot(rows, origins, period, changes, back), origins), out)
     return out
-
-
-def periods_before(rows: np.ndarray, ahead: np.ndarray, period: int) -> np.ndarray:
-    """Rows moved back by the fewest whole periods that make them known; ``ahead`` counts from the last known row."""
-    return np.asarray(rows - period * -(-ahead // period))
 
 
 def span_means(series: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from ..._last_known import carried_forward
 from ..._table import ZoneTable
 from ..._time import hour_of_day, rows_per_day
 from ...control import Band, LoadPaths
-from ...forecasting.features import periods_before, span_means
+from ...forecasting.features import clock_changes, rows_back, same_slot, span_means
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]
@@ -28,13 +28,14 @@ class LawRows(NamedTuple):
     weather: np.ndarray  # (N, m) outdoor temperature and irradiance
     clock: np.ndarray  # (N, 3) hour, day of the week, whether it is a weekend
     per_day: int
+    changes: np.ndarray | None = None  # (N,) steps by which the local clock has changed; None: never
 
     @classmethod
     def of(cls, table: ZoneTable, heat: np.ndarray, band: Band) -> Self:
         chosen = [v for role, v in table.inputs.items() if role == "T_oa" or role.startswith("q_sol")]
         weather = np.column_stack(chosen) if chosen else np.empty((table.n_rows, 0))
         clock = np.column_stack([hour_of_day(table.time), table.day_of_week, table.weekend])
-        return cls(table.measured(), heat, band, weather, clock, rows_per_day(table.step))
+        return cls(table.measured(), heat, band, weather, clock, rows_per_day(table.step), clock_changes(table))
 
     def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
         """(n,) last measured temperature at each origin [degC], or another one where there is none."""
@@ -43,11 +44,11 @@ class LawRows(NamedTuple):
 
 
 def same_clock(rows: LawRows, origins: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Heat, and temperature at the end, of the same row a week before; a day, or any full days, before without one.
+    """Heat, and temperature at the end, of the row at the same time a week before; else a day or any full days.
 
     Only rows before the origin are read; NaN where there is none.
     """
-    week, day = (periods_before(targets, targets - origins + 1, n * rows.per_day) for n in (_WEEK, 1))
+    week, day = (same_slot(targets, origins - 1, n * rows.per_day, rows.changes) for n in (_WEEK, 1))
     at = np.where(week >= 0, week, day)
     known, at = at >= 0, np.maximum(at, 0)
     return np.where(known, rows.heat[at], np.nan), np.where(known, rows.T[at + 1], np.nan)
@@ -55,9 +56,9 @@ def same_clock(rows: LawRows, origins: np.ndarray, targets: np.ndarray) -> tuple
 
 def same_plan(rows: LawRows, targets: np.ndarray) -> np.ndarray:
     """(n,) bool, whether the set-points of the last hours are those of the same hours a week before."""
-    week, change = _WEEK * rows.per_day, np.zeros(len(rows.T))
-    for side in _finite(rows.band):
-        change[week:] += np.abs(side[week:] - side[:-week])
+    before = rows_back(np.arange(len(rows.T)), _WEEK * rows.per_day, rows.changes)
+    change = np.sum([np.abs(side - side[np.maximum(before, 0)]) for side in _finite(rows.band)], axis=0)
+    change[before < 0] = 0.0
     first = np.maximum(targets + 1 - _hours(rows, _PLAN_HOURS), 0)
     return np.asarray(span_means(change, first, targets + 1) < _OTHER_PLAN)
 
@@ -90,13 +91,16 @@ def further_features(rows: LawRows, origins: np.ndarray, lead: np.ndarray) -> np
     day, week = rows.per_day, _WEEK * rows.per_day
     T = rows.last_measured(origins, np.full(len(origins), np.nan))
     heat_before, T_before = same_clock(rows, origins, at)
-    yesterday = periods_before(at, lead + 1, day)
+    yesterday = same_slot(at, origins - 1, day, rows.changes)
     columns = [lead, rows.clock[at][:, 1], heating[at], cooling[at], T, T - heating[at], T - cooling[at]]
     columns += [np.where(origins > 0, rows.heat[np.maximum(origins - 1, 0)], np.nan), heat_before, T_before]
     columns += [np.where(yesterday >= 0, rows.heat[np.maximum(yesterday, 0)], np.nan)]
     for back in (day, week):
-        earlier = np.maximum(at - back, 0)
-        columns += [np.where(at >= back, v[at] - v[earlier], np.nan) for v in (heating, cooling, *rows.weather.T[:1])]
+        earlier = rows_back(at, back, rows.changes)
+        columns += [
+            np.where(earlier >= 0, v[at] - v[np.maximum(earlier, 0)], np.nan)
+            for v in (heating, cooling, *rows.weather.T[:1])
+        ]
     return np.column_stack([*columns, *means])
 
 
