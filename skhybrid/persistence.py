@@ -186,6 +186,8 @@ def _decode(body: bytes, path: object) -> Any:
         raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from error
     except Exception as error:  # a forged file can let any part of the reading fail
         cause = first_sentence(str(error)) or type(error).__name__
+        if isinstance(error, ModuleNotFoundError) and error.name in ("torch", "skorch"):
+            cause = f'the neural network in it needs {error.name}; install it with pip install "skhybrid[networks]"'
         raise ModelFileError(f"{path} cannot be read as a model: {cause}.") from error
 
 

@@ -527,6 +527,25 @@ def test_settings_of_parts_are_not_passed_over():
         assert (scheme.gray_box.random_state, scheme.forecaster.random_state) == (wanted, wanted)
 
 
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({}, ImportError, "model='lstm' needs torch and skorch"),
+        ({"case": "case21"}, ValueError, "case='case21' is not known for model='lstm'"),
+        ({"device": "nowhere"}, ValueError, "device='nowhere' cannot be used here"),
+    ],
+)
+def test_a_network_that_cannot_be_trained_is_refused_before_the_identification(
+    settings, error, message, office, monkeypatch
+):
+    pytest.importorskip("torch")
+    if not settings:
+        monkeypatch.setattr("skhybrid.forecasting.extras.find_spec", lambda name: None)
+    monkeypatch.setattr(InputDisturbanceID, "fit", lambda *args: pytest.fail("an identification has begun"))
+    with pytest.raises(error, match=message):
+        TwoStagePredictor(InputDisturbanceID(), DisturbanceForecaster("lstm", **settings)).fit(office.X, office.y)
+
+
 def test_an_unknown_adapt_is_refused_after_fit_too(hybrid, office):
     model = deepcopy(hybrid).set_params(adapt="daily")
     for call in (model.predict, lambda X: model.forecast(None, X), lambda X: model.predict_load(X, 20.0)):

@@ -28,7 +28,7 @@ from sklearn.tree import DecisionTreeRegressor
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, persistence
 from skhybrid._files import atomic_path
-from skhybrid._folded import fold
+from skhybrid._folded import MARK, fold
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ModelFileError
 from skhybrid.model_selection import RollingOriginSplit
@@ -364,9 +364,16 @@ def test_a_class_that_this_version_lacks_is_told_from_a_library_that_is_missing(
         with pytest.raises(ValueError, match=f"it names '{name}', which this version does not have; fit and save it"):
             persistence._own_class(name)
 
-    def without_torch(module):
-        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+    imported = persistence.importlib.import_module
+
+    def without_torch(module, package=None):
+        if "networks" in module:
+            raise ModuleNotFoundError("No module named 'torch'", name="torch")
+        return imported(module, package)
 
     monkeypatch.setattr(persistence.importlib, "import_module", without_torch)
     with pytest.raises(ModuleNotFoundError, match="torch"):
         persistence._own_class("skhybrid.forecasting.networks.fitted:FittedNetwork")
+    network = {MARK: "object", "type": "skhybrid.forecasting.networks.fitted:FittedNetwork", "state": {}}
+    with pytest.raises(ModelFileError, match=r'needs torch; install it with pip install "skhybrid\[networks\]"\.$'):
+        persistence._decode(skops.io.dumps(fold(network)), "a.skops")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -409,6 +410,13 @@ def test_posterior_is_about_normal_on_an_easy_problem(office):
         laplace = model.theta_std_[name] / model._growth[name]
         assert drawn.summary.loc[name, "mean"] == pytest.approx(model.theta_[name], abs=0.3 * laplace)
         assert drawn.summary.loc[name, "std"] == pytest.approx(laplace, rel=0.2)
+
+
+def test_without_pymc_nothing_is_searched_for_a_posterior(office, output, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymc", None)
+    monkeypatch.setattr(posterior.ConstrainedProblem, "of", lambda *args: pytest.fail("a search has begun"))
+    with pytest.raises(ImportError, match=r'needs PyMC; install it with pip install "skhybrid\[bayes\]"'):
+        sample_posterior(output, office.X, office.y)
 
 
 def test_bad_chains_are_errors(office, output):

@@ -16,9 +16,18 @@ def networks_available() -> bool:
         return False
 
 
-def require_networks(model: Any) -> None:
-    """Raise an ImportError for a network whose libraries are missing; any other model of a forecaster is accepted."""
-    if isinstance(model, str) and model in NETWORKS and not networks_available():
+def require_networks(model: Any, device: str = "cpu") -> None:
+    """Refuse a network whose libraries are missing (ImportError), or a device that torch cannot use (ValueError).
+
+    Any other model of a forecaster is accepted.
+    """
+    if not (isinstance(model, str) and model in NETWORKS):
+        return
+    if not networks_available():
         raise ImportError(
             f'model={model!r} needs torch and skorch; install them with pip install "skhybrid[networks]".'
         )
+    if device != "cpu":
+        from .networks.jobs import torch_device  # torch loads here
+
+        torch_device(device)

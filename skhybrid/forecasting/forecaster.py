@@ -66,7 +66,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     columns : mapping of role to column, optional
         Overrides the names of the columns of X; None as a column says that the role is absent on purpose.
     sampling_time : timedelta-like, optional
-        Step of a table without time stamps; default 1 h.
+        Step of a table without time stamps, which is refused without it.
     holidays : str or sequence of dates, optional
         A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or local dates, which count as
         Sundays; ``"last_week"`` takes the last known day of the same kind.
@@ -244,7 +244,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         ``shared`` stores what other forecasters of the same X and y need as well: the table and fitted baselines.
         """
         check_parameters(self)
-        require_networks(self.model)
+        require_networks(self.model, self.device)
         self.case_ = resolve_case(self.case, self.model) if is_network(self.model) else None
         table, target = self._training_rows(X, y, shared)
         self._check_spans(table.step)

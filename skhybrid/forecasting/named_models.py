@@ -9,7 +9,7 @@ import numpy as np
 from .._arguments import check_integer, check_rate, is_number
 from .._table import ZoneTable
 from .baselines import LastWeek, NoDisturbance, Persistence, WeeklyProfile
-from .cases import ACTIVATIONS, NETWORKS, SIZES
+from .cases import ACTIVATIONS, NETWORKS, SIZES, resolve_case
 from .features import TIME_ENCODINGS
 from .ridge import RidgeForecaster
 
@@ -44,6 +44,8 @@ def check_parameters(forecaster: Any) -> None:
         raise ValueError(f"model={model!r} is neither one of {', '.join(names)} nor a regressor instance.")
     if isinstance(model, str) and model not in names:
         raise ValueError(f"model={model!r} is not known; use {', '.join(names)} or a scikit-learn regressor.")
+    if is_network(model):
+        resolve_case(forecaster.case, model)
     _check_choices(forecaster)
     _check_numbers(forecaster)
 

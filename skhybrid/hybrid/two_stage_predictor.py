@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._table import read_max_missing
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
+from ..forecasting.extras import require_networks
 from ..forecasting.named_models import check_parameters, refuse_unread
 from ..identification import PeriodicDisturbanceID
 from .base import Adapt, BaseHybrid
@@ -141,6 +142,7 @@ class BaseTwoStage(BaseHybrid):
         if isinstance(forecaster, DisturbanceForecaster):
             check_parameters(forecaster)
             refuse_unread(forecaster)
+            require_networks(forecaster.model, forecaster.device)
         return self._part(forecaster, horizon=self.horizon or "1D")
 
     def _part(self, part: Any, **passed: Any) -> Any:

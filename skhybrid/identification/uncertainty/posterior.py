@@ -123,6 +123,7 @@ def sample_posterior(
     profile of the periodic model.  The posterior assumes that the disturbance model holds; ``theta_interval`` does not.
     """
     check_sampling(draws, tune, chains)
+    import_pymc()  # before a search that may take minutes
     constrained = ConstrainedProblem.of(estimator, X, y)
     problem = constrained.problem(search_all=True)
     start, _ = problem.minimum_near(free_point(problem, constrained.estimator._searched_values()))
