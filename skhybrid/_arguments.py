@@ -1,4 +1,4 @@
-"""Checks of arguments that estimators share: integers, numbers and mappings."""
+"""Checks of arguments that estimators share: integers, numbers, mappings and seeds."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+from sklearn.utils import check_random_state
 
 _LARGEST = sys.float_info.max
 
@@ -35,3 +36,12 @@ def as_mapping(name: str, given: Any, content: str) -> dict[Any, Any]:
     if given is not None and not isinstance(given, Mapping):
         raise ValueError(f"{name}={given!r} must be a mapping of {content}.")
     return dict(given or {})
+
+
+def draw_seed(random_state: int | np.random.RandomState | None) -> int:
+    """A seed for local generators; fresh entropy where None, so that the global state is left alone."""
+    if random_state is None:
+        return int(np.random.default_rng().integers(2**31 - 1))
+    if isinstance(random_state, int | np.integer):
+        return int(random_state)
+    return int(check_random_state(random_state).randint(2**31 - 1))

@@ -16,13 +16,14 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_info
 
 from skhybrid import GrayBoxRC, HybridPredictor
+from skhybrid._arguments import draw_seed
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import DisturbanceForecaster, fit_many
 from skhybrid.forecasting.networks import jobs as jobs_module
 from skhybrid.forecasting.networks.callbacks import EarlyStoppingPerNetwork
 from skhybrid.forecasting.networks.jobs import discounted_share, train_networks
-from skhybrid.forecasting.training_job import Split, TrainingJob, chronological_split, draw_seed, repeat_seeds
+from skhybrid.forecasting.training_job import Split, TrainingJob, chronological_split, repeat_seeds
 
 
 def hourly(n_days, seed=0):

@@ -230,6 +230,8 @@ def test_the_best_sizes_of_each_case(results):
         ({"terms": ["depth"]}, {}, "term 'depth' is neither an ingredient"),
         ({"interactions": [("time", "depth")]}, {}, "not a pair of two of the terms"),
         ({"level": 1.5}, {}, "level=1.5 is not between"),
+        ({"level": "high"}, {}, "level='high' is not between"),
+        ({"prior_scale": "wide"}, {}, r"prior_scale='wide' is outside \(0, inf\)"),
         ({"chains": 1}, {}, "chains=1 is less than 2"),
         ({"draws": 2.5}, {}, "draws=2.5 must be an integer of at least 1"),
         ({"best_sizes": 0}, {}, "best_sizes=0 must be an integer of at least 1"),
@@ -364,8 +366,9 @@ def test_a_seed_repeats_a_fit_and_global_random_states_stay(errors):
     ("settings", "rows", "message"),
     [
         ({"level": 0.4}, [("a", 1.0), ("b", 2.0)], "level=0.4 is not between"),
+        ({"level": "high"}, [("a", 1.0), ("b", 2.0)], "level='high' is not between"),
         ({"by": "name"}, [("a", 1.0), ("b", 2.0)], "no column 'name'"),
-        ({}, [("a", 1.0), ("a", 1.0), ("b", 2.0)], "all 2 errors of 'a' are equal"),
+        ({}, [("a", 1.0), ("a", 1.0), ("b", 2.0)], "all 2 errors of 'a' are equal, .*leave the case out"),
         ({}, [(None, 1.0), ("b", 2.0)], "case of row 0 is empty"),
         ({}, [("a", 0.0), ("b", 2.0)], "rmse of row 0 is"),
         ({"chains": 1}, [("a", 1.0), ("b", 2.0)], "chains=1 is less than 2"),
@@ -376,6 +379,28 @@ def test_a_seed_repeats_a_fit_and_global_random_states_stay(errors):
 def test_bad_input_of_a_comparison_is_named(settings, rows, message):
     with pytest.raises(ValueError, match=message):
         RobustnessComparison(**settings).fit(pd.DataFrame(rows, columns=["case", "rmse"]))
+
+
+def test_a_spread_that_no_error_shows_is_warned_of(monkeypatch):
+    monkeypatch.setattr(posterior, "draw_chains", lambda *args, **kwargs: _chains(2))
+    table = pd.DataFrame({"case": ["a", "b"], "rmse": [1.0, 2.0]})
+    with pytest.warns(
+        SkhybridWarning, match="every case has one size, so that the spread of its errors is the prior's"
+    ):
+        RobustnessComparison(draws=300, chains=2).fit(table)
+
+
+def test_a_random_state_of_any_kind_seeds_the_sampler(monkeypatch):
+    seeds = []
+    sampler = SimpleNamespace(sample=lambda **given: seeds.append(given["random_seed"]))
+    monkeypatch.setattr(posterior, "import_pymc", lambda: sampler)
+    for state in (5, np.random.RandomState(0), np.random.RandomState(0)):
+        posterior.draw_chains(None, {}, random_state=state)
+    assert seeds[0] == 5
+    assert isinstance(seeds[1], int)
+    assert seeds[1] == seeds[2]
+    with pytest.raises(ValueError, match="'seven' cannot be used to seed"):
+        posterior.draw_chains(None, {}, random_state="seven")
 
 
 def test_cases_of_several_frameworks_are_not_lumped(results):

@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import draw_seed
 from .._joining import refuse_unless_following, unmeasured
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
@@ -25,7 +26,7 @@ from .extras import require_networks
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
 from .reading import frame_only, read_weather
-from .training_job import JobResult, TrainingJob, draw_seed, measured_split, repeat_seeds
+from .training_job import JobResult, TrainingJob, measured_split, repeat_seeds
 
 
 class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator):

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 
 from .._table import ZoneTable
 from .._warnings import several
@@ -80,15 +79,6 @@ class JobResult(NamedTuple):
     weight: float  # share in [0, 1] of its correction that is used; 1 where there is no baseline
     history: list[dict[str, float]]  # epochs of the network with the lowest validation error
     repeats: pd.DataFrame  # one row per seed, as ``DisturbanceForecaster.repeats_``
-
-
-def draw_seed(random_state: int | np.random.RandomState | None) -> int:
-    """A seed for local generators; fresh entropy where None, so that the global state is left alone."""
-    if random_state is None:
-        return int(np.random.default_rng().integers(2**31 - 1))
-    if isinstance(random_state, int | np.integer):
-        return int(random_state)
-    return int(check_random_state(random_state).randint(2**31 - 1))
 
 
 def repeat_seeds(seed: int, n_repeats: int) -> tuple[int, ...]:

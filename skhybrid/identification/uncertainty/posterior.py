@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit, logit
 
-from ..._arguments import check_integer
+from ..._arguments import check_integer, draw_seed
 from ..._threads import one_blas_thread
 from .constrained_problem import ConstrainedProblem, free_point
 
@@ -100,7 +100,7 @@ def sample_posterior(
         Draws of each chain that are kept, and those before them that adapt the sampler.
     chains : int, default=4
         At least 2, else ValueError: only a second chain shows whether the first one mixes.
-    random_state : int, optional
+    random_state : int or RandomState, optional
         Seed of the sampler.
     progressbar : bool, default=False
 
@@ -187,7 +187,7 @@ def draw_chains(model: Any, start: Mapping[str, Any], *, random_state: int | Non
         with warnings.catch_warnings():
             # these models have next to no matrix products, so that a missing BLAS costs nothing
             warnings.filterwarnings("ignore", message="PyTensor could not link to a BLAS")
-            return pm.sample(model=model, initvals=dict(start), random_seed=random_state, **settings)
+            return pm.sample(model=model, initvals=dict(start), random_seed=draw_seed(random_state), **settings)
     finally:
         log.setLevel(level)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..._arguments import is_number
 from ...forecasting import ModelCase
 from ..search.design_matrix import IDENTITY
 from .pattern_expressiveness import PatternExpressiveness
@@ -105,7 +106,7 @@ def select_case(
     ValueError
         If a column is missing, no row has a case, or no case has two sizes.
     """
-    if not 0.5 < level < 1.0:
+    if not (is_number(level) and 0.5 < level < 1.0):
         raise ValueError(f"level={level!r} is not between 0.5 and 1.")
     table = finished(results, IDENTITY).reset_index(drop=True)
     is_case = table["case"].notna()

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator
 
-from ..._arguments import check_integer
+from ..._arguments import check_integer, check_rate, is_number
 from ..._transaction import unchanged_on_failure
 from ...forecasting import ModelCase
 from ...identification.uncertainty import posterior
@@ -49,7 +49,7 @@ class PatternExpressiveness(BaseEstimator):
         Probability of the interval from ``lower`` to ``upper``.
     draws, tune, chains : int, default=1000, 500 and 4
         Draws kept from each chain, draws before them that tune the sampler, and chains (at least 2).
-    random_state : int, optional
+    random_state : int or RandomState, optional
         Seed; global random states are neither read nor changed.
 
     Attributes
@@ -142,10 +142,9 @@ class PatternExpressiveness(BaseEstimator):
 
     def _check_parameters(self) -> None:
         posterior.check_sampling(self.draws, self.tune, self.chains)
-        if not 0.0 < self.level < 1.0:
+        if not (is_number(self.level) and 0.0 < self.level < 1.0):
             raise ValueError(f"level={self.level!r} is not between 0 and 1.")
-        if not self.prior_scale > 0.0:
-            raise ValueError(f"prior_scale={self.prior_scale!r} is not positive.")
+        check_rate("prior_scale", self.prior_scale)
         if self.best_sizes is not None:
             check_integer("best_sizes", self.best_sizes)
         if not isinstance(self.log, bool | np.bool_):

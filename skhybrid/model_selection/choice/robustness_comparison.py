@@ -11,8 +11,11 @@ from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from ..._arguments import draw_seed, is_number
 from ..._table import listed
 from ..._transaction import unchanged_on_failure
+from ..._warnings import warn_user
+from ...exceptions import SkhybridWarning
 from ...forecasting.quantiles import quantile_columns
 from ...identification.uncertainty import posterior
 from .results_table import finished
@@ -39,7 +42,7 @@ class RobustnessComparison(BaseEstimator):
         A case is indistinguishable from the best if the probability is below this.
     draws, tune, chains : int, default=500, 500 and 4
         Draws kept from each chain, draws before them that tune the sampler, and chains (at least 2).
-    random_state : int, optional
+    random_state : int or RandomState, optional
         Seed; global random states are neither read nor changed.
 
     Attributes
@@ -98,7 +101,7 @@ class RobustnessComparison(BaseEstimator):
         RuntimeError
             If the chains disagree, have too few effective draws, or diverge even with small steps.
         """
-        if not 0.5 < self.level < 1.0:
+        if not (is_number(self.level) and 0.5 < self.level < 1.0):
             raise ValueError(f"level={self.level!r} is not between 0.5 and 1.")
         posterior.check_sampling(self.draws, self.tune, self.chains)
         errors = _errors_by_case(results, [self.by] if isinstance(self.by, str) else list(self.by))
@@ -110,7 +113,7 @@ class RobustnessComparison(BaseEstimator):
         self.probability_ = _probability_of_lower(mu, sigma, self.best_)
         below = self.probability_ < self.level
         self.indistinguishable_ = list(below.index[below])
-        self.difference_ = _difference(mu, sigma, self.best_, np.random.default_rng(self.random_state))
+        self.difference_ = _difference(mu, sigma, self.best_, np.random.default_rng(draw_seed(self.random_state)))
         return self
 
     def probability_below(self, case: str, error: float) -> float:
@@ -200,7 +203,15 @@ def _spreads(errors: pd.Series) -> _Spreads:
     equal = (n > 1) & (squares < 1e-18 * n)
     if equal.any():
         case = equal.idxmax()
-        raise ValueError(f"all {n[case]} errors of {case!r} are equal; a log-normal distribution needs a spread.")
+        raise ValueError(
+            f"all {n[case]} errors of {case!r} are equal, as where no size uses the correction by its network, but a "
+            "log-normal distribution needs a spread; leave the case out, or search with residual_of=None."
+        )
+    if (n == 1).all():
+        warn_user(
+            "every case has one size, so that the spread of its errors is the prior's; give the cases more sizes.",
+            SkhybridWarning,
+        )
     return _Spreads(medians, n.to_numpy(float), groups.mean().reindex(medians.index).to_numpy(), squares.to_numpy())
 
 
