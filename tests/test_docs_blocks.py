@@ -74,6 +74,15 @@ def test_the_output_on_the_first_pages_is_that_of_the_commands(tmp_path, monkeyp
             assert any(_reads_alike(line, other) for other in printed), line
 
 
+def test_the_plan_of_an_experiment_is_the_one_shown(capsys):
+    page = ROOT / "docs" / "how_to" / "plan_an_experiment.rst"
+    next(iter(Sybil(parsers=REST).parse(page).examples())).evaluate()
+    shown = re.search(r"code-block:: text\n\n(.+?)\n\n(?=\S)", page.read_text("utf-8"), re.DOTALL)
+    lines, printed = dedent(shown[1]).splitlines(), capsys.readouterr().out.splitlines()
+    assert len(lines) == len(printed) > 3
+    assert all(map(_reads_alike, lines, printed))
+
+
 def _reads_alike(line: str, other: str) -> bool:
     """Whether two lines have the same words, and numbers that differ by rounding at most."""
     words, others = line.split(), other.split()

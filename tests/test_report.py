@@ -129,7 +129,7 @@ def test_it_tells_the_numbers(page):
         "2R2C",
         "Monday 1 January 2024",
         "last day of the log",
-        "0 to 2 h 75\u00a0% 25\u00a0% 2 to 8 h 50\u00a0% 50\u00a0% 8 to 24 h",
+        "0 to 2\u00a0h 75\u00a0% 25\u00a0% 2 to 8\u00a0h 50\u00a0% 50\u00a0% 8 to 24\u00a0h",
         "it contained 81\u00a0% of the",
         "Q_h [kW]",
         "separate identification (PeriodicDisturbanceID)",

@@ -1,7 +1,7 @@
 """Tables, drawings and equations that the package makes itself, so that the pages cannot drift from it.
 
 ``.. frame:: module: expression`` is a DataFrame as a table, ``.. drawing:: name`` a network of the catalogue,
-``.. heat-balance:: name`` its equations, ``.. measured:: name`` the command and date of a report.
+``.. heat-balance:: name`` its equations, ``.. measured:: name`` the command and date of a report, and a link to it.
 """
 
 from importlib import import_module
@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 from docutils import nodes
 from results import FOLDER, measured
+from sphinx.addnodes import download_reference
 from sphinx.util.docutils import SphinxDirective
 
 from skhybrid.thermal import draw, get_network
@@ -65,7 +66,8 @@ class Measured(SphinxDirective):
         name = self.arguments[0]
         self.env.note_dependency(str(FOLDER / f"{name}.md"))
         command, date = measured(name)
-        report = nodes.literal(text=f"benchmarks/results/{name}.md")
+        text = f"benchmarks/results/{name}.md"
+        report = download_reference("", "", nodes.literal(text=text), reftarget=f"/../{text}", refdoc=self.env.docname)
         said = [nodes.Text("Measured by "), nodes.literal(text=command), nodes.Text(f", {date}.  The whole report: ")]
         return [nodes.paragraph("", "", *said, report, nodes.Text("."), classes=["measured"])]
 

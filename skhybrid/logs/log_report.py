@@ -176,8 +176,9 @@ class LogReport:
         used = self.columns[self.columns["role"].notna()]
         others = self.columns[self.columns["role"].isna()]
         lines = [self.headline(), "", "Columns"]
-        lines += [f"  {role:11} {name!r}: {_unit_words(row)}; {row['reason']}" for name, role, row in _rows(used)]
-        lines += [f"  unused      {name!r}, because {row['reason']}" for name, _, row in _rows(others)]
+        width = max(10, *used["role"].map(len), 0)
+        lines += [f"  {role:{width}}  {name!r}: {_unit_words(row)}; {row['reason']}" for name, role, row in _rows(used)]
+        lines += [f"  {'unused':{width}}  {name!r}, because {row['reason']}" for name, _, row in _rows(others)]
         lines += ["", "First rows [degC, kW]", self._first_rows().to_string(float_format="{:.2f}".format)]
         for title, texts in self.sections().items():
             lines += ["", title, *(f"  - {text}" for text in texts)]

@@ -76,7 +76,7 @@ def zones_in_words(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
     of_level = {level: [zone for zone, own in levels.items() if own == level] for level in (USABLE, CARE, NOT)}
     n, n_usable = len(levels), len(of_level[USABLE])
     words = [
-        {n: f"all {n} zones are usable", 0: f"none of {n} zones is usable"}.get(
+        {n: f"All {n} zones are usable", 0: "No zone is usable without care"}.get(
             n_usable, f"{n_usable} of {n} zones are usable"
         )
     ]
@@ -132,10 +132,14 @@ def _map(result: BuildingResult) -> str:
         if known
         else ""
     )
-    dashed = " A dashed line joins neighbours whose exchange it does not determine." if None in pairs.values() else ""
+    dashed = (
+        " A dashed line joins neighbours whose exchange the log does not determine." if None in pairs.values() else ""
+    )
     return (
         f"<h2>Rooms</h2>\n<p>{source}{lines}{dashed} The darker a room, the larger the error of its forecast.</p>\n"
-        + in_two_widths(lambda width: map_figure(pairs, by_zone, width), "Rooms and what they exchange.", "rooms")
+        + in_two_widths(
+            lambda width: map_figure(pairs, by_zone, width), "Rooms, the RMSE of each, and what they exchange.", "rooms"
+        )
         + _neighbours(result)
     )
 

@@ -34,7 +34,7 @@ def lead_groups(frame: pd.DataFrame) -> list[str]:
     """The groups of leads that a blend has weights for, in hours, of a back-test."""
     hours = frame["lead"].max() / pd.Timedelta("1h")
     ends = [f"{hours * share:.3g}" for share in (0, 1 / 12, 1 / 3, 1)]
-    return [f"{first} to {last} h" for first, last in pairwise(ends)]
+    return [f"{first} to {last}\u00a0h" for first, last in pairwise(ends)]
 
 
 def flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
