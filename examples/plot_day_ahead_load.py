@@ -2,8 +2,8 @@
 The heat that tomorrow will need
 ================================
 
-A small office, simulated with EnergyPlus.  Tomorrow's two set-points are known and the weather is forecast; the people
-are unknown.  How much heat will the office need, when is the peak, and what would a smaller plant do?
+A small office, simulated with EnergyPlus.  Tomorrow's two set-points and its weather are known, the people are
+not.  How much heat will the office need, when is the peak, and what would a smaller plant do?
 """
 
 # %%

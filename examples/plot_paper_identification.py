@@ -4,8 +4,7 @@ The paper's identification study
 
 Section 2 of the paper on one office: four ways to identify a room with occupants whom nobody counts, and their
 strengths.  The truth is known here, so everything can be compared with it.
-``benchmarks/results/paper_identification.md`` has the same over several seeds, with a verdict on each statement of the
-paper.
+:doc:`/results/paper` has the same over several seeds, with a verdict on each statement of the paper.
 """
 
 # %%

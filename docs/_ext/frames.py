@@ -30,7 +30,7 @@ class Frame(SphinxDirective):
         module, expression = self.arguments[0].split(":", 1)
         frame = eval(expression.strip(), {**vars(import_module(module)), "pd": pd})
         if frame.index.name or not isinstance(frame.index, pd.RangeIndex):
-            frame = frame.reset_index(names=[frame.index.name or ""])
+            frame = frame.reset_index(names=[(frame.index.name or "").removesuffix("index")])
         rows = [[_shown(value) for value in row] for row in frame.itertuples(index=False)]
         title = " ".join(self.content) or frame.attrs.get("title", "")
         return [_table([str(c) for c in frame.columns], rows, title)]

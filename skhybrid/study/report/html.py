@@ -303,7 +303,8 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, frame:
         return section
     rows = zip(lead_groups(frame), *(map(percent, weights[name]) for name in weights), strict=True)
     shares = html_table(["hours ahead", *map(str, weights)], rows)
-    return f'{section}{shares}<p class="soft">Share of each model in the forecast, by lead, after training.</p>'
+    words = "Share of each model in the forecast after training. The short memory forgets past days faster."
+    return f'{section}{shares}<p class="soft">{words}</p>'
 
 
 def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
