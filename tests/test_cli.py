@@ -982,6 +982,18 @@ def test_the_building_is_told_with_its_units(files, capsys):
     assert "std. error" in out.splitlines()[0]
 
 
+def test_a_search_prints_its_candidates_with_units(files, capsys):
+    place = [str(files / "log.csv"), "--config", str(files / "zone.toml"), "--store", str(files / "store")]
+    assert main(["search", *place, "--models", "ridge,profile", "-q"]) == 0
+    out, err = capsys.readouterr()
+    assert not err
+    head, *rows = out.splitlines()
+    assert re.split(r"  +", head.strip()) == ["model", "case", "RMSE [K]", "time [s]"]
+    assert sorted(row.split()[0] for row in rows) == ["profile", "ridge"]
+    errors = [float(row.split()[2]) for row in rows]
+    assert errors == sorted(errors)
+
+
 def test_progress_on_a_terminal_leaves_a_line_to_what_follows(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     say = _output.Progress(quiet=False)

@@ -38,10 +38,11 @@ def command(
     from ..zone.zone_search import search_zone
 
     frame, _ = read_log(log, settings)
-    table = search_zone(settings, split_log(frame, settings), store, models.split(","), size, jobs)
+    data = split_log(frame, settings)
+    table = search_zone(settings, data, store, models.split(","), size, jobs, verbose=not say.quiet)
     if as_json:
         print_json(table.to_dict(orient="records"))
     else:
-        shown = table.head(20).rename(columns=_TITLES).reindex(columns=list(_TITLES.values())).dropna(axis=1, how="all")
+        shown = table.head(20)[list(_TITLES)].rename(columns=_TITLES).dropna(axis=1, how="all")
         print(shown.to_string(index=False, float_format="{:.3g}".format, na_rep="-"))
     return DONE

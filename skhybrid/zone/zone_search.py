@@ -17,7 +17,13 @@ from ..study.settings import Settings
 
 
 def search_zone(
-    settings: Settings, data: StudyData, store: str | PathLike[str], models: list[str], size: str, n_jobs: int
+    settings: Settings,
+    data: StudyData,
+    store: str | PathLike[str],
+    models: list[str],
+    size: str,
+    n_jobs: int,
+    verbose: int = 1,
 ) -> pd.DataFrame:
     """Train the cases of some disturbance models on the training rows and score them on the test rows.
 
@@ -29,6 +35,7 @@ def search_zone(
     models : list of str, names of networks and baselines
     size : {"small", "paper"}, sizes of the networks
     n_jobs : int
+    verbose : int, default=1, with 0 for no progress
 
     Returns
     -------
@@ -49,5 +56,6 @@ def search_zone(
         store=folder / "search.sqlite",
         n_jobs=n_jobs,
         refit=False,
+        verbose=verbose,
     )
     return search.fit(whole, whole["T_za"]).results_.sort_values("rmse", ignore_index=True)
