@@ -275,15 +275,13 @@ def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
     parts = [part._replace(shown=_in_zone(part.shown, zone)) for part in parts]
     if any(part.utc is None for part in parts):
         return Stamps(_joined_index([p.shown for p in parts]), _joined_index([p.time for p in parts]), None)
-    first, last, n_rows = parts[0], parts[-1], sum(len(part.time) for part in parts)
     kinds = tuple(dict.fromkeys((p.shown.dtype, p.shown.name, p.time.unit, getattr(p.utc, "unit", "")) for p in parts))
-    begins = [stamps.asi8[:1].tobytes() for stamps in (first.utc, first.time) if stamps is not None]
-    ends = [stamps.asi8[-1:].tobytes() for stamps in (last.utc, last.time) if stamps is not None]
-    key = (kinds, n_rows, *begins, *ends)
+    # all stamps: two zones may have the same hours at both ends, and others between
+    key = (kinds, *(b"".join(getattr(part, name).asi8.tobytes() for part in parts) for name in ("utc", "time")))
     found = _joined.get(key)
     if found is None:
         found = Stamps(*(_joined_index(list(part)) for part in zip(*parts, strict=True)))
-        if n_rows <= _FEW_ROWS:
+        if len(found.time) <= _FEW_ROWS:
             _joined[key] = found
             while len(_joined) > _MOST_JOINED:
                 _joined.popitem(last=False)

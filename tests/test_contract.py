@@ -1195,3 +1195,12 @@ def test_joined_stamps_have_the_zone_of_the_last_table():
         joined = joined_stamps([Stamps(berlin[:8], local[:8], utc[:8]), Stamps(index[8:], local[8:], utc[8:])])
         assert joined.shown.equals(index)
         assert joined.shown.dtype == index.dtype
+
+
+def test_joined_stamps_have_the_clock_of_their_own_zone():
+    """Also where another zone, which has the same hours at both ends and others between, was joined before."""
+    utc = pd.date_range("2024-01-01", "2024-12-31", freq="1h", tz="UTC")
+    for zone in ("America/Denver", "America/Phoenix"):
+        local = utc.tz_convert(zone).tz_localize(None)
+        parts = [Stamps(utc[rows], local[rows], utc[rows]) for rows in (slice(24), slice(24, None))]
+        assert joined_stamps(parts).time.equals(local)

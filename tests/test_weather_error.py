@@ -106,6 +106,16 @@ def test_a_seed_of_the_weather_is_an_integer(seed):
         WeatherError(random_state=seed)
 
 
+def test_the_last_row_has_no_weather_ahead(office):
+    """Neither as an origin of a back-test, nor where rows end at midnight."""
+    table = _table()
+    last = WeatherError().forecast(table, table.n_rows - 1, N_LEADS)
+    np.testing.assert_array_equal(last.inputs["q_sol"], table.inputs["q_sol"])
+    model = ARXRegressor(alpha=10.0).fit(office.X[: 8 * 96], office.y[: 8 * 96])
+    days = office.X[8 * 96 : 10 * 96 + 1]  # origins: the last known row, and three midnights
+    assert np.isfinite(model.predict_quantiles(days, weather_error="low")).all()
+
+
 def test_an_unknown_level_is_refused(office, models):
     with pytest.raises(ValueError, match="none of 'low', 'medium', 'high'"):
         models["arx"].predict_quantiles(office.X[-96:], weather_error="huge")

@@ -102,6 +102,8 @@ class WeatherError:
             The same table, but for ``T_oa`` and irradiance in the rows after the origin.
         """
         rows = slice(origin + 1, min(origin + 1 + n_leads, table.n_rows))
+        if rows.start == rows.stop:  # nothing lies ahead
+            return table
         leads = np.arange(1, rows.stop - rows.start + 1) * table.step_hours
         seconds = (table.time[origin] - pd.Timestamp(0)) // pd.Timedelta("1s")
         seed = [self.random_state, draw, seconds % 2**32]
@@ -141,19 +143,19 @@ def read_weather_error(given: Any) -> WeatherError | None:
 def _autoregressive(model: HourlyErrors, noise: np.ndarray) -> np.ndarray:
     """(n_hours,) errors from standardised draws."""
     errors = model.drift + model.scale * noise
-    errors[:1] = model.begin + model.begin_scale * noise[:1]
+    errors[0] = model.begin + model.begin_scale * noise[0]
     for k in range(1, len(errors)):
         errors[k] += model.share * errors[k - 1]
     return errors
 
 
 def _n_hours(leads: np.ndarray) -> int:
-    return int(np.ceil(leads[-1])) if len(leads) else 0
+    return int(np.ceil(leads[-1]))
 
 
 def _at(leads: np.ndarray, hourly: np.ndarray) -> np.ndarray:
     """Errors at leads [h], between those of whole hours."""
-    return np.interp(leads, np.arange(1, len(hourly) + 1), hourly) if len(hourly) else hourly
+    return np.interp(leads, np.arange(1, len(hourly) + 1), hourly)
 
 
 def _mean_of_three(values: np.ndarray) -> np.ndarray:
