@@ -260,7 +260,7 @@ def refuse_infinite_columns(X: pd.DataFrame | np.ndarray) -> None:
 
 
 def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
-    """Check that an input is finite."""
+    """Check that an input is finite; return a copy."""
     refuse_infinite(v, f"column {name}", index)
     bad = np.isnan(v)
     if len(v) and bad.all():
@@ -270,7 +270,7 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
             f"column {name} contains NaN in {several(int(bad.sum()), 'row')} (first at {index[int(np.argmax(bad))]}); "
             "fill short gaps with skhybrid.preprocessing.GapFiller or choose another span."
         )
-    return np.ascontiguousarray(v, dtype=np.float64)
+    return np.array(v, dtype=np.float64)
 
 
 def read_history(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:

@@ -310,6 +310,14 @@ def test_the_callers_table_is_not_written_to(office):
     pd.testing.assert_series_equal(y, office.y)
 
 
+def test_a_fitted_model_does_not_change_with_the_callers_table(office):
+    X, ahead = office.X[:288].copy(), office.X[288:]
+    model = ARXRegressor(alpha=10.0, intervals=False).fit(X, office.y[:288])
+    expected = model.predict(ahead)
+    X.iloc[:] = 0.0
+    np.testing.assert_array_equal(model.predict(ahead), expected)
+
+
 # --------------------------------------------------------------------------------------------------------- bad values
 @pytest.mark.parametrize(
     ("values", "found", "remedy"),
