@@ -9,9 +9,10 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import Ridge
 
 from skhybrid._table import read_table
+from skhybrid._time import rows_per_day
 from skhybrid.forecasting import BoostedRegressor, DisturbanceForecaster
 from skhybrid.forecasting.features import clock_changes, same_slot
-from skhybrid.forecasting.ridge import ALPHAS, _solve, lag_features, ridge_by_blocks
+from skhybrid.forecasting.ridge import ALPHAS, _solve, lag_features, ridge_by_blocks, training_origins
 
 
 def _weeks(n_days, seed=0):
@@ -222,6 +223,17 @@ def test_a_day_ahead_is_compared_with_the_kind_of_the_day_that_is_known():
     weekend = np.repeat([True, True, False, False, False, False, False, True], 24)
     np.testing.assert_array_equal(same, np.where(weekend, 0.0, known))
     np.testing.assert_array_equal(unlike, np.where(weekend, known, 0.0))
+
+
+@pytest.mark.parametrize("step", ["15min", "1h", "2h"])
+@pytest.mark.parametrize("n_rows", [500, 9_000, 40_000])
+def test_origins_that_are_learned_from_are_of_every_hour(n_rows, step):
+    stamps = pd.date_range("2023-01-02", periods=n_rows, freq=step)
+    table = read_table(BaseEstimator(), pd.DataFrame({"T_oa": 5.0}, stamps), reset=True)
+    n_leads = rows_per_day(table.step)
+    origins = training_origins(table, n_leads)
+    assert len(origins) * n_leads <= 150_000
+    assert set(stamps[origins].hour) == set(stamps.hour)
 
 
 def test_a_regressor_is_cloned_seeded_and_near_the_linear_one():

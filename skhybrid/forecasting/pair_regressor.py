@@ -24,7 +24,7 @@ class PairRegressor:
     def fit(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> Self:
         """Clone and fit the regressor, with every unset ``random_state`` of it set."""
         self.static_ = StaticModel().fit(table, target)
-        origins = training_origins(table.n_rows, n_leads)
+        origins = training_origins(table, n_leads)
         features = self._features(table, self.static_.left_out_, origins, n_leads)
         wanted = known_before(target, target_rows(origins, n_leads), table.n_rows)
         use = np.isfinite(wanted)

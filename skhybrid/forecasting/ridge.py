@@ -8,6 +8,7 @@ and the dynamic one learns from deviations that the static one left in blocks it
 
 from __future__ import annotations
 
+from math import gcd
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.linalg import eigh
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
-from .._time import rows_per_day
+from .._time import rows_per_day, rows_per_hour
 from .baselines import rows_ahead
 from .features import (
     clock_changes,
@@ -31,7 +32,7 @@ ALPHAS = np.logspace(-1.0, 5.0, 13)
 #: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.
 _WEATHER_SCALE = 10.0
 _HOURLY_SHARES = (0.0, 0.3, 1.0)  # how freely the effect of T_oa may differ by hour; left-out blocks choose
-_MOST_PAIRS = 150_000  # (origin, lead) pairs that are learned from; beyond it origins are thinned evenly
+_MOST_PAIRS = 150_000  # (origin, lead) pairs that are learned from; beyond it origins are thinned
 _DECAYS_H = (2.0, 8.0, 24.0)
 
 
@@ -142,7 +143,7 @@ class RidgeForecaster:
         self.static_ = StaticModel().fit(table, target)
         left = self.static_.left_out_
         deviation, wanted = table.measured("zeta") - left, target - left
-        origins = training_origins(table.n_rows, n_leads)
+        origins = training_origins(table, n_leads)
         rows = target_rows(origins, n_leads)
         ahead = known_before(wanted, rows, table.n_rows)
         use = np.isfinite(ahead)
@@ -168,11 +169,12 @@ class RidgeForecaster:
         return out + L @ self.dynamic_.coef
 
 
-def training_origins(n_rows: int, n_leads: int) -> np.ndarray:
-    """All rows as origins, thinned evenly (by an odd stride, which meets every hour) where pairs would be too many."""
-    stride = -(-n_rows * n_leads // _MOST_PAIRS)
-    stride += stride % 2 == 0 and stride > 1
-    return np.arange(0, max(n_rows - 1, 1), max(stride, 1))
+def training_origins(table: ZoneTable, n_leads: int) -> np.ndarray:
+    """All rows as origins; where pairs would be too many, every so many of them, but some of every hour of the day."""
+    stride = max(-(-table.n_rows * n_leads // _MOST_PAIRS), 1)
+    while gcd(stride, rows_per_day(table.step)) > rows_per_hour(table.step):
+        stride += 1
+    return np.arange(0, max(table.n_rows - 1, 1), stride)
 
 
 def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
