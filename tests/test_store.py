@@ -16,6 +16,7 @@ from sklearn.linear_model import Ridge
 from sklearn.metrics import make_scorer, mean_squared_error
 
 from skhybrid import DisturbanceForecaster
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.model_selection.search.fingerprint import candidate_id, settings_of
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
 from skhybrid.parallel.stored_settings import as_plain
@@ -103,8 +104,9 @@ def test_other_data_are_refused_with_the_difference(path):
         ResultStore(path, {"rows of X": "97", "scoring": "None", "weeks": "2"})
     other = path.with_name("other.sqlite")
     ResultStore(other, {"version of torch": "1"}).close()
-    with pytest.warns(UserWarning, match="version of torch is 1 there and 2 here"):
+    with pytest.warns(SkhybridWarning, match="version of torch is 1 there and 2 here") as found:
         ResultStore(other, {"version of torch": "2"}).close()
+    assert found[0].filename == __file__
 
 
 def test_another_kind_of_file_is_refused(path):
@@ -264,4 +266,5 @@ def test_values_in_words_are_the_same_in_another_process():
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == candidate_id({"values": values})
     assert as_plain(np.arange(2000.0)) != as_plain(np.append(np.arange(1999.0), 0.0))
+    assert as_plain({"Q_h": 6.0, "f": 0.3}) == as_plain({"f": 0.3, "Q_h": 6.0})
     assert candidate_id({"a": 1, "b": 2}) == candidate_id({"b": 2, "a": 1}) != candidate_id({"a": 2, "b": 1})

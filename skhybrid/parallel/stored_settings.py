@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import inspect
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import joblib
 import numpy as np
 import pandas as pd
+
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
 
 VERSION = "version of "  # settings whose names begin with this may differ, with a warning
 WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")  # parameters that change no result, at any depth
@@ -21,8 +23,8 @@ def as_plain(value: Any) -> str:
         params = sorted(value.get_params(deep=False).items())
         inside = ", ".join(f"{name}={as_plain(one)}" for name, one in params if name not in WITHOUT_EFFECT)
         return f"{name_of(type(value))}({inside})"
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, Mapping):  # equal whatever their order
+        return "{" + ", ".join(sorted(f"{as_plain(k)}: {as_plain(v)}" for k, v in value.items())) + "}"
     if isinstance(value, set | frozenset):  # its order differs between processes
         return "{" + ", ".join(sorted(map(as_plain, value))) + "}"
     if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
@@ -59,6 +61,4 @@ def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]
             "another store, or the same data and settings."
         )
     if versions:
-        warnings.warn(
-            f"part of the results in store {path} comes from other versions: {'; '.join(versions)}.", stacklevel=2
-        )
+        warn_user(f"part of store {path} comes from other versions: {'; '.join(versions)}.", SkhybridWarning)

@@ -79,7 +79,7 @@ def stack_key(params: Mapping[str, Any]) -> tuple[str, ...]:
     history = f"{_days_of_history(model, case)} d" if isinstance(model, str) and model in RECURRENT else str(case)
     others = ("activation", "dropout", "random_state", *(["n_layers"] if model == "mlp" else []))
     same_shape = {name: own.pop(name, None) for name in others}
-    return (history, as_plain(dict(sorted(own.items()))), str(case), as_plain(same_shape))
+    return (history, as_plain(own), str(case), as_plain(same_shape))
 
 
 def effort_of(params: Mapping[str, Any]) -> float:
