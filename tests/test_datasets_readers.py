@@ -10,17 +10,6 @@ from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import to_left_label
 from skhybrid.logs.stamps import _is_first_pass
 
-
-@pytest.fixture
-def write(tmp_path):
-    def to_file(text, name="log.csv"):
-        path = tmp_path / name
-        path.write_text(text)
-        return path
-
-    return to_file
-
-
 SIMPLE = """time,T_za,T_oa,u_heat,note
 2024-01-01 00:00,20,1,0.0,a
 2024-01-01 00:15,21,2,0.5,b

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
 from dataclasses import replace
 
 import pandas as pd
@@ -15,7 +14,7 @@ from sklearn.model_selection import ParameterGrid
 from skhybrid import DisturbanceForecaster, TwoStagePredictor
 from skhybrid.forecasting import ModelCase
 from skhybrid.forecasting.cases import resolve_case
-from skhybrid.model_selection import DesignMatrix, design_matrix
+from skhybrid.model_selection import design_matrix
 from skhybrid.model_selection.choice.results_table import ingredients
 
 #: paper 3.2 and appendix: cases x layers x widths x ... x activations.
@@ -159,9 +158,3 @@ def test_the_table_is_plain():
     assert isinstance(table, pd.DataFrame)
     assert table["case"].isna().sum() == 2
     assert table.index.tolist() == list(range(len(table)))
-
-
-def test_the_examples_of_the_docstrings_hold():
-    for thing in (DesignMatrix, design_matrix):
-        (example,) = doctest.DocTestFinder(recurse=False).find(thing)
-        assert doctest.DocTestRunner().run(example) == (0, len(example.examples))

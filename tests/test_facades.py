@@ -1,6 +1,5 @@
 """``FacadeIrradiance``: against pvlib by hand, symmetry of the sun's day, energy, night, time zones, pipelines."""
 
-import doctest
 import re
 
 import numpy as np
@@ -242,11 +241,6 @@ def test_a_pipeline_feeds_an_estimator_and_is_saved(sky, tmp_path):
     assert np.isfinite(predicted).all()
     persistence.save_model(pipeline, tmp_path / "model.skh")
     np.testing.assert_array_equal(persistence.load_model(tmp_path / "model.skh").predict(log), predicted)
-
-
-def test_the_example_of_the_docstring_runs():
-    (example,) = doctest.DocTestFinder(recurse=False).find(FacadeIrradiance)
-    assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
 
 
 @pytest.mark.parametrize("column", ["q_sol", "beam", "sky"])

@@ -1,9 +1,6 @@
-"""Displays draw what they were given, with labels, units and a legend, and load no matplotlib before that."""
+"""Displays draw what they were given, with labels, units and a legend."""
 
 from __future__ import annotations
-
-import subprocess
-import sys
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -24,6 +21,8 @@ from skhybrid.inspection.unshown_figure import blank_axes
 from skhybrid.inspection.zone_panels import weeks_figure
 from skhybrid.model_selection import backtest
 
+pytestmark = pytest.mark.usefixtures("closed_figures")
+
 INDEX = pd.date_range("2024-01-01", periods=6 * 24, freq="1h", tz="Europe/Amsterdam")
 
 
@@ -39,12 +38,6 @@ class Shifted(BaseEstimator):
     def predict_from(self, X, origins, horizon=None):
         leads = np.arange(1, 25)
         return X["T_za"].to_numpy()[np.asarray(origins)[:, None] + leads] + 0.1 * leads
-
-
-@pytest.fixture(autouse=True)
-def _close_figures():
-    yield
-    plt.close("all")
 
 
 @pytest.fixture
@@ -236,12 +229,6 @@ def test_blank_axes_leave_no_figure_with_pyplot():
     assert isinstance(figure, Figure)
     assert len(axes) == 2
     assert plt.get_fignums() == []
-
-
-def test_importing_loads_no_matplotlib():
-    code = "import sys, skhybrid.inspection; print('matplotlib' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
-    assert done.stdout.strip() == "False"
 
 
 def test_schedules_are_drawn_by_hour_and_type_of_day():

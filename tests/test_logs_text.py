@@ -11,17 +11,6 @@ from skhybrid.logs.cell_numbers import NumberColumn
 from skhybrid.logs.change_of_value import chosen_columns
 from skhybrid.logs.stamp_cells import _day_first_by_order
 
-
-@pytest.fixture
-def write(tmp_path):
-    def to_file(text, encoding="utf-8", name="log.csv"):
-        path = tmp_path / name
-        path.write_bytes(text.encode(encoding))
-        return path
-
-    return to_file
-
-
 GERMAN = (
     "Datum;Uhrzeit;Raumtemperatur [°C];Heizung;Zähler [Wh]\r\n"
     "01.02.2024;00:00;20,5;ein;1.234,5\r\n"

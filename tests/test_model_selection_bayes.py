@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -29,14 +28,10 @@ from skhybrid.model_selection.choice.regression_terms import build_terms
 from skhybrid.model_selection.choice.results_table import finished, ingredients
 from skhybrid.persistence import load_model, save_model
 
+pytestmark = pytest.mark.usefixtures("closed_figures")
+
 pytest.importorskip("pymc")
 FEW = {"draws": 200, "tune": 150, "chains": 2, "random_state": 0}
-
-
-@pytest.fixture(autouse=True)
-def _close_figures():
-    yield
-    plt.close("all")
 
 
 def _name(framework, case):

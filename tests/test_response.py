@@ -18,6 +18,8 @@ from skhybrid.identification import StateSpace, frequency_response, make_state_s
 from skhybrid.inspection import BodeDisplay, StepResponseDisplay
 from skhybrid.inspection._hybrid_response import sinusoidal
 
+pytestmark = pytest.mark.usefixtures("closed_figures")
+
 OFFICE = {
     "C_w": 14.0, "C_za": 1.0, "R_zw": 1.0, "R_zo": 8.6, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0,
 }  # fmt: skip
@@ -26,12 +28,6 @@ OFFICE = {
 @pytest.fixture
 def office():
     return make_state_space("2R2C", OFFICE)
-
-
-@pytest.fixture(autouse=True)
-def _close_figures():
-    yield
-    plt.close("all")
 
 
 def _scipy(model, output=0):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import doctest
 import re
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -194,10 +193,3 @@ def test_imports_in_the_folder_go_one_way(path):
     before = MODULES if path.stem == "__init__" else MODULES[: MODULES.index(path.stem)]
     imports = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
     assert {node.module for node in imports if node.level == 1} <= set(before)
-
-
-# --------------------------------------------------------------------------------------------------------------- page
-def test_the_examples_of_the_docstring_run():
-    (example,) = doctest.DocTestFinder(recurse=False).find(RCNetwork)
-    assert doctest.DocTestRunner().run(example) == (0, len(example.examples))
-    assert example.examples
