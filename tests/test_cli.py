@@ -800,12 +800,13 @@ def test_a_study_fits_and_back_tests_every_model_once_on_shared_tables(profile_s
     fitted, tested = [], []
 
     def backtested(model, X, y, **given):
-        tested.append((id(model), type(X), given["quantiles"]))
+        tested.append((id(model), type(X), given.get("quantiles")))
         return backtest(model, X, y, **given)
 
     fit = HybridPredictor.fit
     monkeypatch.setattr(HybridPredictor, "fit", lambda self, X, y: fitted.append(type(X)) or fit(self, X, y))
-    monkeypatch.setattr("skhybrid.study.run.backtest", backtested)
+    for module in ("run", "scores"):
+        monkeypatch.setattr(f"skhybrid.study.{module}.backtest", backtested)
     result = run_study(settings, data)
     assert fitted == [_table.ZoneTable] * 4  # the hybrid and three baselines
     assert len({model for model, *_ in tested}) == len(tested) == len(result.frames)

@@ -11,7 +11,7 @@ import pytest
 from skhybrid import GrayBoxRC
 from skhybrid.cli.zone import _errors
 from skhybrid.datasets import make_office
-from skhybrid.study import identified_building
+from skhybrid.study import identified_building, scores
 from skhybrid.study.data import StudyData
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import zone_backtest, zone_search
@@ -109,12 +109,13 @@ def test_a_back_test_compares_errors_at_the_same_rows(monkeypatch):
 
     models = [SimpleNamespace(label=label, estimator=Model(label)) for label in (*errors, "another one")]
     monkeypatch.setattr(zone_backtest, "make_models", lambda settings: models)
-    monkeypatch.setattr(zone_backtest, "backtest", forecasts)
+    for module in (zone_backtest, scores):
+        monkeypatch.setattr(module, "backtest", forecasts)
     monkeypatch.setattr(zone_backtest.Doubts, "of", lambda *given: zone_backtest.Doubts([], []))
     said = []
     found = zone_backtest.backtest_zone(SETTINGS, _data(), lambda *words: said.append(words[:2]))
     assert said == [(1, 2), (2, 2)]
-    assert asked == {zone_backtest.HYBRID: zone_backtest.INTERVAL, zone_backtest.YESTERDAY: None}
+    assert asked == {zone_backtest.HYBRID: scores.INTERVAL, zone_backtest.YESTERDAY: None}
     expected = {zone_backtest.HYBRID: (np.sqrt(25 / 3), 7 / 3), zone_backtest.YESTERDAY: (3.0, 7 / 3)}
     for label, numbers in expected.items():
         assert found.table.loc[label].tolist() == pytest.approx(numbers)

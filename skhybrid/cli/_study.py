@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from ..study import Settings, StudyData, StudyResult, read_log, run_study, split_log, write_outputs
-from ..study.building_outputs import building_metrics, format_zones, verdicts_by_zone, write_building
-from ..study.building_study import BuildingResult, run_building
+from ..study.building_outputs import building_metrics, format_zones, write_building
+from ..study.building_study import BuildingResult, run_building, verdicts_by_zone
 from ..study.outputs import format_table, metrics_text
 from ._output import DONE, Progress, check_stopped
 
@@ -55,7 +55,7 @@ def print_result(result: StudyResult | BuildingResult, progress: Progress, writt
         print(building_metrics(result) if isinstance(result, BuildingResult) else metrics_text(result))
         return DONE
     if isinstance(result, BuildingResult):
-        lines = [*map(str, verdicts_by_zone(result)), "", format_zones(result)]
+        lines = [*map(str, verdicts_by_zone(result.verdicts)), "", format_zones(result)]
     else:
         lines = [*map(str, result.verdicts), "", format_table(result.table, scaled=result.scaled)]
     print("\n".join([*lines, "", written]))

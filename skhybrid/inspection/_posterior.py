@@ -103,10 +103,10 @@ class PosteriorDisplay(Display):
         ax.annotate(shown, (1.01, row), xycoords=("axes fraction", "data"), va="center", fontsize="small")
 
 
-def _density(draws: np.ndarray, n_points: int = 200) -> tuple[np.ndarray, np.ndarray]:
+def _density(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Estimate the density of draws, scaled to a maximum of 1."""
     low, high = np.quantile(draws, [0.001, 0.999])
-    x = np.linspace(low - 0.15 * (high - low), high + 0.15 * (high - low), n_points)
+    x = np.linspace(low - 0.15 * (high - low), high + 0.15 * (high - low), 200)
     density = gaussian_kde(draws)(x)
     return x, density / density.max()
 

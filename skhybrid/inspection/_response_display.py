@@ -116,7 +116,8 @@ class BodeDisplay(_ResponseDisplay):
         A blend weighs its members by lead, so that it has no frequency response in the strict sense: what is drawn is
         how the temperature two of the longest periods ahead answers a sinusoid, which began long before.
         """
-        hybrids = [model for model in _listed(estimator) if is_hybrid(model)]
+        models = estimator.values() if isinstance(estimator, Mapping) else [estimator]
+        hybrids = [model for model in models if is_hybrid(model)]
         if hybrids and periods is None:
             periods = default_periods(max(model.sampling_time_ for model in hybrids))
         respond = partial(frequency_response, periods=periods, output=output)
@@ -246,10 +247,6 @@ class StepResponseDisplay(_ResponseDisplay):
             panel.set_xlabel("time since the step [h]")
         shared_legend(axes, title)
         return self._drawn_on(axes)
-
-
-def _listed(models: Any) -> list[Any]:
-    return list(models.values()) if isinstance(models, Mapping) else [models]
 
 
 def _inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | None) -> list[str]:

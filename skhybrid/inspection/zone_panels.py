@@ -18,13 +18,9 @@ _ROW = 1.75  # height of a panel [in]
 
 
 def days_figure(forecasts: Mapping[str, pd.DataFrame], width: float = 9.0, power: str = "kW") -> Any:
-    """The day to come: temperature and, where there is a plant, load of each zone, as the frames of a single zone.
+    """The day to come of each zone: temperature and, where there is a plant, load, in the unit ``power``.
 
-    Parameters
-    ----------
-    forecasts : mapping of zone to DataFrame, as for DayAheadDisplay, with ``setpoint`` and measurements
-    width : float [in]
-    power : str, unit of the loads
+    The forecasts are as for DayAheadDisplay, with ``setpoint`` and measurements; ``width`` [in].
     """
     loads = any("Q_hvac" in frame for frame in forecasts.values())
     figure, axes = _panels(len(forecasts), 1 + loads, width)
@@ -54,14 +50,7 @@ def measured_and_setpoint(forecast: pd.DataFrame) -> dict[str, Any]:
 
 
 def weeks_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta, width: float = 9.0) -> Any:
-    """Measured and forecast temperature of each zone over the last days of back-tests.
-
-    Parameters
-    ----------
-    frames : mapping of label to DataFrame, back-tests with a column ``zone``
-    shown : Timedelta
-    width : float [in]
-    """
+    """Measured and forecast temperature of each zone over the last days of back-tests; ``width`` [in]."""
     first = next(iter(frames.values()))
     n_zones = first["zone"].nunique()
     n_columns = 1 if width < _NARROW else min(2, n_zones)

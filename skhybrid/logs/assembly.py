@@ -28,27 +28,13 @@ _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 
 @dataclass(frozen=True)
 class Choice:
-    """Options that all readers of general tables take.
+    """Options that all readers of general tables take."""
 
-    Parameters
-    ----------
-    columns : sequence of str, optional
-        Channels to read; all by default.
-    time_column : str or pair of str, optional
-        The column of time stamps, or those of date and time.
-    timezone : str, optional
-        Zone of stamps without an offset, or the zone to convert stamps with an offset to.
-    dayfirst : bool, optional
-        Whether dates such as 02/03/2024 begin with the day.
-    held : bool or sequence of str, optional
-        Channels that keep their value until the next one; by default those that are logged by change.
-    """
-
-    columns: Sequence[str] | None = None
-    time_column: str | Sequence[str] | None = None
-    timezone: str | None = None
-    dayfirst: bool | None = None
-    held: bool | Sequence[str] | None = None
+    columns: Sequence[str] | None = None  # channels to read; all by default
+    time_column: str | Sequence[str] | None = None  # that of time stamps, or those of date and time
+    timezone: str | None = None  # of stamps without an offset, or to convert stamps with an offset to
+    dayfirst: bool | None = None  # whether dates such as 02/03/2024 begin with the day
+    held: bool | Sequence[str] | None = None  # channels that keep their value; by default those logged by change
 
     def __post_init__(self) -> None:
         for name in ("columns", "held"):
@@ -69,32 +55,15 @@ class Choice:
 
 @dataclass
 class Pieces:
-    """Pieces of a table, and what is known of it before they are read.
+    """Pieces of a table, and what is known of it before they are read."""
 
-    Parameters
-    ----------
-    frames : iterable of DataFrame
-        Rows of the table, cells as text, numbers or dates.
-    stamps : tuple of str
-        Columns of the time stamp, or of date and time.
-    where : str
-        The source as messages name it.
-    format : str
-    units : mapping of column to unit
-        Units beside those in the names, as the source writes them.
-    decimal : str
-    first_line : int
-        Line of the file that holds the first row.
-    notes : list of str
-    """
-
-    frames: Iterable[pd.DataFrame]
-    stamps: tuple[str, ...]
-    where: str
+    frames: Iterable[pd.DataFrame]  # rows of the table, cells as text, numbers or dates
+    stamps: tuple[str, ...]  # columns of the time stamp, or of date and time
+    where: str  # the source as messages name it
     format: str
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)  # beside those in the names, as the source writes them
     decimal: str = "."
-    first_line: int = 2
+    first_line: int = 2  # of the file, that holds the first row
     notes: list[str] = field(default_factory=list)
 
 
@@ -298,7 +267,9 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
     So is one of a long table that never repeats a value and often skips some: it is polled and written on change.
     """
     ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
-    spacings = {name: _spacing(ticks[frame[name].notna().to_numpy()]) for name in frame}
+    spacings: dict[Hashable, np.ndarray] = {
+        name: np.diff(np.unique(ticks[frame[name].notna().to_numpy()])) for name in frame
+    }
     shortest = min((np.median(spacing) for spacing in spacings.values() if len(spacing) > 2), default=0.0)
     found = []
     for name, spacing in spacings.items():
@@ -322,9 +293,3 @@ def _is_change_of_polled(values: np.ndarray, spacing: np.ndarray, usual: float) 
     long = spacing > 1.5 * usual
     repeats = (np.diff(values) == 0.0).mean()
     return bool(repeats < _REPEATS and long.sum() >= _OFTEN and spacing[long].sum() > _SKIPPED * spacing.sum())
-
-
-def _spacing(ticks: np.ndarray) -> np.ndarray:
-    """Intervals between stamps, but for those that occur twice."""
-    spacing = np.diff(ticks)
-    return spacing[spacing > 0]

@@ -43,7 +43,9 @@ def read(path: Path, **options: Any) -> RawLog:
 
 
 def _read(file: Any, choice: Choice, where: str) -> RawLog:
-    names = [name for name in file.schema_arrow.names if not _is_nested(file.schema_arrow.field(name).type)]
+    from pyarrow import types
+
+    names = [field.name for field in file.schema_arrow if not types.is_nested(field.type)]
     size = max(1000, _CELLS // max(len(names), 1))
     sample = next(_frames(file, names, 1000), pd.DataFrame(columns=names))
     if sample.empty:
@@ -57,12 +59,6 @@ def _read(file: Any, choice: Choice, where: str) -> RawLog:
         names = [name for name in names if name not in indices]
     pieces = Pieces((), stamps, where, "Parquet")
     return assemble_columns(pieces, names, long, choice, lambda wanted: _frames(file, wanted, size))
-
-
-def _is_nested(kind: Any) -> bool:
-    from pyarrow import types
-
-    return bool(types.is_nested(kind))
 
 
 def _frames(file: Any, names: list[str], size: int) -> Iterator[pd.DataFrame]:

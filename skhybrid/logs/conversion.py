@@ -43,12 +43,8 @@ def channels_of(
 ) -> list[Channel]:
     """The channels to read: as given by role, else as the format defines them; units and factors likewise.
 
-    A unit that the log states counts where it can be that of the role.
-
-    Raises
-    ------
-    ValueError
-        If a channel is not in the log, or ``units`` or ``scale`` name a role without one.
+    A unit that the log states counts where it can be that of the role.  A ValueError names a channel that the log
+    lacks, or a unit or factor of a role that has none.
     """
     chosen = dict(raw.roles) | dict(columns or {})
     if not chosen:
@@ -85,15 +81,10 @@ def is_energy(unit: str | None) -> bool:
 
 
 def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
-    """Columns by role in the units of the data contract, at the stamps of the log.
+    """Columns by role in the units of the data contract, at the stamps of the log; a unit must suit its role.
 
     Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
     contract does not have keeps its numbers.  A counter's power begins at its reading, whatever the label of the log.
-
-    Raises
-    ------
-    ValueError
-        If a unit does not suit its role.
     """
     return pd.DataFrame({c.role: _converted(raw, c) for c in channels}, index=raw.frame.index)
 

@@ -259,7 +259,9 @@ def resample_column(
     own = (typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
     if is_instant(name):
         return _interpolated(wanted, logged, values[known], own)
-    return _time_weighted_means(wanted, logged, values[known], step.total_seconds(), own)
+    spacing = np.append(np.diff(logged), own)
+    held = np.where(spacing <= CONTIGUOUS * own, spacing, own)
+    return _means(wanted, logged, values[known], step.total_seconds(), held)
 
 
 def _held_column(
@@ -303,14 +305,6 @@ def _interpolated(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, so
     near = np.minimum(np.abs(wanted - left), np.abs(right - wanted)) <= source / 2
     inside = (after > 0) & (after < len(logged)) & (right - left <= CONTIGUOUS * source)
     return np.where(inside | near, line, np.nan)
-
-
-def _time_weighted_means(
-    wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, step: float, source: float
-) -> np.ndarray:
-    """Means over [t, t + step) of a signal that holds each logged value until the next one."""
-    spacing = np.append(np.diff(logged), source)
-    return _means(wanted, logged, values, step, np.where(spacing <= CONTIGUOUS * source, spacing, source))
 
 
 def _means(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, step: float, held: np.ndarray) -> np.ndarray:

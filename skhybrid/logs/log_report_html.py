@@ -26,7 +26,9 @@ def report_html(
         for name, role, unit, reason in zip(shown.index, shown["role"], shown["unit"], shown["reason"], strict=True)
     ]
     head = "<tr><th>column</th><th>role</th><th>unit</th><th>reason</th></tr>"
-    lists = "".join(f"<h4>{escape(title)}</h4><ul>{_items(texts)}</ul>" for title, texts in sections.items())
+    lists = "".join(
+        f"<h4>{escape(title)}</h4><ul>{''.join(map(_item, texts))}</ul>" for title, texts in sections.items()
+    )
     first = first_rows.to_html(float_format="{:.2f}".format, border=0)
     return (
         f'<div class="skhybrid-log"><style>{_STYLE}</style><p>{escape(headline)}</p>'
@@ -40,13 +42,9 @@ def _row(*cells: object, off: bool) -> str:
     return f"<tr{kind}>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>"
 
 
-def _items(texts: Sequence[str]) -> str:
-    return "".join(f"<li>{_marked(text)}</li>" for text in texts)
-
-
-def _marked(text: str) -> str:
+def _item(text: str) -> str:
     """A finding with its level in colour."""
     level, colon, rest = text.partition(":")
     if colon and level in ("error", "warning"):
-        return f'<span class="{level}">{level}</span>:{escape(rest)}'
-    return escape(text)
+        return f'<li><span class="{level}">{level}</span>:{escape(rest)}</li>'
+    return f"<li>{escape(text)}</li>"

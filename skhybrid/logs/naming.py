@@ -138,10 +138,7 @@ def assign_roles(
 ) -> dict[str, Guess]:
     """The role of each column, each role once: those given, those of the format, the most certain, then the first.
 
-    Parameters
-    ----------
-    units : mapping of column to unit or None, the columns in their order
-    given, of_format : mapping of role to column, optional; a role that is given is not the format's
+    ``units`` are those of the columns in their order; ``given`` and ``of_format`` are columns by role.
     """
     known = {column: Guess(role, 99, "this format names it so") for role, column in (of_format or {}).items()}
     known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}

@@ -17,12 +17,7 @@ _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_
 
 
 def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
-    """Column of each role with the zone's name, such as ``T_za_kitchen``; empty unless two rooms have plants.
-
-    Parameters
-    ----------
-    units : mapping of column to unit or None, the columns in their order
-    """
+    """Column of each role with the zone's name, such as ``T_za_kitchen``; empty unless two rooms have plants."""
     zones = _zones(units)
     found: dict[str, str] = {}
     for zone, measured in zones.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,13 +15,6 @@ from ..forecasting.quantiles import quantile_columns
 from .single_reading import takes_tables
 
 
-class WeatherPaths(NamedTuple):
-    """Forecasts under weather that was forecast as well."""
-
-    temperature: np.ndarray  # (n_origins, n_leads) [degC]; NaN after the last row
-    bands: np.ndarray | None  # (n_origins, n_leads, n_quantiles) [degC]
-
-
 def paths_under(
     forecaster: Any,
     table: Any,
@@ -29,11 +22,12 @@ def paths_under(
     n_leads: int,
     quantiles: Sequence[float] | None,
     weather: WeatherError,
-) -> WeatherPaths:
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Forecasts from increasing origins of a table, with intervals that allow for errors of the weather forecast.
 
-    An estimator with ``update`` goes through rows that follow its training; any other sees the whole table, origin by
-    origin.
+    Returns temperatures (n_origins, n_leads) and, where there are any, quantiles (n_origins, n_leads, n_quantiles)
+    [degC]; NaN after the last row.  An estimator with ``update`` goes through rows that follow its training; any other
+    sees the whole table, origin by origin.
     """
     if not takes_tables(forecaster) or not isinstance(table, ZoneTable):
         raise ValueError(
@@ -61,7 +55,7 @@ def paths_under(
         paths[i, :there] = found["T_za"]
         if quantiles is not None and bands is not None:
             bands[i, :there] = found[quantile_columns(quantiles)]
-    return WeatherPaths(paths, bands)
+    return paths, bands
 
 
 def _walker(forecaster: Any, table: ZoneTable, first: int) -> tuple[Any, int]:

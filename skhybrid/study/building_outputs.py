@@ -9,19 +9,13 @@ from typing import Any
 
 import pandas as pd
 
-from .. import __version__
-from .._files import atomic_path
-from .._json import strict_json
-from ..inspection.zone_panels import weeks_figure
-from ..persistence import save_model
-from .building_study import BuildingResult
+from .building_study import BuildingResult, verdicts_by_zone
 from .compared_models import HYBRID
 from .identified_building import identified_only
-from .outputs import NAMES, staged_files, write_csv
+from .outputs import NAMES, metrics_of, staged_files, write_tables
 from .report import verdict
 from .report.building_page import write_building_report, zones_in_words
-from .scores import coverage_of, side_by_side
-from .verdict import Verdict
+from .report.figures import save_png, weeks_figure
 
 _SHOWN = pd.Timedelta("7D")
 
@@ -31,56 +25,24 @@ def write_building(
 ) -> list[Path]:
     """Write tables, metrics, model, report and picture of a study of several zones, all or none; return their paths.
 
-    Parameters
-    ----------
-    result : BuildingResult
-    folder, before_swap
-        As for :func:`write_outputs`.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written to, or the disk is full; the folder is then as it was.
+    As :func:`write_outputs` for one zone.
     """
     with staged_files(folder, before_swap) as staged:
-        write_csv(result.forecast, staged / "forecast.csv")
-        write_csv(side_by_side(result.frames).set_index("origin"), staged / "backtest.csv")
-        write_csv(_identified(result), staged / "parameters.csv", digits=6)
-        (staged / "metrics.json").write_text(building_metrics(result) + "\n", encoding="utf-8")
-        save_model(result.model, staged / "model.skops")
+        write_tables(result, staged, _identified(result), building_metrics(result))
         write_building_report(staged / "report.html", result)
-        with atomic_path(staged / "forecast.png") as made:
-            figure = weeks_figure({HYBRID: result.frames[HYBRID]}, _SHOWN)
-            figure.savefig(made, format="png", dpi=130, facecolor="white", metadata={"Software": None})
+        save_png(weeks_figure({HYBRID: result.frames[HYBRID]}, _SHOWN), staged / "forecast.png")
     return [Path(folder) / name for name in NAMES]
 
 
 def building_metrics(result: BuildingResult) -> str:
     """Errors, verdicts and settings of a study of several zones as JSON."""
-    content = {
-        "skhybrid": __version__,
-        "name": result.settings.name,
-        "best": result.best,
-        "verdict": f"{zones_in_words(result.verdicts)} {verdict(result.table, HYBRID)}",
-        "verdicts": [one._asdict() for one in verdicts_by_zone(result)],
-        "zones": result.zones.to_dict(orient="index"),
-        "building": _nested(result),
-        "models": result.table.drop(columns="note").to_dict(orient="index"),
-        "interval_80_coverage": coverage_of(result.frames[HYBRID]),
-        **result.data.spans(result.frames[HYBRID]),
-        "next_day": str(result.forecast.index[0].date()),
-        "next_day_held_out": result.data.held_out,
-        "seconds": round(result.seconds, 2),
-        "warnings": result.warnings,
-        "settings": result.settings.as_dict(),
-    }
-    return strict_json(content)
-
-
-def verdicts_by_zone(result: BuildingResult) -> list[Verdict]:
-    """The verdicts of all zones, the worst zone first, each with the zone in its quantity."""
-    pairs = ((zone, one) for zone, found in result.verdicts.items() for one in found)
-    return [one._replace(quantity=f"{one.quantity} of {zone}") for zone, one in pairs]
+    return metrics_of(
+        result,
+        f"{zones_in_words(result.verdicts)} {verdict(result.table, HYBRID)}",
+        verdicts_by_zone(result.verdicts),
+        zones=result.zones.to_dict(orient="index"),
+        building={} if result.identified is None else identified_content(result.identified),
+    )
 
 
 def format_zones(result: BuildingResult) -> str:
@@ -104,11 +66,6 @@ def _identified(result: BuildingResult) -> pd.DataFrame:
     between = result.identified.partitions.reset_index()
     between = between.set_index("exchange with " + between["neighbour"].astype(str)).drop(columns="neighbour")
     return pd.concat([rooms, between])[columns].rename_axis("quantity")
-
-
-def _nested(result: BuildingResult) -> dict[str, Any]:
-    """Quantities of the rooms by zone, and what each two exchange."""
-    return {} if result.identified is None else identified_content(result.identified)
 
 
 def identified_content(identified: Any) -> dict[str, Any]:

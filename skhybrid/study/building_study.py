@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant
-from ..exceptions import TooFewDaysError
 from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
 from .compared_models import HYBRID, YESTERDAY, make_models
@@ -21,7 +20,7 @@ from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .run import Progress, counted, each_once
-from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
+from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
 from .verdict import CARE, NOT, USABLE, Verdict
 from .zone_part import data_of, forecast_of, rows_of, settings_of
@@ -36,35 +35,20 @@ _WORST_FIRST = (NOT, CARE, USABLE)
 
 @dataclass
 class BuildingResult:
-    """Results of a study of several zones.
-
-    Parameters
-    ----------
-    settings : Settings
-    data : StudyData
-    model : fitted BuildingPredictor
-    frames : dict of label to DataFrame, back-tests with a column ``zone``
-    table : DataFrame, as that of :class:`StudyResult`, over all zones together
-    zones : DataFrame
-        Index = zone, the worst verdict first; ``level``, errors [K] by model, ``coverage``, and ``load_rmse`` of the
-        model and of yesterday's load, with their unit.
-    forecast : DataFrame, the next day; names end with the zone's
-    verdicts : dict of zone to list of Verdict, in the order of ``zones``
-    identified : IdentifiedRooms or None, where the rooms could not be identified
-    warnings : list of str, all warnings, each once
-    seconds : float
-    """
+    """Results of a study of several zones."""
 
     settings: Settings
     data: StudyData
-    model: Any
-    frames: dict[str, pd.DataFrame]
-    table: pd.DataFrame
+    model: Any  # fitted BuildingPredictor
+    frames: dict[str, pd.DataFrame]  # back-tests by label, with a column ``zone``
+    table: pd.DataFrame  # as that of :class:`StudyResult`, over all zones together
+    #: by zone, the worst verdict first: ``level``, errors [K] by model, ``coverage``, and ``load_rmse`` of the model
+    #: and ``load_yesterday`` with their ``unit``
     zones: pd.DataFrame
-    forecast: pd.DataFrame
-    verdicts: dict[str, list[Verdict]]
-    identified: IdentifiedRooms | None = None
-    warnings: list[str] = field(default_factory=list)
+    forecast: pd.DataFrame  # the next day; names end with the zone's
+    verdicts: dict[str, list[Verdict]]  # by zone, in the order of ``zones``
+    identified: IdentifiedRooms | None = None  # None where the rooms could not be identified
+    warnings: list[str] = field(default_factory=list)  # each once
     seconds: float = 0.0
 
     @property
@@ -113,16 +97,8 @@ class ZoneLoads(NamedTuple):
 def run_building(settings: Settings, data: StudyData, progress: Progress | None = None) -> BuildingResult:
     """Fit a building and simple models of its zones, back-test them at the same origins, forecast the next day.
 
-    Parameters
-    ----------
-    settings : Settings, of several zones
-    data : StudyData
-    progress : callable, optional, called with (number, total, text) before every step
-
-    Raises
-    ------
-    ValueError
-        If the building cannot be fitted or tested; a simple model that fails is left out, with a warning.
+    ``progress`` is called with (number, total, text) before every step.  A ValueError says that the building cannot be
+    fitted or tested; a simple model that fails is left out, with a warning.
     """
     begun = time.perf_counter()
     remarks = list(data.remarks)
@@ -179,11 +155,7 @@ def backtest_zones(
     building = BuildingPredictor(make_models(settings)[0].estimator, adjacency=settings.adjacency)
     building.fit(train, train[temperatures])
     say(f"{HYBRID}: back-test")
-    try:
-        frames[HYBRID] = backtest(building, later, later[temperatures], quantiles=INTERVAL, **given)
-    except TooFewDaysError as error:
-        remarks.append(f"no intervals are given: {error}")
-        frames[HYBRID] = backtest(building, later, later[temperatures], **given)
+    frames[HYBRID] = backtest_with_intervals(building, later, later[temperatures], remarks, **given)
     seconds[HYBRID] = time.perf_counter() - begun
     begun = time.perf_counter()
     if building.coupled_:
@@ -233,6 +205,12 @@ def worst_first(levels: Mapping[str, list[str]]) -> list[str]:
 def worst(verdicts: list[Verdict]) -> str:
     """The worst level of some verdicts."""
     return min((one.level for one in verdicts), key=_WORST_FIRST.index)
+
+
+def verdicts_by_zone(verdicts: Mapping[str, Sequence[Verdict]]) -> list[Verdict]:
+    """The verdicts of all zones in their order, each with the zone in its quantity."""
+    pairs = ((zone, one) for zone, found in verdicts.items() for one in found)
+    return [one._replace(quantity=f"{one.quantity} of {zone}") for zone, one in pairs]
 
 
 def judge_zone(frames: Mapping[str, pd.DataFrame], zone: str, doubts: list[str] | None = None) -> Verdict:

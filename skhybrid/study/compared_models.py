@@ -19,6 +19,7 @@ from ..hybrid.schedule_predictor import DEFAULT_NETWORK
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
+from .thermostat import check_keys
 
 HYBRID = "hybrid"  # label of the model whose forecast is shown
 YESTERDAY = "yesterday"  # label of the simplest rule
@@ -176,7 +177,7 @@ def make_gray_box(settings: Settings, name: str | None = None) -> Any:
     if settings.site:  # an identification cannot tell five window areas apart
         common["columns"] = {f"q_sol_{name}": None for name in FACADES}
     common |= {"horizon": settings.horizon} if name is not None else {}
-    _refuse_unknown("estimator", given, made.get_params(deep=False))
+    check_keys("estimator", given, made.get_params(deep=False))
     return made.set_params(**{**common, **{k: _tupled(v) for k, v in given.items()}})
 
 
@@ -188,7 +189,7 @@ def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:
     """The disturbance forecaster of the settings; None for the schedule model, which needs none."""
     given = {"model": SCHEDULE} | dict(settings.forecaster)
     made = DisturbanceForecaster("ridge")
-    _refuse_unknown("forecaster", given, made.get_params(deep=False))
+    check_keys("forecaster", given, made.get_params(deep=False))
     if given["model"] != SCHEDULE:
         return made.set_params(**given)
     unused = [key for key in given if key != "model"]
@@ -222,9 +223,3 @@ def _with_rest(declared: Any) -> Any:
     if not isinstance(declared, dict):
         return declared
     return {key: None if value == "rest" else _with_rest(value) for key, value in declared.items()}
-
-
-def _refuse_unknown(table: str, given: Mapping[str, Any], known: Mapping[str, Any]) -> None:
-    for key in given:
-        if key not in known:
-            raise ValueError(f"unknown key {key!r} in [{table}]; known are {', '.join(sorted(known))}.")

@@ -307,15 +307,7 @@ def _refuse_empty_ahead(measured: pd.DataFrame, inputs: pd.DataFrame) -> None:
 def train_and_test(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The training rows and the test rows of a log; without settings, two thirds and one third of the days.
 
-    Parameters
-    ----------
-    frame : DataFrame, one column per role, at an even step
-    settings : Settings
-
-    Raises
-    ------
-    ValueError
-        If a span has no rows, or the test begins before the training ends.
+    A ValueError says that a span has no rows, or that the test begins before the training ends.
     """
     if frame.empty:
         raise ValueError(NO_ROWS)

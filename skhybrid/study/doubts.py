@@ -55,16 +55,11 @@ def beyond_training(rows: pd.DataFrame, ranges: Mapping[str, tuple[float, float]
 def day_beyond(rows: pd.DataFrame, ranges: Mapping[str, tuple[float, float]]) -> list[str]:
     """A reason where much of the day to come lies beyond what training covered, with the columns that do."""
     beyond = beyond_training(rows, ranges)
-    share = share_of_rows(beyond)
+    share = float(beyond.any(axis=1).mean()) if len(beyond) else 0.0
     if not share > OUTSIDE:
         return []
     which = "; ".join(_excess(rows[role], *ranges[str(role)]) for role in beyond if beyond[role].any())
     return [f"{100 * share:.0f} % of the day to come lies beyond what training covered ({which})"]
-
-
-def share_of_rows(beyond: pd.DataFrame) -> float:
-    """Share of the rows of which any column lies beyond."""
-    return float(beyond.any(axis=1).mean()) if len(beyond) else 0.0
 
 
 def _excess(values: pd.Series, low: float, high: float) -> str:

@@ -38,12 +38,9 @@ def describe(gray_box: Any) -> pd.DataFrame:
 
 
 def with_errors(gray_box: Any, of: Callable[[pd.Series], dict[str, float]]) -> pd.DataFrame:
-    """Quantities of a fitted gray box by name: ``value``, and ``std`` by the delta method; NaN without a covariance.
+    """Quantities ``of`` the parameters of a gray box, by name: ``value``, and ``std`` by the delta method.
 
-    Parameters
-    ----------
-    gray_box : fitted estimator
-    of : callable, from the parameters to the quantities
+    ``std`` is NaN without a covariance.
     """
     theta = pd.Series(gray_box.theta_, dtype=np.float64)
     base = pd.Series(of(theta), dtype=np.float64)

@@ -29,15 +29,8 @@ class IdentifiedRooms(NamedTuple):
 def identify_zones(settings: Settings, rows: pd.DataFrame) -> IdentifiedRooms:
     """Identify every zone of a building, with its neighbours' temperatures as boundaries.
 
-    Parameters
-    ----------
-    settings : Settings, whose ``adjacency`` says which zones exchange heat; by default that is found in the rows
-    rows : DataFrame, one column per role, without missing inputs
-
-    Raises
-    ------
-    ValueError
-        If no neighbours are given and there are fewer than ten days to find them in, or a room cannot be identified.
+    ``rows`` have a column per role and no missing input.  The settings' ``adjacency`` says which zones exchange heat;
+    else that is found in the rows, which takes ten days of them.  A ValueError names a room that cannot be identified.
     """
     temperatures = settings.roles_of("T_za")
     inputs, measured = rows.drop(columns=temperatures), rows[temperatures]

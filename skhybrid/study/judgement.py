@@ -34,14 +34,9 @@ class Doubts(NamedTuple):
 
     @classmethod
     def of(cls, model: Any, later: Any, data: StudyData, identification: Any = None) -> Doubts:
-        """Reasons to doubt a fitted predictor over the rows after its training and the day to come.
+        """Reasons to doubt a fitted predictor over the rows ``later`` than its training, and the day to come.
 
-        Parameters
-        ----------
-        model : fitted HybridPredictor
-        later : DataFrame or ZoneTable, the rows after its training, as the model reads them
-        data : StudyData
-        identification : fitted estimator, optional, that gives the capacities of stages
+        ``identification`` gives the capacities of stages, where it is another model.
         """
         days = drift_days(model, later)
         ends = at_ends(model.gray_box_)
@@ -75,16 +70,9 @@ def judge_load(
     scaled: bool,
     doubts: Sequence[str] = (),
 ) -> Verdict:
-    """The verdict on loads beside those of simple rules.
+    """The verdict on the loads of a model beside those of simple rules, in the unit of what was ``delivered``.
 
-    Parameters
-    ----------
-    own : Series, load of the model
-    rules : mapping of name to Series, loads of simple rules
-    delivered : Series, measured heat or stages, in the same unit
-    test_start : Timestamp, first stamp that counts
-    scaled : bool, whether the log fixes what a kW is
-    doubts : sequence of str, further reasons to take care
+    ``scaled`` tells whether the log fixes what a kW is; ``doubts`` are further reasons to take care.
     """
     at = delivered.index[(delivered.index >= test_start) & own.reindex(delivered.index).notna()]
     days = pd.Series(pd.DatetimeIndex(at).normalize(), index=at)

@@ -15,13 +15,9 @@ YESTERDAY, RIDGE = "yesterday's load", "ridge on T_oa and set-point"
 
 
 def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: pd.Series) -> dict[str, pd.Series]:
-    """Loads [kW] of the later rows by simple rules, which know the weather and the temperature to hold.
+    """Loads [kW] of the ``later`` rows by simple rules, which know the weather and the temperature to hold.
 
-    Parameters
-    ----------
-    train, later : DataFrame, rows by role, of which ``later`` follows
-    heat : Series, delivered heat of all rows [kW]
-    held : Series, temperature to hold over all rows [degC]
+    ``heat`` is delivered [kW], ``held`` the temperature to hold [degC], of all rows.
     """
     step = later.index[1] - later.index[0]
     day = rows_per_day(step)

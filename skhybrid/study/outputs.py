@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -20,18 +20,13 @@ from .compared_models import HYBRID
 from .identified_building import identified_only
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
-from .scores import side_by_side
+from .scores import coverage_of, side_by_side
 from .tariff import Cost, energy_cost
+from .verdict import Verdict
 
 
 def format_table(table: pd.DataFrame, *, scaled: bool = True) -> str:
-    """The comparison as text, the best model first and marked, and a verdict.
-
-    Parameters
-    ----------
-    table : DataFrame, as in :class:`StudyResult`
-    scaled : bool, whether its loads are certain kW
-    """
+    """The comparison as text, the best model first and marked, and a verdict; ``scaled``: loads are certain kW."""
     width = max(len(str(name)) for name in table.index) + 2
     load_head = f"{'load RMSE [kW]' if scaled else 'load RMSE [-]':>14}"
     lines = [f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  {load_head}  time [s]", "-" * (width + 46)]
@@ -112,27 +107,24 @@ def _swap(staged: Path, out: Path) -> None:
 
 
 def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
-    write_csv(result.forecast, out / "forecast.csv")
-    write_csv(side_by_side(result.frames).set_index("origin"), out / "backtest.csv")
-    write_csv(result.parameters, out / "parameters.csv", digits=6)
-    (out / "metrics.json").write_text(metrics_text(result) + "\n", encoding="utf-8")
-    save_model(result.model, out / "model.skops")
+    write_tables(result, out, result.parameters, metrics_text(result))
     write_page(result, out / "report.html", truth)
     names = [HYBRID, *result.table.index.drop(HYBRID)]
     ordered = {name: result.frames[name] for name in names if name in result.frames}
     study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
 
 
-def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series | None = None) -> None:
-    """Write the report of a study, one HTML page.
+def write_tables(result: Any, out: Path, parameters: pd.DataFrame, metrics: str) -> None:
+    """Write the forecast, the back-tests, the parameters, the metrics and the model of a study."""
+    write_csv(result.forecast, out / "forecast.csv")
+    write_csv(side_by_side(result.frames).set_index("origin"), out / "backtest.csv")
+    write_csv(parameters, out / "parameters.csv", digits=6)
+    (out / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
+    save_model(result.model, out / "model.skops")
 
-    Parameters
-    ----------
-    result : StudyResult
-    path : path-like
-    truth : Series, optional
-        As in :func:`write_outputs`.
-    """
+
+def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series | None = None) -> None:
+    """Write the report of a study, one HTML page; ``truth`` as in :func:`write_outputs`."""
     write_report(
         path,
         title=result.settings.name,
@@ -157,7 +149,14 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
 
 def metrics_text(result: StudyResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
-    return strict_json(_metrics(result))
+    cost = _cost(result)
+    return metrics_of(
+        result,
+        verdict(result.table, HYBRID),
+        result.verdicts,
+        building=identified_only(result.building).to_dict(orient="index"),
+        next_day_cost=None if cost is None else cost._asdict(),
+    )
 
 
 def _cost(result: StudyResult) -> Cost | None:
@@ -187,21 +186,22 @@ def write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
 
-def _metrics(result: StudyResult) -> dict[str, Any]:
-    return {
+def metrics_of(result: Any, words: str, verdicts: Iterable[Verdict], **more: Any) -> str:
+    """Errors, verdicts and settings of a study as JSON, with what else one of its kind has."""
+    content = {
         "skhybrid": __version__,
         "name": result.settings.name,
         "best": result.best,
-        "verdict": verdict(result.table, HYBRID),
-        "verdicts": [one._asdict() for one in result.verdicts],
-        "building": identified_only(result.building).to_dict(orient="index"),
+        "verdict": words,
+        "verdicts": [one._asdict() for one in verdicts],
+        **more,
         "models": result.table.drop(columns="note").to_dict(orient="index"),
-        "interval_80_coverage": result.coverage,
+        "interval_80_coverage": coverage_of(result.frames[HYBRID]),
         **result.data.spans(result.frames[HYBRID]),
         "next_day": str(result.forecast.index[0].date()),
-        "next_day_cost": None if (cost := _cost(result)) is None else cost._asdict(),
         "next_day_held_out": result.data.held_out,
         "seconds": round(result.seconds, 2),
         "warnings": result.warnings,
         "settings": result.settings.as_dict(),
     }
+    return strict_json(content)

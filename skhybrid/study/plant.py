@@ -17,13 +17,7 @@ class Performance(NamedTuple):
 
     @classmethod
     def of(cls, plant: Mapping[str, Any]) -> Self | None:
-        """The performance that ``[plant]`` gives; None where it gives none.
-
-        Raises
-        ------
-        ValueError
-            If it cannot be read, or electricity is logged and there is none.
-        """
+        """The performance that ``[plant]`` gives, None where it gives none; a ValueError says what cannot be read."""
         electric = plant.get("electricity", False)
         if not isinstance(electric, bool):
             raise ValueError(f"[plant] electricity = {electric!r} must be true or false.")

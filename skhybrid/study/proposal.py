@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -47,11 +45,7 @@ def propose_settings(log: str | PathLike[str], report: LogReport | None = None) 
     blocks = [
         _log_lines(report, name),
         _column_lines(report),
-        *[
-            _table_lines(title, table)
-            for title, table in (("units", _units(report)), ("scale", _scale(report)))
-            if table
-        ],
+        *_unit_lines(report),
         *_model_lines(report),
         *_span_lines(report),
         *_plant_lines(report),
@@ -120,19 +114,13 @@ def _candidates(report: LogReport, free: pd.DataFrame, role: str) -> str:
     return ", ".join(names[:3])
 
 
-def _units(report: LogReport) -> dict[str, str]:
-    """Units of columns that are not those of the data contract, nor stated in their names."""
-    used = report.columns[report.columns["role"].notna()]
-    return {row["role"]: row["unit"] for _, row in used.iterrows() if row["unit"] not in ("degC", "kW", "kW/m2", "-")}
-
-
-def _scale(report: LogReport) -> dict[str, float]:
-    used = report.columns[report.columns["role"].notna()]
-    return {row["role"]: round(row["scale"], 9) for _, row in used.iterrows() if row["scale"] != 1.0}
-
-
-def _table_lines(title: str, table: Mapping[str, Any]) -> list[str]:
-    return [f"[{title}]", *[f"{key} = {as_toml(value)}" for key, value in table.items()]]
+def _unit_lines(report: LogReport) -> list[list[str]]:
+    """Tables of the units that are not those of the data contract, and of factors."""
+    used = report.columns[report.columns["role"].notna()].set_index("role")
+    units = used["unit"][~used["unit"].isin(["degC", "kW", "kW/m2", "-"])]
+    scale = used["scale"][used["scale"] != 1.0].astype(float).round(9)
+    tables = ((name, table) for name, table in (("units", units), ("scale", scale)) if len(table))
+    return [[f"[{name}]", *(f"{role} = {as_toml(value)}" for role, value in one.items())] for name, one in tables]
 
 
 def _model_lines(report: LogReport) -> list[list[str]]:

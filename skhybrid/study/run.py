@@ -13,16 +13,14 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant
-from .._threads import one_blas_thread
 from .._warnings import without_class
-from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
 from .data import StudyData
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
-from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
+from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
 from .verdict import Verdict
 
@@ -214,27 +212,14 @@ def _test(
     begun = time.perf_counter()
     train, later = spans
     model = one.estimator.fit(train.given_to(one.estimator), train.frame["T_za"])
-    frame = backtest(
-        model,
-        later.given_to(model),
-        later.frame["T_za"],
-        horizon=settings.horizon,
-        origin_step=settings.origin_step,
-        start=test_start,
-        quantiles=INTERVAL if one.label == HYBRID and _has_intervals(model, remarks) else None,
-    )
+    rows: tuple[Any, Any] = (later.given_to(model), later.frame["T_za"])
+    given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": test_start}
+    if one.label == HYBRID:
+        frame = backtest_with_intervals(model, *rows, remarks, **given)
+    else:
+        frame = backtest(model, *rows, **given)
     seconds = time.perf_counter() - begun
     return _Tested(model, frame, _held_load(model, later), seconds)
-
-
-@one_blas_thread
-def _has_intervals(model: Any, remarks: list[str]) -> bool:
-    """True if the training was long enough to learn intervals; else a remark says why not."""
-    try:
-        return model.intervals_ is not None
-    except TooFewDaysError as error:
-        remarks.append(f"no intervals are given: {error}")
-        return False
 
 
 def _held_load(model: Any, later: _Span) -> pd.DataFrame | None:

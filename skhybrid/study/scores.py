@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
+from ..model_selection import backtest
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
 
 
-def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Errors [K] of the forecasts that every model made and that meet a measurement, one column per model.
+def backtest_with_intervals(model: Any, X: Any, y: Any, remarks: list[str], **given: Any) -> pd.DataFrame:
+    """A back-test with the quantiles of :data:`INTERVAL` where the model has learned them; else a remark says why not.
 
-    Raises
-    ------
-    ValueError
-        If there are none.
+    ``given`` are further arguments of :func:`skhybrid.model_selection.backtest`.
     """
+    try:
+        return backtest(model, X, y, quantiles=INTERVAL, **given)
+    except TooFewDaysError as error:
+        remarks.append(f"no intervals are given: {error}")
+        return backtest(model, X, y, **given)
+
+
+def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Errors [K] of the forecasts that every model made and that meet a measurement, one column per model."""
     errors = pd.DataFrame({name: frame["y_pred"] - frame["y_true"] for name, frame in frames.items()}).dropna()
     if errors.empty:
         raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")

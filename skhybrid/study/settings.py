@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -22,7 +21,7 @@ from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
 from .plant import Performance
 from .tariff import Tariff
-from .thermostat import Schedule
+from .thermostat import Schedule, check_keys
 
 SCHEDULE = "schedule"  # `[forecaster] model` of the default HybridPredictor, the schedule model
 #: `[estimator] name` -> class of the identification
@@ -129,10 +128,10 @@ class Settings:
             raise ValueError(f"label = {self.label!r} must be 'left' or 'right'.")
         for name in ("step", "horizon", "origin_step"):
             _check_duration(name, getattr(self, name))
-        _check_keys("train", self.train, _SPAN)
-        _check_keys("test", self.test, _SPAN)
-        _check_keys("load", self.load, ("setpoint",))
-        _check_keys("network", self.network, _NETWORK)
+        check_keys("train", self.train, _SPAN)
+        check_keys("test", self.test, _SPAN)
+        check_keys("load", self.load, ("setpoint",))
+        check_keys("network", self.network, _NETWORK)
         if self.estimator.get("name", "periodic") not in list(ESTIMATORS):  # a TOML list cannot be hashed
             raise ValueError(f"[estimator] name = {self.estimator['name']!r} is none of {', '.join(ESTIMATORS)}.")
         for role, factor in self.scale.items():
@@ -185,10 +184,7 @@ class Settings:
 def is_scaled(roles: Iterable[object], known: Iterable[str]) -> bool:
     """Whether measured heat or a given parameter fixes what a kW is in a model of these roles.
 
-    Parameters
-    ----------
-    roles : iterable, inputs of the model
-    known : iterable of str, given parameters, such as :attr:`Settings.capacities`
+    ``known`` are given parameters, such as :attr:`Settings.capacities`.
     """
     names = set(map(str, roles))
     capacities = {capacity_name(role) for role in names if role.startswith("u_")}
@@ -221,19 +217,9 @@ def read_settings(path: str | PathLike[str]) -> Settings:
 
 
 def settings_from(content: Mapping[str, Any]) -> Settings:
-    """Settings from the content of a TOML file.
-
-    Parameters
-    ----------
-    content : mapping, with the fields of :class:`Settings` as keys
-
-    Raises
-    ------
-    ValueError
-        If a key is unknown or a value cannot be used.
-    """
+    """Settings from the content of a TOML file; a ValueError names a key that is unknown or cannot be used."""
     types = {f.name: f.name in _TABLES for f in fields(Settings)}
-    _check_keys("", content, tuple(types))
+    check_keys("", content, tuple(types))
     for key, value in content.items():
         if types[key] != isinstance(value, dict):
             raise ValueError(f"{key} must be {'a table, [' + key + ']' if types[key] else 'a single value'}.")
@@ -242,14 +228,6 @@ def settings_from(content: Mapping[str, Any]) -> Settings:
     if missing:
         raise ValueError(f"[columns] does not say which column is {missing[0]}.")
     return Settings(**content)
-
-
-def _check_keys(table: str, given: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    for key in given:
-        if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}."
-            raise ValueError(f"unknown key {key!r}{f' in [{table}]' if table else ''}; {hint}")
 
 
 def _check_plain(settings: Settings) -> None:
@@ -295,7 +273,7 @@ def _check_tables(settings: Settings) -> None:
 
 
 def _check_plant(plant: Mapping[str, Any]) -> None:
-    _check_keys("plant", plant, _PLANT)
+    check_keys("plant", plant, _PLANT)
     Performance.of(plant)
     for key in ("most_heat", "most_cold"):
         if key in plant and not (is_number(plant[key]) and plant[key] >= 0):
@@ -303,7 +281,7 @@ def _check_plant(plant: Mapping[str, Any]) -> None:
 
 
 def _check_site(site: Mapping[str, Any], columns: Mapping[str, str]) -> None:
-    _check_keys("site", site, tuple(_SITE))
+    check_keys("site", site, tuple(_SITE))
     for key, bound in _SITE.items():
         if site and key not in site:
             raise ValueError(f"[site] does not say {key}.")

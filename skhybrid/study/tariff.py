@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .plant import Performance
-from .thermostat import at_minute, by_clock, free_days, minutes
+from .thermostat import at_minute, by_clock, check_keys, free_days, minutes
 
 _KINDS = ("price", "weekend", "currency")
 
@@ -23,18 +23,10 @@ class Tariff(NamedTuple):
 
     @classmethod
     def of(cls, tables: Mapping[str, Any]) -> Self | None:
-        """The tariff of ``[tariff]``; None if it is empty.
-
-        Raises
-        ------
-        ValueError
-            If it names an unknown key, has no price, or a clock time or price cannot be read.
-        """
+        """The tariff of ``[tariff]``; None if it is empty, and a ValueError where it cannot be read."""
         if not tables:
             return None
-        for key in tables:
-            if key not in _KINDS:
-                raise ValueError(f"unknown key {key!r} in [tariff]; known are {', '.join(_KINDS)}.")
+        check_keys("tariff", tables, _KINDS)
         if "price" not in tables:
             raise ValueError("[tariff] needs the price of a kWh, such as price = 0.30.")
         currency = tables.get("currency", "")
@@ -69,14 +61,9 @@ class Cost(NamedTuple):
 def energy_cost(
     forecast: pd.DataFrame, tariff: Mapping[str, Any], plant: Mapping[str, Any], holidays: Any
 ) -> Cost | None:
-    """The cost of a day's plant energy; None without a tariff or a load.
+    """The cost of a day's plant energy by the settings of a study; None without a tariff or a load.
 
-    Parameters
-    ----------
-    forecast : DataFrame
-        ``Q_hvac`` [kW], cooling negative, with ``Q_hvac_0.1`` and ``Q_hvac_0.9`` where there are any; ``T_oa`` [degC].
-    tariff, plant, holidays
-        As in the settings of a study.
+    ``forecast`` has ``Q_hvac`` [kW], cooling negative, its ends ``Q_hvac_0.1`` and ``Q_hvac_0.9`` if any, and ``T_oa``.
     """
     prices = Tariff.of(tariff)
     if prices is None or "Q_hvac" not in forecast or len(forecast) < 2:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -28,17 +29,11 @@ class Schedule(NamedTuple):
     def of_tables(cls, tables: Mapping[str, Any], where: str = "[thermostat]") -> Self | None:
         """The schedule of ``[thermostat]``, or of what else errors name; None if it is empty.
 
-        Raises
-        ------
-        ValueError
-            If it names an unknown key, a clock time or temperature cannot be read, heating is above cooling, or the
-            weekend has a side that weekdays lack.
+        A ValueError says what cannot be read, where heating is above cooling, or what only the weekend has.
         """
         if not tables:
             return None
-        for key in tables:
-            if key not in _KINDS:
-                raise ValueError(f"unknown key {key!r} in [thermostat]; known are {', '.join(_KINDS)}.")
+        check_keys("thermostat", tables, _KINDS)
         sides = [by_clock(f"{where} {name}", tables.get(name), "set-point", (0, 45)) for name in ("heat", "cool")]
         if not any(sides):
             raise ValueError("[thermostat] needs heat or cool, such as heat = 21.")
@@ -74,13 +69,9 @@ class Schedule(NamedTuple):
         return made
 
     def band(self, index: pd.DatetimeIndex, holidays: Any = None) -> pd.DataFrame:
-        """Set-points [degC] of some rows as ``T_heat_set`` and ``T_cool_set``, without a column for a side not given.
+        """``T_heat_set`` and ``T_cool_set`` [degC] of rows in local time, without a column for a side not given.
 
-        Parameters
-        ----------
-        index : DatetimeIndex of n rows, in local time
-        holidays : str or list of dates, optional
-            As for :class:`skhybrid.HybridPredictor`; they are days of the weekend.
+        ``holidays``, as for :class:`skhybrid.HybridPredictor`, are days of the weekend.
         """
         local = wall_clock(index)
         free, before = (free_days(holidays, days) for days in (local, local - pd.Timedelta("1D")))
@@ -106,6 +97,15 @@ def _of_text(side: str) -> Any:
         return {clock: float(value) for clock, value in (part.split("=") for part in side.split(","))}
     except ValueError:
         raise ValueError(f"--setpoint {side!r} is not a set-point such as 21, or 6:00=21,22:00=17.") from None
+
+
+def check_keys(table: str, given: Iterable[str], known: Collection[str]) -> None:
+    """Refuse a key that a table of the configuration does not have; ``table`` is "" at its top."""
+    for key in given:
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}."
+            raise ValueError(f"unknown key {key!r}{f' in [{table}]' if table else ''}; {hint}")
 
 
 def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None = None) -> dict[int, float]:

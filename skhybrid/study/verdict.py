@@ -49,14 +49,7 @@ class Comparison(NamedTuple):
 
 
 def compare_errors(own: pd.Series, rule: pd.Series, blocks: pd.Series, name: str) -> Comparison:
-    """Compare errors at the same rows, by a bootstrap over pairs of neighbouring origins or days.
-
-    Parameters
-    ----------
-    own, rule : Series of n errors
-    blocks : Series of n origins or days
-    name : str, the rule's name
-    """
+    """Compare errors (n,) at the same rows, by a bootstrap over neighbouring ``blocks`` (n,), origins or days."""
     known = (own.notna() & rule.notna()).to_numpy()
     squares = pd.DataFrame({"own": own[known] ** 2, "rule": rule[known] ** 2, "block": blocks[known].to_numpy()})
     sums = squares.groupby("block")[["own", "rule"]].sum().to_numpy()
@@ -83,15 +76,9 @@ def judge(
     coverage: float | None = None,
     doubts: Sequence[str] = (),
 ) -> Verdict:
-    """A verdict from comparisons with simple rules and from what else is known.
+    """A verdict on a temperature or load from comparisons with simple rules and from what else is known.
 
-    Parameters
-    ----------
-    quantity : {"temperature", "load"}
-    comparisons : sequence of Comparison, with simple rules
-    n_origins : int, number of forecasts compared
-    coverage : float, optional, share of measurements inside the 80 % intervals
-    doubts : sequence of str, further reasons to take care
+    ``coverage`` is the share of measurements inside the 80 % intervals; ``doubts`` are further reasons to take care.
     """
     known = [c for c in comparisons if np.isfinite(c.ratio)]
     if not known:

@@ -19,24 +19,13 @@ class Continuous(NamedTuple):
     """dx/dt = A x + B v of a network, with derivatives with respect to each of its p parameters.
 
     For S parameter vectors every field has a leading axis of length S.
-
-    Attributes
-    ----------
-    A : ndarray of shape (n, n)
-        [1/h]
-    B : ndarray of shape (n, m)
-        The last columns are 1 kW of heat gain on each disturbed node.
-    dA, dB : ndarray of shape (p, n, n) and (p, n, m)
-        Derivatives with respect to the values of the parameters.
-    capacitance : ndarray of shape (n,)
-        [kWh/K]
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    dA: np.ndarray
-    dB: np.ndarray
-    capacitance: np.ndarray
+    A: np.ndarray  # (n, n) [1/h]
+    B: np.ndarray  # (n, m); the last columns are 1 kW of heat gain on each disturbed node
+    dA: np.ndarray  # (p, n, n) with respect to the values of the parameters
+    dB: np.ndarray  # (p, n, m)
+    capacitance: np.ndarray  # (n,) [kWh/K]
 
 
 @dataclass(frozen=True)

@@ -162,17 +162,8 @@ def check_known(
 ) -> None:
     """Refuse values that a user gives for parameters and that they cannot have; warn of capacities that look like W.
 
-    Parameters
-    ----------
-    parameters : iterable of Parameter
-    known : mapping of name to value; other names are left alone, and None is no value
-    given : what messages call it
-    may_be_0 : units of the parameters that may be 0, as a fit may find them
-
-    Raises
-    ------
-    ValueError
-        If a value is no number, has the wrong sign, or is a share above 1.
+    ``known`` are values by name: other names are left alone, and None is no value.  ``given`` is what messages call
+    it; parameters of the units ``may_be_0`` may be 0, as a fit may find them.
     """
     for p in parameters:
         value = known.get(p.name)

@@ -15,34 +15,15 @@ from .outages import complete_rows
 
 
 def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
-    """Identify the network of the settings on the last weeks of a log, and describe it.
+    """Identify the network of the settings on the last weeks of a log, and :func:`describe` it.
 
-    Parameters
-    ----------
-    settings : Settings
-    frame : DataFrame, one column per role
-
-    Returns
-    -------
-    DataFrame
-        Index: quantity; ``value``, ``std``, ``unit`` and ``remark``.
-
-    Raises
-    ------
-    ValueError
-        If no row has all inputs and a temperature, or the network cannot be fitted.
+    A ValueError says that no row has all inputs and a temperature, or that the network cannot be fitted.
     """
     return describe(identify_building(settings, frame))
 
 
 def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
-    """Identify the rooms of a building on the last weeks of a log, and describe them.
-
-    Parameters
-    ----------
-    settings : Settings, of several zones
-    frame : DataFrame, one column per role
-    """
+    """Identify the rooms of a building on the last weeks of a log, and describe them."""
     return identify_zones(settings, _last_weeks(complete_rows(frame, settings.roles_of("T_za"))))
 
 

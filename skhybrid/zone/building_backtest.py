@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from ..study.building_study import N_STEPS, backtest_zones, judge_zone, zone_table
+from ..study.building_study import N_STEPS, backtest_zones, judge_zone, verdicts_by_zone, zone_table
 from ..study.compared_models import HYBRID
 from ..study.data import train_and_test, with_facades
 from ..study.run import counted
@@ -21,16 +21,7 @@ def backtest_building(
 ) -> ZoneBacktest:
     """Fit on the training rows, forecast from every origin of the test, and compare, zone by zone.
 
-    Parameters
-    ----------
-    settings : Settings, of several zones
-    frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
-    progress : callable, optional, called with (number, total, text) before every step
-
-    Returns
-    -------
-    ZoneBacktest
-        Errors of all zones together and of each, without loads.
+    The result has the errors of all zones together and of each, without loads.  ``progress`` as for :func:`run_study`.
     """
     measured = settings.roles_of("T_za")
     rows = complete_rows(with_facades(frame, settings), measured)
@@ -39,7 +30,6 @@ def backtest_building(
     say = counted(progress, N_STEPS)
     _, frames, _ = backtest_zones(settings, train, later, test.index[0], say, [])
     verdicts = {zone: [judge_zone(frames, zone)] for zone in settings.zones}
-    found = [one._replace(quantity=f"{one.quantity} of {zone}") for zone, judged in verdicts.items() for one in judged]
     of_each = zone_table(frames, verdicts)[list(frames)].loc[settings.zones].T.add_prefix("rmse_")
     table = error_table(errors_by_model(frames)).join(of_each).sort_values("rmse").rename_axis("model")
-    return ZoneBacktest(table, frames[HYBRID], coverage_of(frames[HYBRID]), tuple(found), "")
+    return ZoneBacktest(table, frames[HYBRID], coverage_of(frames[HYBRID]), tuple(verdicts_by_zone(verdicts)), "")

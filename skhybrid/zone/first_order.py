@@ -29,14 +29,7 @@ class Law(NamedTuple):
 
 
 def first_order(warmed: np.ndarray, final: float, step: float) -> Law:
-    """The law of a zone from how nominal power warms it.
-
-    Parameters
-    ----------
-    warmed : ndarray (n,), temperature gained after each step [K]
-    final : float, temperature gained in the end [K]
-    step : float, time step of the plan [h]
-    """
+    """The law of a zone that nominal power warms by ``warmed`` (n,) after each step [h], by ``final`` at last [K]."""
     k, share = np.arange(1, len(warmed) + 1), warmed / final
     begin = np.clip((1.0 - share[-1]) ** (1.0 / len(k)), 1e-6, 1.0 - 1e-9)
     found = least_squares(  # in what remains after a step
@@ -54,14 +47,9 @@ def first_order(warmed: np.ndarray, final: float, step: float) -> Law:
 
 
 def temperatures(law: Law, power: np.ndarray, T_oa: np.ndarray, start: float, step: float) -> np.ndarray:
-    """Temperatures [degC] after each step [h] by EMHASS's law, under shares of nominal power.
+    """Temperatures [degC] after each step [h] by EMHASS's law, from ``start`` on.
 
-    Parameters
-    ----------
-    law : Law
-    power, T_oa : ndarray (n,)
-        Share of nominal power, negative where it cools, and outdoor temperature [degC] of each step.
-    start, step : float
+    ``power`` (n,) is the share of nominal power, negative where it cools, and ``T_oa`` (n,) [degC], of each step.
     """
     out, T = np.empty(len(power)), start
     for i, (share, outside) in enumerate(zip(power, T_oa, strict=True)):
@@ -75,13 +63,7 @@ def warming(
 ) -> tuple[np.ndarray, float]:
     """Warming of the zone by a plant at nominal power [K]: after each step [h], and in the end.
 
-    Parameters
-    ----------
-    gray_box : fitted estimator
-    theta : Series, parameters of its network
-    nominal : mapping of role to input at nominal power, a stage of 1 or heat [kW]
-    step : float
-    n_steps : int
+    ``theta`` are parameters of the gray box's network; ``nominal`` is a stage of 1 or the heat [kW] by role.
     """
     A, B, names, zone = discrete(gray_box, theta, step)
     given = B[:, [names.index(role) for role in nominal]] @ np.array(list(nominal.values()))

@@ -90,17 +90,10 @@ class ForecastArchive:
         return self._last("forecast", "origin")
 
     def finished(self, since: pd.Timestamp) -> pd.DataFrame:
-        """The forecasts whose rows are all in the past, with what was measured.
+        """The forecasts from ``since`` on whose rows are all in the past, with what was measured.
 
-        Parameters
-        ----------
-        since : Timestamp, earliest origin
-
-        Returns
-        -------
-        DataFrame
-            ``origin``, ``time``, the columns of the forecast, ``T_za_measured`` [degC], ``Q_hvac_measured`` [kW], and
-            ``u_heat_measured`` [-] for a stage.
+        Columns: ``origin``, ``time``, those of the forecast, ``T_za_measured`` [degC], ``Q_hvac_measured`` [kW], and
+        ``u_heat_measured`` [-] for a stage.
         """
         named = ", ".join(f'm."{name}" AS "{name}_measured"' for name in self._columns("measured")[1:])
         return self._read(_FINISHED.format(measured=named), _texts(pd.DatetimeIndex([since])))
@@ -116,25 +109,15 @@ class ForecastArchive:
         return _by_time(self._read(query)).drop(columns="origin")
 
     def measured(self, since: pd.Timestamp) -> pd.DataFrame:
-        """Measured temperature [degC] and delivered heat [kW] by time.
-
-        Parameters
-        ----------
-        since : Timestamp, the earliest
-        """
+        """Temperature [degC] and delivered heat [kW] by time, from a stamp on."""
         texts = _texts(pd.DatetimeIndex([since]))
         return _by_time(self._read("SELECT * FROM measured WHERE time >= ? ORDER BY time", texts))
 
     def keep_log(self, frame: pd.DataFrame, kind: int) -> None:
-        """Keep rows of the log by role.
+        """Keep rows of the log, with a column per role, of one kind: EVEN, POSTED or AHEAD.
 
         Those at even steps replace what was kept in their span, and other roles are forgotten; those ahead replace what
         was known of the same roles from their first stamp on; posted ones replace those at the same stamps.
-
-        Parameters
-        ----------
-        frame : DataFrame, one column per role
-        kind : EVEN, POSTED or AHEAD
         """
         if frame.empty:
             return
@@ -153,12 +136,7 @@ class ForecastArchive:
             )
 
     def log(self, kind: int) -> pd.DataFrame:
-        """The rows of the log of one kind: one column per role, by time.
-
-        Parameters
-        ----------
-        kind : EVEN, POSTED or AHEAD
-        """
+        """The rows of the log of one kind: one column per role, by time."""
         found = self._database.execute("SELECT time, role, value FROM log WHERE kind = ?", (kind,)).fetchall()
         table = pd.DataFrame(found, columns=["time", "role", "value"]).pivot_table(
             index="time", columns="role", values="value"
@@ -166,13 +144,7 @@ class ForecastArchive:
         return table.set_axis(_stamps(table.index), axis=0).rename_axis(columns=None)
 
     def forget_log(self, kind: int, before: pd.Timestamp) -> None:
-        """Remove the rows of one kind before a stamp.
-
-        Parameters
-        ----------
-        kind : EVEN, POSTED or AHEAD
-        before : Timestamp
-        """
+        """Remove the rows of one kind before a stamp."""
         (text,) = _texts(pd.DatetimeIndex([before]))
         self._database.execute("DELETE FROM log WHERE kind = ? AND time < ?", (kind, text))
 
@@ -204,16 +176,7 @@ class ForecastArchive:
 def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
     """The archive in a file, which is created where there is none.
 
-    Parameters
-    ----------
-    path : path-like
-
-    Raises
-    ------
-    BlockingIOError
-        If another process is writing to it.
-    OSError
-        If the file cannot be read or written.
+    A BlockingIOError says that another process is writing to it, an OSError that it cannot be used.
     """
     busy = f"another command is at work on {fspath(path)}; try again when it has ended."
     remedy = "check disk and permissions, or move the file away to begin a new archive."

@@ -29,16 +29,9 @@ def read_posted(
 ) -> tuple[pd.DataFrame, list[str]]:
     """Rows of a file by role, at their own stamps, and the roles that are logged by change.
 
-    Parameters
-    ----------
-    path : path-like, as for :func:`skhybrid.study.read_log`
-    settings : Settings
-    plain : bool, whether the file is a CSV with commas and a column ``time``, whatever the log is
+    ``plain``: a CSV with commas and ``time``, whatever the log is.
 
-    Raises
-    ------
-    ValueError
-        If the rows cannot be read by the settings, or a value is beyond physics.
+    A ValueError says what cannot be read by the settings, or which value is beyond physics.
     """
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
@@ -84,12 +77,8 @@ def keep_posted(
     """Keep posted rows; the log that the archive has by now, at the step of the settings, and the number of rows ahead.
 
     Values of ``held`` roles hold until the next one, also from the log that was known before.  Rows after the last
-    posted temperature are weather and plans.
-
-    Raises
-    ------
-    ValueError
-        If the stamps of only one of rows and kept log have a time zone, or a measurement lies in the future.
+    posted temperature are weather and plans.  A ValueError says that only one of rows and kept log has a time zone, or
+    that a measurement lies in the future.
     """
     measured = [role for role in settings.roles_of("T_za") if role in rows]
     known = np.flatnonzero(rows[measured].notna().any(axis=1).to_numpy())

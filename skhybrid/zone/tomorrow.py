@@ -28,15 +28,7 @@ class RowsAhead(NamedTuple):
 def schedules_of(texts: Sequence[str], zones: Sequence[str] = ()) -> Schedules | None:
     """Set-points of the command line: of one zone the last text; of several ``21,24`` for all, ``hall:21,24`` for one.
 
-    Parameters
-    ----------
-    texts : sequence of str, each as for :meth:`skhybrid.study.thermostat.Schedule.of_text`
-    zones : sequence of str, empty for one zone
-
-    Raises
-    ------
-    ValueError
-        If a text cannot be read, or names an unknown zone.
+    A ValueError names a text that cannot be read, or an unknown zone.
     """
     if not texts or not zones:
         return Schedule.of_text(texts[-1]) if texts else None
@@ -61,25 +53,11 @@ def rows_ahead(
     plan: pd.DataFrame | None = None,
     schedule: Schedules | None = None,
 ) -> RowsAhead:
-    """The rows after an origin, one horizon long.
+    """The rows after an origin, one horizon long, for a model that reads ``inputs`` besides ``T_za``.
 
-    Parameters
-    ----------
-    settings : Settings
-    origin : Timestamp, the last row of the history
-    inputs : list of roles that the model reads, besides ``T_za``
-    weather : DataFrame, optional
-        Columns by role over the rows ahead, at any step: from a forecast, or the end of the log.  Set-points among them
-        count where ``plan`` has none.
-    plan : DataFrame, optional
-        Planned heat or stages, or set-points, by role; rows as in ``weather``.
-    schedule : Schedule, or mapping of zone to Schedule, optional
-        Set-points; by default those of ``plan``, then of the weather, then of the settings.
-
-    Raises
-    ------
-    ValueError
-        If an input is missing in some rows, neither heat nor set-points are known, or a zone without a plant has some.
+    ``weather`` has columns by role over the rows ahead, at any step, and ``plan`` likewise planned heat or stages, or
+    set-points; by default set-points are those of the plan, then of the weather, then of the settings.  A ValueError
+    says what is missing, or that a zone without a plant has a set-point.
     """
     step = pd.Timedelta(settings.step)
     index = pd.date_range(origin + step, periods=round(pd.Timedelta(settings.horizon) / step), freq=step)

@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..exceptions import TooFewDaysError
 from ..model_selection import backtest
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
 from ..study.data import StudyData
 from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
-from ..study.scores import INTERVAL, coverage_of, error_table, errors_by_model
+from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
 from ..study.settings import Settings, is_scaled
 from ..study.verdict import Verdict
 
@@ -36,11 +35,7 @@ def backtest_zone(
 ) -> ZoneBacktest:
     """Fit on the training rows, forecast from every origin of the test, and compare.
 
-    Parameters
-    ----------
-    settings : Settings
-    data : StudyData
-    progress : callable, optional, called with (number, total, text) before every step
+    ``progress`` is called with (number, total, text) before every step.
     """
     models = [one for one in make_models(settings) if one.label in _COMPARED]
     frames: dict[str, pd.DataFrame] = {}
@@ -66,14 +61,9 @@ def backtest_zone(
 
 
 def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) -> pd.DataFrame:
-    model = estimator.fit(data.train, data.train["T_za"])
+    model, rows = estimator.fit(data.train, data.train["T_za"]), (data.later, data.later["T_za"])
     given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
-    if label == HYBRID:
-        try:
-            return backtest(model, data.later, data.later["T_za"], quantiles=INTERVAL, **given)
-        except TooFewDaysError:
-            pass
-    return backtest(model, data.later, data.later["T_za"], **given)
+    return backtest_with_intervals(model, *rows, [], **given) if label == HYBRID else backtest(model, *rows, **given)
 
 
 def _loads(predictor: Any, settings: Settings, data: StudyData, delivered: Load) -> dict[str, pd.Series]:

@@ -25,22 +25,10 @@ def search_zone(
     n_jobs: int,
     verbose: int = 1,
 ) -> pd.DataFrame:
-    """Train the cases of some disturbance models on the training rows and score them on the test rows.
+    """Train the cases of some disturbance models on the training rows and score them on the test rows; the best first.
 
-    Parameters
-    ----------
-    settings : Settings, whose identification the candidates share
-    data : StudyData
-    store : path-like, folder of results; a search that was stopped goes on there
-    models : list of str, names of networks and baselines
-    size : {"small", "paper"}, sizes of the networks
-    n_jobs : int
-    verbose : int, default=1, with 0 for no progress
-
-    Returns
-    -------
-    DataFrame
-        One row per candidate, the best first.
+    The candidates share the identification of the settings.  Their results are in the folder ``store``, where a search
+    that was stopped goes on.
     """
     whole = pd.concat([data.train, data.later])
     first = int(whole.index.searchsorted(data.test_start))

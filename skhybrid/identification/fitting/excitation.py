@@ -49,7 +49,8 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
     known = set(known)
     _warn_little_excited(network, table, known, name)
     sources = network.sources(table.inputs)
-    idle = [s for s in sources if s.parameter is not None and _is_idle(table, s.role)]
+    unmoved = [s for s in sources if table.hardly_ran(s.role) or not np.any(table.inputs[s.role])]
+    idle = [s for s in unmoved if s.parameter is not None]
     out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in known]
     if any(p.startswith("A_win") for p in out) and all(
         s in idle for s in sources if s.parameter and s.parameter.startswith("A_win")
@@ -63,10 +64,6 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
             ExcitationWarning,
         )
     return tuple(out)
-
-
-def _is_idle(table: ZoneTable, role: str) -> bool:
-    return table.hardly_ran(role) or not np.any(table.inputs[role])
 
 
 def _idleness(table: ZoneTable, role: str) -> str:

@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ... import __version__
-from ..._files import atomic_path
 from ..building_study import ALONE, BuildingResult, worst
 from ..compared_models import HYBRID
 from ..identified_building import identified_only
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
-from .html import day_energy, html_cards, html_list, html_page, html_table, results_table, verdict, verdict_boxes
+from .html import day_energy, html_cards, html_table, results_table, verdict, verdict_boxes, write_sections
 from .words import day_words, flat, lead_groups, number, percent
 
 _SHOWN = {"wide": pd.Timedelta("7D"), "narrow": pd.Timedelta("3D")}
@@ -31,27 +29,10 @@ ZONE_STYLE = """<style>
 
 
 def write_building_report(path: str | PathLike[str], result: BuildingResult) -> None:
-    """Write a study of several zones as one self-contained HTML file, in one step.
-
-    Parameters
-    ----------
-    path : path-like, the file to make or replace
-    result : BuildingResult
-    """
-    name = result.settings.name
-    listed = {**result.data.spans(result.frames[HYBRID]), **flat(result.settings.as_dict()), "skhybrid": __version__}
-    items = (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items())
-    sections = [
-        _head(result),
-        _map(result),
-        _tomorrow(result),
-        _accuracy(result),
-        _building(result),
-        html_list("Warnings", map(escape, result.warnings)),
-        html_list("Settings", items, "listed"),
-    ]
-    with atomic_path(path) as made:
-        made.write_text(html_page(f"{name}: day-ahead forecast", sections, ZONE_STYLE), encoding="utf-8")
+    """Write a study of several zones as one self-contained HTML file, in one step."""
+    sections = [_head(result), _map(result), _tomorrow(result), _accuracy(result), _building(result)]
+    listed = {**result.data.spans(result.frames[HYBRID]), **flat(result.settings.as_dict())}
+    write_sections(path, result.settings.name, sections, result.warnings, listed, ZONE_STYLE)
 
 
 def zone_boxes(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
@@ -82,11 +63,6 @@ def zones_in_words(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
     ]
     words += [f"{level}: {', '.join(of_level[level])}" for level in (NOT, CARE) if of_level[level]]
     return "; ".join(words) + "."
-
-
-def parts_of(result: BuildingResult) -> dict[str, pd.DataFrame]:
-    """The forecast of the next day of each zone, as that of a single one."""
-    return {zone: forecast_of(result.forecast, result.settings, zone) for zone in result.settings.zones}
 
 
 def _head(result: BuildingResult) -> str:
@@ -177,8 +153,9 @@ def _tomorrow(result: BuildingResult) -> str:
         f"hold the set-points{_held(result)}, within the limits of the plant.{band}"
     )
     power = "kW" if result.scaled else "relative"
+    parts = {zone: forecast_of(result.forecast, result.settings, zone) for zone in result.settings.zones}
     return f"<h2>Forecast for {escape(day_words(result.forecast.index))}</h2>\n<p>{words}</p>\n" + in_two_widths(
-        lambda width: days_figure(parts_of(result), width, power), "Forecast of each zone: temperature and load.", "day"
+        lambda width: days_figure(parts, width, power), "Forecast of each zone: temperature and load.", "day"
     )
 
 

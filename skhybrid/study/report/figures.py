@@ -31,6 +31,7 @@ WIDE, NARROW = 9.0, 4.4  # of a figure [in]
 _SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
 _MOST_LINES = 3  # most models in a figure; more would hide one another
 _MOST_LEADS = 5
+_PNG: dict[str, Any] = {"format": "png", "dpi": 130, "facecolor": "white", "metadata": {"Software": None}}
 #: parts of an SVG that the page has itself, its size, and colours that follow the page
 _NO_STYLE = re.compile(
     r"""<metadata>.*?</metadata>|<style[^>]*>.*?</style>|font-family: [^;"]*;?|(?<=<g) id="[^"]*\""""
@@ -40,21 +41,23 @@ _COLOURS = {"#222222": "currentColor", "#000000": "currentColor", "#dddddd": "va
 _COLOURS |= {"#0072b2": "var(--mark)", "#d55e00": "var(--warm)", "#fefefe": "var(--page)"}
 
 
-def as_image(figure: Any, dpi: int = 130) -> str:
+def as_image(figure: Any) -> str:
     """A figure as a ``data:`` address, to be put into an HTML page."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, facecolor="white", metadata={"Software": None})
+    figure.savefig(buffer, **_PNG)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def save_png(figure: Any, path: str | PathLike[str]) -> None:
+    """Write a figure to a PNG file, in one step."""
+    with atomic_path(path) as made:
+        figure.savefig(made, **_PNG)
 
 
 def as_svg(figure: Any, label: str, name: str) -> str:
     """A figure as an SVG element that takes text, lines and fonts of the page, so that it follows its dark mode.
 
-    Parameters
-    ----------
-    figure : matplotlib Figure
-    label : str, said in the place of the figure
-    name : str, of which its identifiers are made; no two of a page are the same
+    ``label`` is said in the place of the figure; of ``name`` its identifiers are made, no two of a page the same.
     """
     text = svg_text(figure, name)
     text = _NO_STYLE.sub("", text[text.index("<svg") :].replace("\n", " "))
@@ -65,13 +68,9 @@ def as_svg(figure: Any, label: str, name: str) -> str:
 
 
 def in_two_widths(draw: Callable[[float], Any], caption: str, name: str) -> str:
-    """A figure as HTML in two widths, of which the style shows one.
+    """A figure that is drawn by its width [in] as HTML in two widths, of which the style shows one.
 
-    Parameters
-    ----------
-    draw : callable, from a width [in] to a matplotlib Figure
-    caption : str
-    name : str, of which its identifiers are made; no two of a page are the same
+    Of the ``name`` its identifiers are made; no two of a page are the same.
     """
     text = escape(caption, quote=True)
     drawn = "".join(
@@ -130,15 +129,7 @@ def schedule_figure(schedule: pd.DataFrame) -> Any:
 def study_picture(
     path: str | PathLike[str], frames: Mapping[str, pd.DataFrame], forecast: pd.DataFrame, title: str | None = None
 ) -> None:
-    """Write one picture of a study: a week of the back-test, and the next day.
-
-    Parameters
-    ----------
-    path : path-like, PNG file, replaced in one step
-    frames : mapping of label to DataFrame, back-tests, the most important first
-    forecast : DataFrame, as in ``forecast.csv``
-    title : str, optional
-    """
+    """Write one PNG file of a study: a week of its back-tests, the most important first, and the next day."""
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(1 + n_axes, (WIDE, 3.2 + 2.3 * n_axes), share=False)
     _draw_backtest(axes[0], frames, _SHOWN)
@@ -150,5 +141,4 @@ def study_picture(
         axes[1].tick_params(labelbottom=False)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-    with atomic_path(path) as made:
-        figure.savefig(made, format="png", dpi=130, facecolor="white", metadata={"Software": None})
+    save_png(figure, path)

@@ -78,14 +78,7 @@ code { font-size: 0.9em; overflow-wrap: anywhere; }
 
 
 def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
-    """Say in one sentence how one model compares with the best of the others.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Index = model; column ``rmse`` [K].
-    label : str, the model that is compared with the others
-    """
+    """Say in one sentence how the ``rmse`` [K] of one model compares with the best of the others, by model."""
     own = float(table["rmse"][label])
     others = table["rmse"].drop(label).dropna()
     if others.empty:
@@ -150,7 +143,6 @@ def write_report(
     cost : Cost, optional, what the load of the next day costs
     notes : iterable of str, warnings
     """
-    listed = {**dict(spans or {}), **flat(settings or {}), "skhybrid": __version__}
     sections = [
         _head(title, table, frames, forecast, label, verdicts, scaled, cost),
         _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
@@ -158,13 +150,23 @@ def write_report(
         _learned(schedule, weights, frames[label], label),
         _week(zeta, truth),
         _building(parameters, building, identification, label),
-        html_list("Warnings", map(escape, notes)),
-        html_list(
-            "Settings", (f"{escape(str(k))}: <code>{escape(str(v))}</code>" for k, v in listed.items()), "listed"
-        ),
     ]
+    write_sections(path, title, sections, notes, {**(spans or {}), **flat(settings or {})})
+
+
+def write_sections(
+    path: str | PathLike[str],
+    name: str,
+    sections: Iterable[str],
+    notes: Iterable[str],
+    listed: Mapping[str, Any],
+    head: str = "",
+) -> None:
+    """Write the page of a study in one step: its sections, then warnings, and settings as a list."""
+    items = (f"{escape(k)}: <code>{escape(str(v))}</code>" for k, v in {**listed, "skhybrid": __version__}.items())
+    ends = [html_list("Warnings", map(escape, notes)), html_list("Settings", items, "listed")]
     with atomic_path(path) as made:
-        made.write_text(html_page(f"{title}: day-ahead forecast", sections), encoding="utf-8")
+        made.write_text(html_page(f"{name}: day-ahead forecast", [*sections, *ends], head), encoding="utf-8")
 
 
 def html_page(title: str, sections: Iterable[str], head: str = "") -> str:
@@ -249,7 +251,7 @@ def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
         + "</p>"
     )
     return f"<h2>Forecast for {escape(day_words(forecast.index))}</h2>\n{words}\n" + _figure(
-        as_image(day_figure(forecast)), "Forecast of room temperature and heating or cooling load."
+        day_figure(forecast), "Forecast of room temperature and heating or cooling load."
     )
 
 
@@ -274,8 +276,8 @@ def _accuracy(
         + results_table(table, scaled)
         + _TABLE_WORDS.format("" if scaled else ", whose scale this log does not determine")
         + interval
-        + _figure(as_image(backtest_figure(ordered)), days)
-        + _figure(as_image(lead_figure(ordered)), "Error by lead time, for the best models.")
+        + _figure(backtest_figure(ordered), days)
+        + _figure(lead_figure(ordered), "Error by lead time, for the best models.")
     )
 
 
@@ -297,7 +299,7 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, frame:
         "mean outdoor temperature, and conductance to the outside. Both are what the network of the forecast lacks, "
         "and may be negative: they are no properties of the building. Each forecast begins with updated ones.</p>\n"
     )
-    picture = _figure(as_image(schedule_figure(schedule)), "Learned schedules of unmeasured heat and of conductance.")
+    picture = _figure(schedule_figure(schedule), "Learned schedules of unmeasured heat and of conductance.")
     section = f"<h2>Learned schedules</h2>\n{words}{picture}"
     if weights is None:
         return section
@@ -318,7 +320,7 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
         "<h2>Unmeasured heat</h2>\n<p>Heat from people, equipment, lights, air exchange and anything else that is not "
         "in the log, estimated by the identification from the temperature of the training days. Positive values heat "
         f"the room.{'' if truth is None else known}</p>\n"
-        + _figure(as_image(week_figure(zeta, truth)), "Unmeasured heat by hour of the week.")
+        + _figure(week_figure(zeta, truth), "Unmeasured heat by hour of the week.")
     )
 
 
@@ -370,6 +372,6 @@ def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int
     return f'<div class="{wide}" tabindex="0">{table}</div>\n'
 
 
-def _figure(image: str, caption: str) -> str:
+def _figure(figure: Any, caption: str) -> str:
     text = escape(caption, quote=True)
-    return f'<figure tabindex="0"><img src="{image}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
+    return f'<figure tabindex="0"><img src="{as_image(figure)}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
