@@ -163,6 +163,12 @@ def test_long_log_with_the_newest_row_first_in_autumn(write):
     assert log.frame["a"].tolist() == list(range(len(truth)))
 
 
+def test_of_several_columns_of_stamps_the_one_with_a_usual_name_counts(write):
+    rows = [f"2024-01-01T00:00:00Z,2024-01-02T00:00:00Z,2024-01-01T0{k}:00:00Z,2{k}.5" for k in range(6)]
+    log = read_log(write("\n".join(["_start,_stop,_time,room", *rows])))  # a query of InfluxDB
+    assert log.frame.index.hour.tolist() == list(range(6))
+
+
 def test_points_with_blanks_after_their_name(write):
     text = "time,point,value\n2024-01-01 00:00,room ,1\n2024-01-01 00:00,heat,7\n2024-01-01 01:00,room ,2\n"
     assert read_log(write(text), columns=["room"]).frame["room"].tolist() == [1.0, 2.0]
