@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.logs import entity_states, home_assistant, influx
+from skhybrid.logs.readers import entity_states, home_assistant, influx
 
 SAMPLES = Path(__file__).parent / "log_samples"
 HISTORY, INFLUX = SAMPLES / "home_assistant_history.csv", SAMPLES / "influx_annotated.csv"

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.logs import ecobee, epa_thermostat, home_assistant, influx
-from skhybrid.logs.plant_stages import full_load
+from skhybrid.logs.readers import ecobee, epa_thermostat, home_assistant, influx
+from skhybrid.logs.readers.plant_stages import full_load
 
 SAMPLES = Path(__file__).parent / "log_samples"
 PORTAL, DONATED, EPA = (SAMPLES / n for n in ("ecobee_portal.csv", "donate_your_data.csv", "epa_interval.csv"))

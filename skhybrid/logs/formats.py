@@ -8,7 +8,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from . import (
+from .assembly import Choice
+from .raw_log import RawLog
+from .readers import (
     change_of_value,
     columnar,
     delimited,
@@ -19,9 +21,7 @@ from . import (
     spreadsheet,
     sql_table,
 )
-from .assembly import Choice
-from .raw_log import RawLog
-from .text_files import head_of
+from .text_files import existing, head_of
 
 #: the module of each format, which offers ``looks_like(path, head)`` and ``read(path, ...)``; the first that fits is
 #: taken, so that special formats come before general ones
@@ -84,9 +84,7 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
         if name not in (None, "SQL"):
             raise ValueError(f"a URL is read as SQL, but format={format!r} was given.")
         return _call("SQL", source, options)
-    path = Path(source)
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {str(path)!r}.")
+    path, _ = existing(source)
     return _call(name or format_of(path), path, options)
 
 

@@ -7,6 +7,7 @@ import codecs
 import gzip
 import lzma
 from contextlib import suppress
+from os import PathLike
 from pathlib import Path
 from typing import IO, Any
 
@@ -15,10 +16,16 @@ _COMPRESSED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xf
 _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 
 
+def existing(path: str | PathLike[str]) -> tuple[Path, str]:
+    """A file that exists, and its name as messages show it."""
+    file = Path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no file {str(file)!r}.")
+    return file, repr(file.name)
+
+
 def open_bytes(path: Path) -> IO[bytes]:
     """The bytes of a file, decompressed."""
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {str(path)!r}.")
     with path.open("rb") as file:
         begin = file.read(6)
     for mark, opened in _COMPRESSED.items():

@@ -12,9 +12,9 @@ import pandas as pd
 from .._table import is_instant, role_of
 from ..preprocessing._units import conversion_of, convert
 from .even_steps import CONTIGUOUS, typical_step, usual_step
-from .known_table import existing
 from .stamp_cells import find_stamp_columns, joined_cells
 from .stamps import cell, in_zone, line, parse_stamps
+from .text_files import existing
 
 
 def read_zone_csv(

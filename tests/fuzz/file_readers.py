@@ -21,8 +21,8 @@ from outcomes import Outcome, observe, wrong_numbers
 from zone_tables import training
 
 from skhybrid.datasets import read_epw, read_weather, read_zone_csv, regularize
-from skhybrid.logs import ecobee, epa_thermostat, home_assistant, influx
 from skhybrid.logs import read_log as read_any_log
+from skhybrid.logs.readers import ecobee, epa_thermostat, home_assistant, influx
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import make_models, propose_settings, read_log, read_settings, split_log

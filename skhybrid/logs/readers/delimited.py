@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble
-from .cell_numbers import decimal_sign
-from .raw_log import RawLog
-from .stamp_cells import find_stamp_columns, is_stamp
-from .table_layout import Layout, find_layout, separator_of, split_lines, table_of
-from .text_files import encoding_of, head_of, open_bytes
+from ..assembly import Choice, Pieces, assemble
+from ..cell_numbers import decimal_sign
+from ..raw_log import RawLog
+from ..stamp_cells import find_stamp_columns, is_stamp
+from ..table_layout import Layout, find_layout, separator_of, split_lines, table_of
+from ..text_files import encoding_of, head_of, open_bytes
 
 _HEAD = 1 << 16  # characters that show the layout
 _CELLS = 1 << 19  # cells of a piece

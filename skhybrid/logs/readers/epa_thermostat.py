@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
+from ..raw_log import RawLog
+from ..text_files import existing
+from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
-from .raw_log import RawLog
 
 _MINUTES = 60.0  # most minutes of running in an hour
 _TEMPERATURES = {"T_za": "temp_in", "T_heat_set": "heating_setpoint", "T_cool_set": "cooling_setpoint"}

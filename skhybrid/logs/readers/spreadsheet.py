@@ -11,11 +11,11 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble_columns
+from ..assembly import Choice, Pieces, assemble_columns
+from ..raw_log import RawLog
+from ..stamp_cells import find_stamp_columns
+from ..table_layout import Layout, find_layout, table_of
 from .change_of_value import long_columns
-from .raw_log import RawLog
-from .stamp_cells import find_stamp_columns
-from .table_layout import Layout, find_layout, table_of
 
 _HEAD, _PIECE = 200, 20_000  # rows
 

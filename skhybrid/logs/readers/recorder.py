@@ -15,9 +15,9 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 
+from ..raw_log import RawLog
+from ..unit_names import ENERGY, unit_named, unit_or_energy
 from .entity_states import climate_roles, climate_values, even_grid, hold, some_of, states_to_numbers, utc_index
-from .raw_log import RawLog
-from .unit_names import ENERGY, unit_named, unit_or_energy
 
 _DOMAINS = ("sensor", "binary_sensor", "switch", "input_number", "number", "input_boolean", "climate", "weather", "fan")
 _FOR_STATISTICS = {"statistics": 3600.0, "statistics_short_term": 300.0}

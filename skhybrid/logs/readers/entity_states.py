@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .stamps import zone_of
+from ..stamps import zone_of
 
 #: states that are 1 or 0; any other state that is not a number is missing
 ON_OFF = {"on": 1.0, "off": 0.0, "open": 1.0, "closed": 0.0, "true": 1.0, "false": 0.0, "home": 1.0, "not_home": 0.0}

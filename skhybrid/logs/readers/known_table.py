@@ -5,24 +5,15 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from .._table import listed
-from .stamps import YEARS, cell, in_zone, parse_stamps
+from ..._table import listed
+from ..stamps import YEARS, cell, in_zone, parse_stamps
 
 _NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
-
-
-def existing(path: str | PathLike[str]) -> tuple[Path, str]:
-    """A file that exists, and its name as messages show it."""
-    file = Path(path)
-    if not file.is_file():
-        raise FileNotFoundError(f"there is no file {str(file)!r}.")
-    return file, repr(file.name)
 
 
 def read_text_cells(source: Path | io.StringIO, where: str) -> pd.DataFrame:

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from .._table import listed
-from .._time import positive_duration
+from ..._table import listed
+from ..._time import positive_duration
+from ..raw_log import RawLog
+from ..text_files import existing
 from .entity_states import even_grid, hold, some_of, states_to_numbers, utc_index
-from .known_table import existing, utc_ticks
-from .raw_log import RawLog
+from .known_table import utc_ticks
 from .recorder import HELD_NOTE, is_recorder, is_sqlite, read_recorder
 
 _COLUMNS = ["entity_id", "state", "last_changed"]

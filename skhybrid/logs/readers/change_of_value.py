@@ -9,11 +9,11 @@ from typing import Any
 
 import pandas as pd
 
-from .assembly import Choice, assemble_long, unit_columns
+from ..assembly import Choice, assemble_long, unit_columns
+from ..raw_log import RawLog
+from ..stamp_cells import find_stamp_columns
+from ..table_layout import find_layout, separator_of, split_lines
 from .delimited import open_table, pieces_of
-from .raw_log import RawLog
-from .stamp_cells import find_stamp_columns
-from .table_layout import find_layout, separator_of, split_lines
 
 _POINT = re.compile(
     r"(data)?point[ _]?(name|id)?|tag[ _]?(name|id)?|sensor[ _]?(name|id)?|channel([ _]name)?|variable|entity_id|"

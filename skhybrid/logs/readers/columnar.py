@@ -8,10 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble_columns
+from ..assembly import Choice, Pieces, assemble_columns
+from ..raw_log import RawLog
+from ..stamp_cells import find_stamp_columns
 from .change_of_value import long_columns
-from .raw_log import RawLog
-from .stamp_cells import find_stamp_columns
 
 _CELLS = 1 << 19  # cells of a piece
 

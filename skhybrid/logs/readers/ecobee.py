@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .known_table import existing, names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
+from ..raw_log import RawLog
+from ..stamps import zone_of
+from ..text_files import existing
+from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
-from .raw_log import RawLog
-from .stamps import zone_of
 
 _STEP = 300.0  # seconds in a row: all of ecobee's records are of five minutes
 _TENTHS = 150.0  # no zone and no set-point has a median of 150 degF: such numbers are tenths

@@ -8,11 +8,11 @@ from typing import Any
 
 import pandas as pd
 
-from .assembly import Choice, Pieces, assemble_columns
+from ..assembly import Choice, Pieces, assemble_columns
+from ..raw_log import RawLog
+from ..stamp_cells import find_stamp_columns
 from .change_of_value import chosen_columns, long_columns
-from .raw_log import RawLog
 from .recorder import is_sqlite
-from .stamp_cells import find_stamp_columns
 
 _PIECE, _SAMPLE = 50_000, 200  # rows
 

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..raw_log import RawLog
+from ..stamps import zone_of
+from ..text_files import existing
+from ..unit_names import unit_or_energy
 from .entity_states import MOST_CELLS, ON_OFF, some_of
-from .known_table import existing, utc_ticks
-from .raw_log import RawLog
-from .stamps import zone_of
-from .unit_names import unit_or_energy
+from .known_table import utc_ticks
 
 _ANNOTATIONS = ("#datatype", "#group", "#default")
 _NUMBERS = ("double", "long", "unsignedLong", "boolean")

@@ -1,0 +1,1 @@
+"""Readers of logs, one format each, and what several of them share."""
