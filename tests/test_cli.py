@@ -48,7 +48,7 @@ from skhybrid.study.outputs import format_table, metrics_text
 from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import as_toml, settings_from
 from skhybrid.zone.building import describe_rooms, identify_building
-from skhybrid.zone.building_backtest import backtest_building
+from skhybrid.zone.zone_backtest import backtest_building
 
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",

@@ -23,8 +23,7 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     settings = settings_at(config, several=True)
     from .._files import atomic_path
     from ..study import read_log, split_log
-    from ..zone.building_backtest import backtest_building
-    from ..zone.zone_backtest import backtest_zone
+    from ..zone.zone_backtest import backtest_building, backtest_zone
     from ._study import refuse_unwritable
 
     if out is not None:

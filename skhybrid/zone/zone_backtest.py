@@ -1,20 +1,22 @@
-"""Back-test of the predictor of some settings on the last weeks of a log."""
+"""Back-tests of the predictor of some settings on the last weeks of a log, of one zone or of several."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ..model_selection import backtest
+from ..study.building_study import N_STEPS, backtest_zones, judge_zone, verdicts_by_zone, zone_table
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
-from ..study.data import StudyData
+from ..study.data import StudyData, train_and_test, with_facades
 from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
+from ..study.run import Progress, counted
 from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
 from ..study.settings import Settings, is_scaled
 from ..study.verdict import Verdict
+from .outages import complete_rows
 
 #: what the predictor is compared with, apart from the rules for the load
 _COMPARED = (HYBRID, "ARX re-fitted", YESTERDAY)
@@ -30,18 +32,16 @@ class ZoneBacktest(NamedTuple):
     load_unit: str  # "kW", or "-" for stages without a known capacity
 
 
-def backtest_zone(
-    settings: Settings, data: StudyData, progress: Callable[[int, int, str], None] | None = None
-) -> ZoneBacktest:
+def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None = None) -> ZoneBacktest:
     """Fit on the training rows, forecast from every origin of the test, and compare.
 
     ``progress`` is called with (number, total, text) before every step.
     """
     models = [one for one in make_models(settings) if one.label in _COMPARED]
     frames: dict[str, pd.DataFrame] = {}
-    for number, one in enumerate(models, 1):
-        if progress is not None:
-            progress(number, len(models), f"{one.label}: fit and back-test")
+    say = counted(progress, len(models))
+    for one in models:
+        say(f"{one.label}: fit and back-test")
         frames[one.label] = _forecasts(one.estimator, one.label, settings, data)
     table = error_table(errors_by_model(frames)).sort_values("rmse")
     own, predictor = frames[HYBRID], models[0].estimator
@@ -72,3 +72,20 @@ def _loads(predictor: Any, settings: Settings, data: StudyData, delivered: Load)
     own = load_of(predictor.predict_load(data.later, held), settings, plant_roles(data.train))
     assert own is not None  # as the log has a plant
     return {HYBRID: own.values} | loads_by_rule(data, delivered.values)
+
+
+def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progress | None = None) -> ZoneBacktest:
+    """Fit on the training rows, forecast from every origin of the test, and compare, zone by zone.
+
+    The result has the errors of all zones together and of each, without loads.  ``progress`` as for :func:`run_study`.
+    """
+    measured = settings.roles_of("T_za")
+    rows = complete_rows(with_facades(frame, settings), measured)
+    train, test = train_and_test(rows, settings)
+    later = rows.loc[train.index[-1] : test.index[-1]].iloc[1:]
+    say = counted(progress, N_STEPS)
+    _, frames, _ = backtest_zones(settings, train, later, test.index[0], say, [])
+    verdicts = {zone: [judge_zone(frames, zone)] for zone in settings.zones}
+    of_each = zone_table(frames, verdicts)[list(frames)].loc[settings.zones].T.add_prefix("rmse_")
+    table = error_table(errors_by_model(frames)).join(of_each).sort_values("rmse").rename_axis("model")
+    return ZoneBacktest(table, frames[HYBRID], coverage_of(frames[HYBRID]), tuple(verdicts_by_zone(verdicts)), "")
