@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import listed, role_of
-from ..preprocessing._units import CONTRACT_UNIT, UNITS, conversion_of, convert
+from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
 from .raw_log import RawLog
 from .unit_names import COUNTERS, ENERGY
@@ -29,10 +29,7 @@ class Channel(NamedTuple):
 
 def contract_unit(role: str) -> str:
     """Unit of a role in the data contract."""
-    for prefix, kind in (("q_sol", "irradiance"), ("T_", "temperature"), ("u_", "fraction"), ("Q_", "power")):
-        if role.startswith(prefix):
-            return CONTRACT_UNIT[kind]
-    return "-"
+    return next((CONTRACT_UNIT[kind] for prefix, kind in KIND_OF_PREFIX if role.startswith(prefix)), "-")
 
 
 def channels_of(

@@ -44,7 +44,7 @@ UNITS: dict[str, Conversion] = {
     "Btu/h": Conversion("power", 2.930710702e-4),
     "kBtu/h": Conversion("power", 0.2930710702),
 }
-_KIND_OF_PREFIX = (("T_", "temperature"), ("q_sol", "irradiance"), ("u_", "fraction"), ("Q_", "power"))
+KIND_OF_PREFIX = (("T_", "temperature"), ("q_sol", "irradiance"), ("u_", "fraction"), ("Q_", "power"))
 
 
 def conversion_of(unit: str, column: object) -> Conversion:
@@ -54,7 +54,7 @@ def conversion_of(unit: str, column: object) -> Conversion:
         hint = f"; did you mean {near[0]!r}?" if near else "."
         raise ValueError(f"units= gives {column!r} the unit {unit!r}, which is not one of {', '.join(UNITS)}{hint}")
     conversion = UNITS[unit]
-    for prefix, kind in _KIND_OF_PREFIX:
+    for prefix, kind in KIND_OF_PREFIX:
         if isinstance(column, str) and column.startswith(prefix) and conversion.kind != kind:
             raise ValueError(
                 f"units= gives {column!r} the unit {unit!r}, but that role needs a unit of {kind}, such as "
