@@ -155,7 +155,8 @@ class QuantileForecastMixin(RollingForecastMixin):
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # forecasts made whole days before an origin have the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
-        past = np.unique(earlier[earlier >= self._first_past(table)])
+        first = self._first_past(table) if intervals.follow else table.n_rows
+        past = np.unique(earlier[earlier >= first])
         paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
         errors = measured_ahead(table, past, per_day) - past_paths
         clock, past_clock = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
