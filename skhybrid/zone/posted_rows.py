@@ -29,8 +29,8 @@ def read_posted(
 ) -> tuple[pd.DataFrame, list[str]]:
     """Rows of a file by role, at their own stamps, and the roles that are logged by change.
 
-    ``plain``: a CSV with commas and ``time``, whatever the log is.  A ValueError says what cannot be read by the settings,
-    or which value is beyond physics.
+    ``plain``: a CSV with commas and ``time``, whatever the log is.  A ValueError says what cannot be read by the
+    settings, or which value is beyond physics.
     """
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
