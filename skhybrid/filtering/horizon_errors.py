@@ -105,12 +105,12 @@ def simulate_inputs(A, B, V, node, begin, out):
     x, after = begin.copy(), begin.copy()
     for k in range(N):
         x, after = after, x
-        for j in range(J):
-            out[k, j] = x[node, j]
+        out[k] = x[node]
         _propagate(A, x, after)
         for i in range(n):
+            row, effect, given = after[i], B[i], V[k]
             for j in range(J):
-                after[i, j] += B[i, j] * V[k, j]
+                row[j] += effect[j] * given[j]
     return InputStates(x, after)
 
 
@@ -129,16 +129,15 @@ def filter_series(A, gains, node, S, origins, begin):
     for k in range(N):
         x, after = after, x
         if gains[k, node] != 0.0:
+            measured, expected = S[k], x[node]
             for j in range(J):
-                error[j] = S[k, j] - x[node, j]
+                error[j] = measured[j] - expected[j]
             for i in range(m):
-                g = gains[k, i]
+                row, gain = x[i], gains[k, i]
                 for j in range(J):
-                    x[i, j] += g * error[j]
+                    row[j] += gain * error[j]
         while at < len(origins) and origins[at] == k:
-            for i in range(m):
-                for j in range(J):
-                    states[at, i, j] = x[i, j]
+            states[at] = x
             at += 1
         _propagate(A, x, after)
     return FilteredSeries(states, x, after)
@@ -208,13 +207,14 @@ def lead_errors(S, states, P, origins, leads, weight):
     """
     n_origins, m, J = states.shape
     L = len(leads)
-    out = np.zeros((n_origins * L, J))
+    out = np.empty((n_origins * L, J))
     for o in range(n_origins):
         for h in range(L):
-            w = weight[o, h]
+            w, row = weight[o, h], out[o * L + h]
             if w == 0.0:
+                row[:] = 0.0
                 continue
-            row, simulated = out[o * L + h], S[origins[o] + leads[h]]
+            simulated = S[origins[o] + leads[h]]
             for j in range(J):
                 row[j] = w * simulated[j]
             for i in range(m):

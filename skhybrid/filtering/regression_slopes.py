@@ -20,46 +20,49 @@ def _write_known_columns(rows, impulse, every, leads, factors, place, out):
     for lead in leads:
         for h in range(lead, 0, -every):
             used[h] = True
-    sums = np.zeros((n_leads + 1, m))  # by lead, first of the next origin and then of this one
+    size, first = n_leads + every, out.shape[1] - m
+    sums = np.zeros((size, m))  # of the target in row t at t % size; an origin adds the rows up to the next one
     for a in range((N - 1) // every, -1, -1):
-        for h in range(min(n_leads, N - a * every), 0, -1):
+        begin = a * every
+        for h in range(1, min(n_leads, N - begin) + 1):
             if not used[h]:
                 continue
-            sums[h] = sums[max(h - every, 0)]
+            total = sums[(begin + h) % size]
+            if h <= every:
+                total[:] = 0.0
             for k in range(min(every, h)):
-                effect = impulse[h - 1 - k]
+                effect, row = impulse[h - 1 - k], rows[begin + k]
                 for j in range(m):
-                    sums[h, j] += effect * rows[a * every + k, j]
+                    total[j] += effect * row[j]
         if a < len(place):
             for i in range(len(leads)):
                 if place[a, i] >= 0:
-                    out[place[a, i], out.shape[1] - m :] = factors[a, i] * sums[leads[i]]
+                    out[place[a, i], first:] = factors[a, i] * sums[(begin + leads[i]) % size]
 
 
 @compiled
 def _write_lags(T, n_lags, impulse, leads, factors, place, out):
     """Slopes by the coefficients of lags: of each origin's last ``n_lags`` temperatures and of those forecast."""
     n_leads = leads[-1]
-    newest, before, shifted = np.empty(n_leads + 1), np.empty(n_lags), np.empty(n_lags)
+    sums = np.empty(n_lags + n_leads)  # of the target h rows ahead, by a lag, at n_lags - 1 + h - lag
     for a in range(len(T)):
-        past, ahead = T[a, :n_lags][::-1], T[a, n_lags - 1 :]
-        newest[:] = 0.0
+        past, ahead = T[a, : n_lags - 1], T[a, n_lags - 1 :]
+        sums[:] = 0.0
         for k in range(n_leads):
-            for h in range(k + 1, n_leads + 1):
-                newest[h] += impulse[h - 1 - k] * ahead[k]
-        before[:] = 0.0  # what temperatures before the origin add, by lag
+            after, value = sums[n_lags + k :], ahead[k]
+            for h in range(n_leads - k):
+                after[h] += impulse[h] * value
         i = 0
         for h in range(1, n_leads + 1):
-            shifted[0] = 0.0
-            for lag in range(1, n_lags):
-                shifted[lag] = before[lag - 1] + impulse[h - 1] * past[lag]
-            before, shifted = shifted, before
+            # temperatures before the origin, of which a later target sees one lag more
+            here, effect = sums[h:], impulse[h - 1]
+            for r in range(n_lags - 1):
+                here[r] += effect * past[r]
             if h < leads[i]:
                 continue
             if place[a, i] >= 0:
                 for lag in range(n_lags):
-                    after = newest[h - lag] if h > lag else 0.0
-                    out[place[a, i], lag] = factors[a, i] * (before[lag] + after)
+                    out[place[a, i], lag] = factors[a, i] * here[n_lags - 1 - lag]
             i += 1
 
 

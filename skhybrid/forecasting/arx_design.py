@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve
+from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
@@ -94,7 +94,7 @@ class Moments(NamedTuple):
         whole = self.gram + np.diag(penalty)
         unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), CONSTANT_PENALTY))
         scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
-        return unit * solve(scaled, unit * self.cross, assume_a="pos")
+        return np.asarray(unit * cho_solve(cho_factor(scaled), unit * self.cross))
 
     def added(self, other: Moments, weight: float = 1.0) -> Moments:
         """The sums plus ``weight`` times others."""
