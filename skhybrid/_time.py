@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Hashable, Sequence
 from datetime import timezone, tzinfo
 from typing import Any, NamedTuple
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
@@ -74,7 +75,7 @@ def assumed_clock(index: pd.Index, step: pd.Timedelta) -> pd.DatetimeIndex:
 
 def zone_name(tz: tzinfo | None) -> str | None:
     """The name from which pandas makes a time zone again, refused where there is none."""
-    offset = None if tz is None else tz.utcoffset(None)  # of a fixed one
+    offset = None if tz is None or isinstance(tz, ZoneInfo) else tz.utcoffset(None)  # of a fixed one
     name = None if tz is None else str(tz if offset is None else timezone(offset))
     try:
         pd.DatetimeIndex([], tz=name)

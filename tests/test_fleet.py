@@ -568,6 +568,17 @@ def test_a_tick_takes_in_what_was_measured_and_forecasts_what_was_not(alone, fle
     assert journal.facts["days"][0]["n"] == DAY
 
 
+@pytest.mark.parametrize("clocks", [("Etc/GMT+6", "Etc/GMT+6"), ("Europe/Berlin", "UTC")])
+def test_a_tick_joins_rows_of_any_clock(clocks, tmp_path):
+    X = ZONES["a"].tz_localize("UTC")
+    fleet = ZoneFleet(ARX, store=tmp_path).fit({"a": X[TRAIN].tz_convert(clocks[0])})
+    for end in (8, 9):
+        fleet.tick({"a": X[: (end + 1) * DAY].assign(T_za=X["T_za"][: end * DAY]).tz_convert(clocks[1])})
+    journal = ModelStore(fleet.store).journal("a")
+    assert str(journal.rows.index.tz) == str(journal.scored.index.tz) == clocks[1]
+    assert (journal.rows.index == X.index[7 * DAY : 9 * DAY]).all()
+
+
 def test_the_status_tells_which_zone_lacks_the_last_day():
     days = pd.date_range("2024-01-15 23:00", periods=2, freq="1D")
     row = {

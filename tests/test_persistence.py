@@ -163,6 +163,9 @@ def test_time_zones_come_back_by_name_or_are_refused(tmp_path):
     save_model(model, tmp_path / "m")
     for before, after in zip(model.index_, load_model(tmp_path / "m").index_, strict=True):
         assert [str(stamp) for stamp in before] == [str(stamp) for stamp in after]
+    model.index_ = pd.date_range("2024", periods=3, tz=ZoneInfo("Etc/GMT+6"))
+    save_model(model, tmp_path / "m")
+    assert load_model(tmp_path / "m").index_.tz == ZoneInfo("Etc/GMT+6")
     model.index_ = pd.date_range("2024", periods=3, tz=gettz("Europe/Berlin"))
     with pytest.raises(ValueError, match=r"time zone tzfile.* cannot be saved; give stamps one by its name"):
         save_model(model, tmp_path / "m")
