@@ -91,6 +91,18 @@ def test_a_new_fit_keeps_the_errors_of_past_forecasts(fleet):
     assert np.isnan(fleet.fit(everywhere(slice(0, 7 * DAY))).status()["rmse_yesterday"]).all()  # it ends before them
 
 
+@pytest.mark.parametrize("measured", [True, False])
+def test_rows_after_a_gap_are_refused_also_without_a_temperature(fleet, measured):
+    """The rows that a regression keeps would have a gap, and no forecast could be made any more."""
+    fleet.update({"a": ZONE[7 * DAY : 8 * DAY]})
+    rows = ZONE[9 * DAY : 10 * DAY]
+    with pytest.raises(ValueError, match="2024-01-15 23:00:00 is followed by 2024-01-17 00:00:00"):
+        fleet.update({"a": rows if measured else rows.assign(T_za=np.nan)})
+    fleet.update({"a": ZONE[8 * DAY : 9 * DAY].assign(T_za=np.nan)})
+    assert len(fleet.predict({"a": ZONE[9 * DAY : 10 * DAY]})) == DAY
+    assert fleet.status().set_index("zone").loc["a", "last_row"] == ZONE.index[9 * DAY - 1]
+
+
 def test_the_chart_has_each_row_once(fleet):
     fleet.tick({"a": upto(8 * DAY, DAY)})
     fleet.tick({"a": upto(8 * DAY + 6, 0)})  # nothing follows, so the last forecast stays

@@ -141,7 +141,7 @@ def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: 
     """Score the forecasts of new rows, and let the model know the rows."""
     journal.move_to_clock_of(X.index)
     scored = None
-    if isinstance(X.index, pd.DatetimeIndex) and y.notna().any():
+    if isinstance(X.index, pd.DatetimeIndex):
         ahead = journal.ahead
         if not (len(ahead) and X.index.isin(ahead.index).all()):
             table = _after_known(model, journal, X)
