@@ -137,7 +137,7 @@ def test_the_residual_correction_by_plain_loops(seam):
             for j, lead in enumerate(leads):
                 if past and origins[past[-1]] + lead <= row and np.isfinite(errors[past[-1], j]):
                     expected[j] += share * errors[past[-1], j]
-        found = residual_correction(errors.__getitem__, origins, leads, row, rows_per_day)
+        found = residual_correction(errors.__getitem__, origins, leads, row, rows_per_day, 2)
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
@@ -145,9 +145,9 @@ def test_the_residual_correction_reads_nothing_that_ends_after_its_row():
     """Of a week of leads the ones that have ended."""
     leads, origins = np.array([1, 7 * 48, 7 * 48 + 1]), np.arange(0, 1000, 2)
     for row in (352, 400):
-        found = residual_correction(np.ones((500, 3)).__getitem__, origins, leads, row, 48)
+        found = residual_correction(np.ones((500, 3)).__getitem__, origins, leads, row, 48, 2)
         np.testing.assert_allclose(found, [0.1, 0.1, 0.0])
-    assert not residual_correction(np.ones((1, 3)).__getitem__, origins[:1], leads, 400, 48).any()
+    assert not residual_correction(np.ones((1, 3)).__getitem__, origins[:1], leads, 400, 48, 2).any()
 
 
 class GivenMember:
@@ -201,7 +201,7 @@ def test_the_rolling_blend_by_plain_loops(joined):
         weights = blend_weights(expected, prior, 0.3)
         e = np.moveaxis(np.where(origins[:, None] + leads <= row, errors, np.nan), 0, -1)
         e, o = (np.concatenate([own, e]), np.append(trained, origins)) if joined else (e, origins)
-        missed = residual_correction(np.sum(e * weights[groups], axis=-1).__getitem__, o, leads, row, per_day)
+        missed = residual_correction(np.sum(e * weights[groups], axis=-1).__getitem__, o, leads, row, per_day, every)
         path = np.sum(paths.T * by_lead(weights, 24, 24), axis=1) + np.interp(np.arange(1, 25), leads, missed)
         np.testing.assert_allclose(blend.forecast([None, None], 24, plausible)[0], path, atol=1e-9)
 

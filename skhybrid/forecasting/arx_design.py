@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
-from .._calendar import N_CELLS, day_type_hour, one_hot
+from .._calendar import N_CELLS, day_type_hour
 from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
@@ -32,13 +32,19 @@ _K_PER_COLUMN = 10.0  # unit of outdoor temperature in the columns by hour [K]
 _UNSEEN_SPREAD = _USUAL_SPREAD | {"T_": 5.0}
 
 
-class ARXData(NamedTuple):
+@dataclass(frozen=True)
+class ARXData:
     """The rows of a table as the regression reads them; rows are numbered from ``first``."""
 
-    exogenous: np.ndarray  # (n_rows, p - n_lags) standardised inputs with lags, calendar and constant
     T: np.ndarray  # (n_rows,) measured temperature [degC], NaN where missing
     carried_forward: np.ndarray  # (n_rows,) the same, with the last known value where missing
     first: int
+    make_exogenous: Callable[[], np.ndarray]
+
+    @cached_property
+    def exogenous(self) -> np.ndarray:
+        """(n_rows, p - n_lags) standardised inputs with lags, calendar and constant; made when first read."""
+        return self.make_exogenous()
 
     @property
     def end(self) -> int:
@@ -211,15 +217,21 @@ class ARXDesign:
         self, table: ZoneTable, T: np.ndarray, first: int = 0, before: Mapping[str, np.ndarray] | None = None
     ) -> ARXData:
         """See :meth:`ARXRegressor.view`."""
-        columns = _input_columns(table, self.roles, self.n_input_lags, self.daily, before)
-        blocks = [(columns - self.input_mean) / self.input_scale]
+        return ARXData(T, carried_forward(T), first, partial(self._exogenous, table, before))
+
+    def _exogenous(self, table: ZoneTable, before: Mapping[str, np.ndarray] | None) -> np.ndarray:
+        inputs = _input_columns(table, self.roles, self.n_input_lags, self.daily, before)
+        rows, n_inputs = np.arange(table.n_rows), inputs.shape[1]
+        columns = np.zeros((table.n_rows, n_inputs + self.n_calendar + 1))
+        columns[:, :n_inputs] = (inputs - self.input_mean) / self.input_scale
         if self.calendar:
             slots = day_type_hour(table)
-            blocks.append(one_hot(slots, N_CELLS))
+            columns[rows, n_inputs + slots] = 1.0
             if self.daily is not None and "T_oa" in self.roles:
                 across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / self.daily.K_per_column
-                blocks.append(one_hot(slots % 24, 24) * across[:, None])
-        return ARXData(np.hstack([*blocks, np.ones((table.n_rows, 1))]), T, carried_forward(T), first)
+                columns[rows, n_inputs + N_CELLS + slots % 24] = across
+        columns[:, -1] = 1.0
+        return columns
 
     def pairs(self, view: ARXData, begin: int = 0, end: int | None = None) -> Pairs:
         """Pairs whose row k lies in [begin, end); a missing lag is filled as in a forecast, half must be known."""
@@ -312,9 +324,8 @@ def _input_columns(
     before: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
     """(n_rows, n_input_columns) inputs of each row and of those before it; the first row stands for earlier ones."""
-    rows = np.arange(table.n_rows)
-    lags = [np.maximum(rows - lag, 0) for lag in range(n_lags)]
-    columns = [table.inputs[role][chosen] for role in roles for chosen in lags]
+    lagged = np.maximum(np.arange(table.n_rows)[:, None] - np.arange(n_lags), 0)
+    columns = [table.inputs[role][lagged] for role in roles]
     columns += daily.of(table, roles, before) if daily else []
     return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
 

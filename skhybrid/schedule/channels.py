@@ -9,7 +9,7 @@ differ from Sundays, wholly where the weekend has moved.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -100,7 +100,7 @@ class Channels(NamedTuple):
     @property
     def solar(self) -> np.ndarray:
         """(J,) bool, irradiance."""
-        return np.array([name.startswith("q_sol") for name in self.names])
+        return _are_solar(self.names)
 
     def scheduled_heat(self, coef: np.ndarray) -> np.ndarray:
         """(N,) heat of the schedules [kW]; the first J of ``coef`` are the channels' coefficients."""
@@ -198,17 +198,26 @@ def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
     return heat
 
 
-def make_channels(plan: ChannelPlan, table: ZoneTable) -> Channels:
-    makers = (_solar_channels, _plant_channels, _schedule_channels, _swapped_day_channels)
+def make_channels(plan: ChannelPlan, table: ZoneTable, like: Channels | None = None) -> Channels:
+    """The channels of a table; ``like`` are those of another table under the same plan."""
+    makers = (_solar_channels, _plant_channels, _schedule_channels)
     blocks = [block for make in makers for block in make(plan, table)]
+    series = np.hstack([block.series for block in blocks])
+    if like is not None:
+        return like._replace(series=series)
     sizes = [len(block.names) for block in blocks]
     return Channels(
         tuple(name for block in blocks for name in block.names),
-        np.hstack([block.series for block in blocks]),
+        series,
         np.concatenate([block.node for block in blocks]),
         np.repeat([block.positive for block in blocks], sizes),
         np.repeat([GROUPS.index(block.group) for block in blocks], sizes),
     )
+
+
+@lru_cache(maxsize=64)
+def _are_solar(names: tuple[str, ...]) -> np.ndarray:
+    return np.array([name.startswith("q_sol") for name in names])
 
 
 @lru_cache(maxsize=64)
@@ -257,43 +266,29 @@ def deviation(stage: np.ndarray, knot: float, largest: float) -> np.ndarray:
     return np.minimum(stage, knot) - np.minimum(stage, largest) * knot / largest
 
 
-def _drivers(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:
-    """Series (N,) that the schedules of gain and of conductance multiply."""
-    drivers = {"gain": np.ones(table.n_rows)}
+def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
+    """Levels, hourly profiles and hourly day-type contrasts of gain and conductance, and days of the other type."""
+    always, zone = np.ones(table.n_rows), plan.zone
+    drivers = {"gain": always}  # series that the schedules multiply
+    yield Block(["gain"], always[:, None], [zone], False, "free")
     if "T_oa" in table.inputs:
         drivers["ua"] = (table.inputs["T_oa"] - plan.mean_outdoor) / UA_DIFFERENCE
-    return drivers
-
-
-def _day_type(table: ZoneTable) -> np.ndarray:
-    """(N,) 1 on weekends and holidays, -1 on other days."""
-    return np.where(table.weekend, 1.0, -1.0)
-
-
-def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
-    """Levels, hourly profiles and hourly day-type contrasts of gain and conductance."""
-    drivers = _drivers(plan, table)
-    always, zone = drivers["gain"], plan.zone
-    yield Block(["gain"], always[:, None], [zone], False, "free")
-    if "ua" in drivers:
         yield Block(["ua"], drivers["ua"][:, None], [zone], False, "free" if plan.free_level else "ua_hour")
     if not plan.calendar:
         return
-    at, day_type = one_hot(clock_hour(table.time), _HOURS), _day_type(table)
+    hour, day_type = clock_hour(table.time), np.where(table.weekend, 1.0, -1.0)
+    at = one_hot(hour, _HOURS)
     for kind, driver in drivers.items():
-        for group, sign in ((f"{kind}_hour", always), (f"{kind}_day_type", day_type)):
-            names = [f"{group}_{h}" for h in range(_HOURS)]
-            yield Block(names, at * driver[:, None] * sign[:, None], [zone] * _HOURS, False, group)
+        for group, series in ((f"{kind}_hour", driver), (f"{kind}_day_type", driver * day_type)):
+            yield Block(_numbered(group, _HOURS), at * series[:, None], [zone] * _HOURS, False, group)
+    if plan.contrast:
+        # heat of a day of the other type less that of its own type, for each day of the week
+        by_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
+        swap = -2.0 * day_type * sum(by_hour[kind][hour] * driver for kind, driver in drivers.items())
+        of_day = one_hot(table.day_of_week, _DAYS) * swap[:, None]
+        yield Block(_numbered("gain_swapped", _DAYS), of_day, [zone] * _DAYS, False, "swapped")
 
 
-def _swapped_day_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
-    """Heat of a day of the other type less that of its own type, for each day of the week."""
-    if not plan.contrast:
-        return
-    hour, day = clock_hour(table.time), table.day_of_week
-    by_hour = dict(zip(("gain", "ua"), np.array(plan.contrast), strict=True))
-    contrast = sum(by_hour[kind][hour] * driver for kind, driver in _drivers(plan, table).items())
-    swap = -2.0 * _day_type(table) * contrast
-    names = [f"gain_swapped_{d}" for d in range(_DAYS)]
-    of_day = one_hot(day, _DAYS) * swap[:, None]
-    yield Block(names, of_day, [plan.zone] * _DAYS, False, "swapped")
+@cache
+def _numbered(name: str, n: int) -> tuple[str, ...]:
+    return tuple(f"{name}_{k}" for k in range(n))

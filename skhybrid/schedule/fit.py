@@ -81,7 +81,7 @@ class LeadFit:
 
     def make_segment(self, table: ZoneTable, T: np.ndarray) -> Segment:
         """Make a segment for this model of a table and its measured temperature (N,) [degC], NaN where missing."""
-        return make_segment(self.plan, table, T, self.reference)
+        return make_segment(self.plan, table, T, self.reference, self.segment.channels)
 
     def with_rows(self, segment: Segment) -> LeadFit:
         """Copy with a segment in place of the training rows."""

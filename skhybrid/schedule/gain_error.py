@@ -88,7 +88,7 @@ def _answer(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.ndarray:
     """(N,) change of the temperature [K] under additional heat [kW]."""
     model, M = fit.model, fit.model.matrices(fit.psi)
     if delayed and fit.plan.emitter:
-        heat = heat + fit.coef[-1] * emitter_series(heat, model.step, np.exp(fit.psi[-1]))[0]
+        heat = heat + fit.coef[-1] * emitter_series(heat, model.step, np.exp(fit.psi[-1]))
     forcing = np.outer(heat, M.B[:, M.B.shape[1] - len(M.A) + fit.plan.heated])
     return np.asarray(simulate_path(M.A, forcing, np.zeros(len(M.A))))[:-1, model.zone]
 

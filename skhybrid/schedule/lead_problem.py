@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -89,7 +90,7 @@ class LeadProblem:
         positive = self.forecasts[0].segment.channels.positive
         return np.append(positive, True) if self.plan.emitter else positive
 
-    @property
+    @cached_property
     def penalty(self) -> np.ndarray:
         penalty = penalty_of(self.forecasts[0].segment, self.shrinkage, self.model.heat_scale)
         if self.prior is not None:

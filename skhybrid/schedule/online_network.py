@@ -156,6 +156,10 @@ class OnlineNetwork:
         """(K, J) coefficients of each memory."""
         return np.array([memory.coef for memory in self._memories])
 
+    def coef(self, memory: int) -> np.ndarray:
+        """(J,) coefficients of one memory."""
+        return self._memories[memory].coef
+
     def state(self, coef: np.ndarray) -> OriginState:
         """State at the last row under coefficients (J,)."""
         emitter, filtered = self._filter.emitter, self._filter.filtered @ np.append(-coef, 1.0)
@@ -177,19 +181,19 @@ class OnlineNetwork:
         M, leads = self._filter.matrices, np.arange(1, n_leads + 1)
         P, _ = lead_rows(M.F, M.dF[..., :0], self._fit.model.zone, leads)
         rows = np.minimum(leads - 1, n_known - 1)
-        paths, heat = np.empty((len(coefs), n_leads)), np.empty((len(coefs), n_leads))
-        for i, coef in enumerate(coefs):
-            filtered = self._filter.filtered @ np.append(-coef, 1.0)
-            paths[i] = self._simulate(ahead, n_known, coef)[rows] + P @ filtered
-            heat[i] = ahead.channels.scheduled_heat(coef)[rows] + filtered[-1] * M.F[-1, -1] ** leads
+        filtered = self._filter.filtered @ np.column_stack([-coefs, np.ones(len(coefs))]).T
+        paths = self._simulate(ahead, n_known, coefs)[:, rows] + (P @ filtered).T
+        heat = ahead.channels.scheduled_heat(coefs.T)[rows].T + np.outer(filtered[-1], M.F[-1, -1] ** leads)
         return paths, heat
 
-    def _simulate(self, ahead: Segment, n_known: int, coef: np.ndarray) -> np.ndarray:
-        """(n_known,) simulated output of the rows that follow, or (1,) that of the last row."""
-        responses, zone, weights = self._filter, self._fit.model.zone, np.append(coef, 1.0)
+    def _simulate(self, ahead: Segment, n_known: int, coefs: np.ndarray) -> np.ndarray:
+        """(K, n_known) simulated output of the rows that follow, or (K, 1) that of the last row."""
+        responses, zone = self._filter, self._fit.model.zone
+        weights = np.column_stack([coefs, np.ones(len(coefs))])
         if n_known == 0:
-            return responses.last_states[[zone]] @ weights
-        M = responses.matrices
-        lag, _ = emitter_series(ahead.heat, self._fit.model.step, np.exp(self.psi[-1]), responses.emitter)
-        forcing = node_inputs(ahead, coef, lag) @ M.B.T
-        return simulate_path(M.A, forcing[:-1], responses.next_states @ weights)[:, zone]
+            return weights @ responses.last_states[[zone]].T
+        M, begin = responses.matrices, weights @ responses.next_states.T
+        lag = emitter_series(ahead.heat, self._fit.model.step, np.exp(self.psi[-1]), responses.emitter)
+        forcing = [node_inputs(ahead, coef, lag) @ M.B.T for coef in coefs]
+        paths = [simulate_path(M.A, f[:-1], state)[:, zone] for f, state in zip(forcing, begin, strict=True)]
+        return np.array(paths)

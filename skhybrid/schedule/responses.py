@@ -46,19 +46,20 @@ class EmitterState(NamedTuple):
 
 def emitter_series(
     heat: np.ndarray, step: float, time_constant: float, state: EmitterState | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """``z - heat`` (N,) [kW] of a lagging emitter that gives off ``z``, and its slope by the log of the time constant.
+) -> np.ndarray:
+    """``z - heat`` (N,) [kW] of a lagging emitter that gives off ``z``.
 
     ``z[k+1] = a z[k] + (1 - a) heat[k]`` with ``a = exp(-step / time_constant)``, both [h].  ``state`` is that of the
     row before the first; by default the first row's heat has always been given.
     """
-    a = np.exp(-step / time_constant)
     output, given = state if state is not None else (heat[0], heat[0])
-    previous_heat = np.concatenate([[given], heat[:-1]])
-    z = low_pass(previous_heat, a, output)
-    da = a * step / time_constant
-    previous_z = np.concatenate([[output], z[:-1]])
-    return z - heat, lfilter([1.0], [1.0, -a], da * (previous_z - previous_heat))
+    return np.asarray(low_pass(np.append(given, heat[:-1]), np.exp(-step / time_constant), output) - heat)
+
+
+def emitter_slope(lag: np.ndarray, step: float, time_constant: float) -> np.ndarray:
+    """(N,) slope of an :func:`emitter_series` (N,) by the log of the time constant."""
+    a = np.exp(-step / time_constant)
+    return np.asarray(lfilter([1.0], [1.0, -a], a * step / time_constant * np.append(0.0, lag[:-1])))
 
 
 class ResponseFilter:
@@ -88,7 +89,7 @@ class ResponseFilter:
         M, zone = self.matrices, self.model.zone
         lag = np.empty((segment.n_rows, 0))
         if self.plan.emitter:
-            series, _ = emitter_series(segment.heat, self.model.step, np.exp(self.psi[-1]), self.emitter)
+            series = emitter_series(segment.heat, self.model.step, np.exp(self.psi[-1]), self.emitter)
             lag = series[:, None]
             self.emitter = EmitterState(series[-1] + segment.heat[-1], segment.heat[-1])
         inputs = (segment.channels.series, lag, np.column_stack([segment.boundary, segment.heat]))
@@ -152,10 +153,11 @@ def error_sensitivities(
     """Errors (O, L) [K] at fixed coefficients, and their derivatives (O, L, p) by psi."""
     M = model.matrices(psi)
     plan, nb = segment.plan, segment.boundary.shape[1]
-    lag, dlag = emitter_series(segment.heat, model.step, np.exp(psi[-1]))
+    lag = emitter_series(segment.heat, model.step, np.exp(psi[-1]))
     v = node_inputs(segment, coef, lag)
     dforcing = np.tensordot(v, M.dB, axes=(1, 1))
     if plan.emitter:
+        dlag = emitter_slope(lag, model.step, np.exp(psi[-1]))
         dforcing[:, :, -1] += np.outer(coef[-1] * dlag, M.B[:, nb + plan.heated])
     gains, dgains, _ = filter_gains(M.F, M.Q, model.output, NOISE**2, M.P0, M.dF, M.dQ, segment.seen)
     s = lead_sensitivities(

@@ -208,7 +208,7 @@ class RollingNetwork:
 
     def state(self, memory: int = 0) -> OriginState:
         """State at the last row, by one memory."""
-        return self._network.state(self.coefs()[memory])
+        return self._network.state(self.fit.coef if self.adapt is None else self._network.coef(memory))
 
     def forecast_state(self, memory: int) -> OriginState:
         """The state from which a forecast by one memory starts."""

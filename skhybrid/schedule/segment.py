@@ -32,13 +32,18 @@ class Segment(NamedTuple):
         return Segment(self.plan, channels, self.boundary[rows], self.heat[rows], self.y[rows], self.seen[rows])
 
 
-def make_segment(plan: ChannelPlan, table: ZoneTable, T: np.ndarray, reference: float) -> Segment:
-    """Segment of a table and its measured temperature ``T`` (N,) [degC], NaN where missing."""
+def make_segment(
+    plan: ChannelPlan, table: ZoneTable, T: np.ndarray, reference: float, like: Channels | None = None
+) -> Segment:
+    """Segment of a table and its measured temperature ``T`` (N,) [degC], NaN where missing.
+
+    ``like`` are the channels of another segment under the same plan.
+    """
     columns = [table.inputs[b] - reference for b in plan.network.boundaries]
     boundary = np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
     seen = np.isfinite(T)
     measured = np.where(seen, T - reference, 0.0)
-    return Segment(plan, make_channels(plan, table), boundary, known_heat(plan, table), measured, seen)
+    return Segment(plan, make_channels(plan, table, like), boundary, known_heat(plan, table), measured, seen)
 
 
 class NumberedSegment(NamedTuple):

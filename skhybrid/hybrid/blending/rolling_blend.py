@@ -199,19 +199,28 @@ class RollingBlend:
                 errors = record.plausible.clip_errors(errors)
             return np.sum(errors * shares, axis=-1)
 
-        return residual_correction(missed_from, origins, record.sample.leads, self.row, record.rows_per_day)
+        return residual_correction(
+            missed_from, origins, record.sample.leads, self.row, record.rows_per_day, record.every
+        )
 
 
 def residual_correction(
-    errors_from: Callable[[int], np.ndarray], origins: np.ndarray, leads: np.ndarray, row: int, rows_per_day: int
+    errors_from: Callable[[int], np.ndarray],
+    origins: np.ndarray,
+    leads: np.ndarray,
+    row: int,
+    rows_per_day: int,
+    every: int,
 ) -> np.ndarray:
-    """(L,) expected error of a forecast from ``row``, 0 where unknown, by errors (L,) from some of ``origins`` (O,)."""
+    """(L,) expected error of a forecast from ``row``, 0 where unknown, by errors (L,) from some of ``origins`` (O,).
+
+    These are ``every`` rows apart, but where history joins the training.
+    """
     if len(origins) < 2:
         return np.zeros(len(leads))
     rows = row - _DAYS_BACK * rows_per_day
     at = np.searchsorted(origins, rows, side="right") - 1
-    # where history joins the training two origins may lie closer than all others
-    near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < np.median(np.diff(origins)))
+    near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < every)
     out = np.zeros(len(leads))
     for share, place in zip(_SHARES[near], at[near], strict=True):
         out += share * np.where(origins[place] + leads <= row, np.nan_to_num(errors_from(int(place))), 0.0)
