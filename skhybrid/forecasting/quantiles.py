@@ -138,9 +138,13 @@ class QuantileForecastMixin(RollingForecastMixin):
         n_leads: int,
         levels: np.ndarray,
         weather: WeatherError | None = None,
+        paths: np.ndarray | None = None,
     ) -> np.ndarray:
-        """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table with its history."""
-        paths, offsets = self._quantile_offsets(table, origins, n_leads, levels, weather)
+        """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table with its history.
+
+        Forecasts ``paths`` (n_origins, n_leads) that are known are not made again.
+        """
+        paths, offsets = self._quantile_offsets(table, origins, n_leads, levels, weather, paths)
         return paths[..., None] + offsets
 
     def _quantile_offsets(
@@ -150,6 +154,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         n_leads: int,
         levels: np.ndarray,
         weather: WeatherError | None = None,
+        paths: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Forecasts (n_origins, n_leads), and what their quantiles have beyond them (n_origins, n_leads, n_levels)."""
         intervals, per_day = self.intervals_, rows_per_day(table.step)
@@ -157,7 +162,10 @@ class QuantileForecastMixin(RollingForecastMixin):
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
         first = self._first_past(table) if intervals.follow else table.n_rows
         past = np.unique(earlier[earlier >= first])
-        paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
+        if paths is None:
+            paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
+        else:
+            past_paths = self._forecast(table, past, per_day) if len(past) else np.empty((0, per_day))
         errors = measured_ahead(table, past, per_day) - past_paths
         clock, past_clock = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
         further = self._weather_spreads(table, origins, n_leads, weather)

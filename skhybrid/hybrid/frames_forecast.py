@@ -134,7 +134,7 @@ class FramesForecastMixin(FramesReadingMixin):
         """A column for each quantile of a path."""
         n_leads, bands = paths.temperature.shape[1], np.empty((0, len(levels)))
         if n_leads:
-            bands = self._quantile_paths(table, origin, n_leads, levels, weather)[0]
+            bands = self._quantile_paths(table, origin, n_leads, levels, weather, paths.temperature)[0]
         bands = bands if now is None else np.vstack([np.full(len(levels), now), bands])
         return dict(zip(quantile_columns(levels), bands.T, strict=True))
 

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, concatenate_tables, is_plant, last_rows
+from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of, rows_per_day, rows_per_hour
-from .._warnings import warn_user
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, refuse_boundary
-from ..exceptions import ScaleNotIdentifiableWarning
 from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
 from ..schedule import (
     NumberedSegment,
     OriginState,
     ScheduledNetwork,
+    Segment,
     bends_at,
     heat_frame,
     linear_network,
@@ -39,7 +38,7 @@ from .known_rows import KnownRows
 from .scheme import AffinePaths, Ahead, Paths, Scheme, moved_band
 from .tables import days_after, parts_of_days, with_temperature
 
-_MORE_ROWS = 64  # rows that a forecast from the last known row looks back on, beside its leads, for the lags of ARX
+_LOOKS_BACK = 64  # rows before its origin that a forecast looks back on, for the lags of ARX
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
 _NETWORK_PRIOR_DAYS = 7  # days from which the log says more of the network than others do (benchmarks/fleet_prior.py)
@@ -64,21 +63,23 @@ class ScheduleScheme(Scheme):
     ) -> None:
         self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
         self.prior = prior
-        #: adapt -> the blend as far as the last forecast from a last known row went; none of them is ever changed
+        #: adapt -> the blend at the last training row, and as far as the last forecast from a last known row went; none
+        #: of them is ever changed
+        self._begun: dict[str | None, RollingBlend] = {}
         self._running: dict[str | None, RollingBlend] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("_running", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
+        made_anew = ("_begun", "_running", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
         return {name: value for name, value in self.__dict__.items() if name not in made_anew}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         # it shares what never changes, so that a copy goes on from where this one is
         made = object.__new__(type(self))
-        made.__dict__.update(self.__getstate__(), _running=dict(self._running))
+        made.__dict__.update(self.__getstate__(), _begun=self._begun, _running=dict(self._running))
         return made
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _running={})
+        self.__dict__.update(state, _begun={}, _running={})
         self._physics.restore(self.rows.training)
 
     @property
@@ -89,7 +90,6 @@ class ScheduleScheme(Scheme):
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured, like._others if isinstance(like, ScheduleScheme) else ())
         if like is None:  # else the other has warned of the zone's heat
-            self._warn_scale()
             warn_of_gain(self._physics.fit_, self.rows.training, self.known)
         return self
 
@@ -121,21 +121,6 @@ class ScheduleScheme(Scheme):
         )
         if plant := determined_plant(fit, training):
             self.gain_doubt = disagreement(fit, self._members, self.gain_, plant)
-
-    def _warn_scale(self) -> None:
-        """Warn where neither a capacity nor a measured heat fixes what a kW is."""
-        inputs = self.rows.training.inputs
-        sources = self.network.sources([role for role in inputs if role.startswith("u_")])
-        given = any(source.parameter in self.known for source in sources)
-        measured = any(np.ptp(v) > 0 for role, v in inputs.items() if role.startswith("Q_"))
-        if given or measured or not any(map(is_plant, inputs)):
-            return
-        assumed = [f": {role} is taken to give {kw:g} kW at 1" for role, kw in self._physics.fit_.plan.known]
-        warn_user(
-            f"no capacity is known and no heat is measured, so that kW are relative{''.join(assumed[:1])}; pass one, "
-            "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
-            ScaleNotIdentifiableWarning,
-        )
 
     @property
     def evidence_(self) -> ZoneEvidence:
@@ -180,23 +165,39 @@ class ScheduleScheme(Scheme):
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
         """Forecast each member from each origin, and blend them by what is known of their errors there."""
-        rows, moved = self._numbered(table)
-        return self._blend(rows, origins + moved, n_leads, self.adapt)
+        blend, rows, moved = self._blend_before(table, origins)
+        return self._paths(blend, rows, origins + moved, n_leads)
 
     def forecast_under(
         self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
     ) -> Paths:
         refuse_boundary(boundary, self.planned_boundaries, (len(origins), n_leads))
+        blend, rows, moved = self._blend_before(table, origins)
+        return self._paths(blend, rows, origins + moved, n_leads, boundary)
+
+    def _blend_before(self, table: ZoneTable, origins: np.ndarray) -> tuple[RollingBlend, NumberedTable, int]:
+        """A blend that is not beyond any of the origins, the rows that it reads, and by how many rows origins move."""
+        blend, moved = self._trained, self.rows.n_rows - table.n_history
+        if table.n_history and origins.min(initial=table.n_rows) + moved >= blend.row:
+            return blend.fork(), self._last_rows(blend.row - self._n_back, _since_history(table)), moved
         rows, moved = self._numbered(table)
-        return self._blend(rows, origins + moved, n_leads, self.adapt, boundary)
+        return RollingBlend(self._members, self._record, rows, self.adapt), rows, moved
+
+    @property
+    def _trained(self) -> RollingBlend:
+        """The blend at the last training row."""
+        if self.adapt not in self._begun:
+            rows = self._joined([self.rows.training])
+            blend = self._begun[self.adapt] = RollingBlend(self._members, self._record, rows, self.adapt)
+            segment = NumberedSegment(self._physics.fit_.segment, rows.begin, joined=True)
+            blend.advance([segment, *(member.view(rows) for member in self._others)], rows.begin - 1)
+        return self._begun[self.adapt]
 
     def _numbered(self, table: ZoneTable) -> tuple[NumberedTable, int]:
         """The rows of a table, after all known ones where it follows them, and by how many rows origins move."""
-        T = table.measured()
         if not table.n_history:
-            return NumberedTable(table, T, 0, joined=False), 0
-        later = table.rows(slice(table.n_history, None)).replace(history={"T_za": T[table.n_history :]})
-        rows = self._joined([*self.rows.tables, later])
+            return NumberedTable(table, table.measured(), 0, joined=False), 0
+        rows = self._joined([*self.rows.tables, _since_history(table)])
         return rows, rows.table.n_rows - table.n_rows
 
     def _joined(self, tables: Sequence[ZoneTable]) -> NumberedTable:
@@ -204,51 +205,61 @@ class ScheduleScheme(Scheme):
         whole = concatenate_tables(tables)
         return NumberedTable(whole, whole.history["T_za"], self.rows.training.n_rows, joined=True)
 
-    def _blend(
+    def _paths(
         self,
+        blend: RollingBlend,
         rows: NumberedTable,
         origins: np.ndarray,
         n_leads: int,
-        adapt: str | None,
         boundary: Mapping[str, np.ndarray] | None = None,
     ) -> Paths:
-        """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW]."""
-        blend = RollingBlend(self._members, self._record, rows, adapt)
+        """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW] by a blend that goes on to each origin."""
         views = blend.views(rows)
         size = len(origins), n_leads
         paths = Paths(np.empty(size), np.empty(size), np.empty(len(origins)))
-        ranges = self.rows.plausible.at(rows.T, origins)
+        ranges = self.rows.plausible.at(rows.T, origins - rows.first)
         for i in np.argsort(origins, kind="stable"):
             row, ahead = int(origins[i]), views
             blend.advance(views, row)
             if boundary is not None:
-                ahead = blend.views(rows.with_boundary({r: v[i] for r, v in boundary.items()}, row, self._n_back))
+                ahead = blend.views(rows.with_boundary({r: v[i] for r, v in boundary.items()}, row, _LOOKS_BACK))
             paths.temperature[i], paths.zeta[i] = blend.forecast(ahead, n_leads, ranges.of_row(i))
             paths.zeta_now[i] = blend.heat_now(views)
         return paths
 
     def required_heat(self, table: ZoneTable, origins: np.ndarray, setpoint: Band, limits: Limits) -> pd.DataFrame:
         """Heat that keeps the network within its set-points, under its schedules and the heat that its filter sees."""
-        rows, moved = self._numbered(table)
-        view, states = self._states(rows, origins + moved)
-        load = loads(self._physics.fit_, view.segment, origins + moved, states, rows.table, setpoint, limits)
+        rows, segment, states, moved = self._states(table, origins)
+        load = loads(self._physics.fit_, segment, origins + moved, states, rows.table, setpoint, limits)
         return self._clipped_load(load, table, origins, setpoint)
 
-    def _states(self, rows: NumberedTable, origins: np.ndarray) -> tuple[NumberedSegment, list[OriginState]]:
-        """Rows as the network takes them, and its state at each of increasing origins."""
-        rolling, view = self._physics.start(rows, self._record.sample, self.adapt), self._physics.view(rows)
-        states = []
-        for origin in origins:
+    def _states(self, table: ZoneTable, origins: np.ndarray) -> tuple[NumberedTable, Segment, list[OriginState], int]:
+        """Rows up to the end of a table, the same as the network takes them, and its state at increasing origins.
+
+        The last value is by how many rows the origins move among them.
+        """
+        blend, rows, moved = self._blend_before(table, origins)
+        rolling, view, states = blend.network, self._physics.view(rows), []
+        for origin in origins + moved:
             rolling.advance(view, int(origin))
             states.append(rolling.state())
-        return view, states
+        return rows, view.segment, states, moved - rows.first
 
     def load_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
         """As of every scheme, from increasing origins, in one pass through the rows."""
-        rows, moved = self._numbered(table)
-        view, states = self._states(rows, origins + moved)
-        wanted = wanted._replace(band=moved_band(wanted.band, moved))
-        return load_paths(self._physics.fit_, view.segment, origins + moved, states, wanted, n_leads)
+        return self.load_paths_from(table, origins)(origins, n_leads, wanted)
+
+    def load_paths_from(
+        self, table: ZoneTable, origins: np.ndarray
+    ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
+        _, segment, states, moved = self._states(table, origins)
+
+        def paths(chosen: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
+            wanted = wanted._replace(band=moved_band(wanted.band, moved))
+            own = [states[i] for i in np.searchsorted(origins, chosen)]
+            return load_paths(self._physics.fit_, segment, chosen + moved, own, wanted, n_leads)
+
+        return paths
 
     def plant_heat(self, table: ZoneTable) -> np.ndarray:
         return plant_heat(self._physics.fit_, table)
@@ -282,12 +293,10 @@ class ScheduleScheme(Scheme):
 
     def _at_last(self, future: ZoneTable, T_za: float | None) -> tuple[RollingBlend, list[Any]]:
         """The blend at the last known row, or at the measured one after it, and the rows that it reads."""
-        ahead, blend = with_temperature(future, T_za), self._running.get(self.adapt)
-        if blend is None:
-            rows = self._joined([*self.rows.tables, ahead])
-            blend = RollingBlend(self._members, self._record, rows, self.adapt)
-        else:
-            rows = self._last_rows(max(0, blend.row - self._n_back), ahead)
+        blend = self._running.get(self.adapt, self._trained)
+        goes_on = T_za is not None or blend.row < self.rows.n_rows - 1
+        n_back = self._n_back if goes_on else _LOOKS_BACK
+        rows = self._last_rows(blend.row - n_back, with_temperature(future, T_za))
         views = blend.views(rows)
         if blend.row < self.rows.n_rows - 1:
             blend = blend.fork()
@@ -300,8 +309,8 @@ class ScheduleScheme(Scheme):
 
     @property
     def _n_back(self) -> int:
-        """Rows before the last one that a forecast from it looks back on."""
-        return int(self._record.sample.leads[-1]) + self._record.rows_per_day + _MORE_ROWS
+        """Rows before a blend's last one that it looks back on where it goes on: errors of forecasts become known."""
+        return int(self._record.sample.leads[-1]) + self._record.every + _LOOKS_BACK
 
     @property
     def planned_boundaries(self) -> tuple[str, ...]:
@@ -311,8 +320,7 @@ class ScheduleScheme(Scheme):
         """The blend at the origin of rows ahead, and the rows that it reads."""
         if ahead.origin is None:
             return self._at_last(ahead.table, ahead.T_za)
-        rows, moved = self._numbered(ahead.table)
-        blend = RollingBlend(self._members, self._record, rows, self.adapt)
+        blend, rows, moved = self._blend_before(ahead.table, np.array([ahead.origin]))
         views = blend.views(rows)
         blend.advance(views, ahead.origin + moved)
         return blend, views
@@ -352,7 +360,7 @@ class ScheduleScheme(Scheme):
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
         """The known rows from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
-        n_rows, n_filtered = n_known - first, int(_FILTERED / ahead.step)
+        n_rows, n_filtered = n_known - max(0, first), int(_FILTERED / ahead.step)
         tables = (*self.rows.tables, ahead)
         table = last_rows(tables, n_rows + ahead.n_rows)
         while not np.isfinite(table.history["T_za"][0]) and n_rows < n_known:
@@ -390,6 +398,13 @@ class ScheduleScheme(Scheme):
         rows = self._joined(self.rows.tables) if table is None else self._numbered(table)[0]
         parts = parts_of_days(rows.table, n_leads, per_day)
         parts = parts[(parts[:, 0] >= rows.begin) & (parts[:, 0] + per_day < rows.table.n_rows)]
-        forecast = self._blend(rows, parts.ravel(), n_leads, adapt=None).temperature.reshape(-1, per_day)
+        blend = RollingBlend(self._members, self._record, rows, None)
+        forecast = self._paths(blend, rows, parts.ravel(), n_leads).temperature.reshape(-1, per_day)
         measured = days_after(rows.table.replace(history={"T_za": rows.T}), parts[:, 0], per_day)
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
+
+
+def _since_history(table: ZoneTable) -> ZoneTable:
+    """The rows of a table after its history, with their temperature."""
+    T = {"T_za": table.measured()}
+    return table.replace(history=T).rows(slice(table.n_history, None))

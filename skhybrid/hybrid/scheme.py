@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -162,6 +163,12 @@ class Scheme(ABC):
             for group in spans_apart(origins, np.flatnonzero(chosen), n_leads + 1):
                 scheme._fill(out, group, rows, origins + moved, own)
         return out
+
+    def load_paths_from(
+        self, table: ZoneTable, origins: np.ndarray
+    ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
+        """:meth:`load_paths` from any of these origins, whose states are computed once."""
+        return partial(self.load_paths, table)
 
     def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
         """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.

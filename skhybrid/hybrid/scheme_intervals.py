@@ -42,20 +42,32 @@ class HybridQuantilesMixin(QuantileForecastMixin):
             self._intervals = intervals_from(left_out, training)
 
     def _quantile_paths(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray, weather: Any = None
+        self,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        levels: np.ndarray,
+        weather: Any = None,
+        paths: Any = None,
     ) -> np.ndarray:
-        paths = super()._quantile_paths(table, origins, n_leads, levels, weather)
+        bands = super()._quantile_paths(table, origins, n_leads, levels, weather, paths)
         lowest, highest = self._present_scheme().plausible(table, origins)
-        return PlausibleRange(lowest[..., None], highest[..., None]).clip(paths)
+        return PlausibleRange(lowest[..., None], highest[..., None]).clip(bands)
 
     def _quantile_offsets(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, levels: np.ndarray, weather: Any = None
+        self,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        levels: np.ndarray,
+        weather: Any = None,
+        paths: Any = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         # of the kept rows all whose errors count, as if the table followed the training
         missing = DAYS_BACK * rows_per_day(table.step) - int(origins.min(initial=table.n_rows))
         longer = self._scheme.rows.with_earlier(table, table.n_history + missing)
         moved = longer.n_rows - table.n_rows
-        return super()._quantile_offsets(longer, origins + moved, n_leads, levels, weather)
+        return super()._quantile_offsets(longer, origins + moved, n_leads, levels, weather, paths)
 
     def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._scheme.adapting(None).forecast(table, origins, n_leads).temperature

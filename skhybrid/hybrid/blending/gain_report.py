@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from ..._table import ZoneTable
+from ..._table import ZoneTable, is_plant
 from ..._warnings import warn_user
-from ...exceptions import ExcitationWarning, GainWarning
+from ...exceptions import ExcitationWarning, GainWarning, ScaleNotIdentifiableWarning
 from ...schedule import LITTLE_ERROR, LeadFit, days_to_determine, step_gain_error
 from .blend import by_lead
 from .members import Member
@@ -77,6 +77,7 @@ def disagreement(fit: LeadFit, members: Sequence[Member], gains: pd.DataFrame, r
 
 def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
     """Warn of plants of whose effect the training says next to nothing, and of a plan whose gain no jumps determine."""
+    _warn_of_scale(fit, training, known)
     capacity = {s.role: s.parameter for s in fit.plan.network.sources(training.inputs)}
     for role in fit.undetermined:
         parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
@@ -106,4 +107,20 @@ def _experiment(fit: LeadFit, role: str) -> str:
     return (
         f"{often} of random set-points (skhybrid.identification.plan_experiment) would bring what the data leave open "
         f"of the gain of {role} after 24 h {reached}"
+    )
+
+
+def _warn_of_scale(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
+    """Warn where neither a capacity nor a measured heat fixes what a kW is."""
+    plants = {role: v for role, v in training.inputs.items() if is_plant(role)}
+    sources = fit.plan.network.sources([role for role in plants if role.startswith("u_")])
+    given = any(source.parameter in known for source in sources)
+    measured = any(np.ptp(v) > 0 for role, v in plants.items() if role.startswith("Q_"))
+    if given or measured or not plants:
+        return
+    assumed = [f": {role} is taken to give {kw:g} kW at 1" for role, kw in fit.plan.known]
+    warn_user(
+        f"no capacity is known and no heat is measured, so that kW are relative{''.join(assumed[:1])}; pass one, "
+        "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
+        ScaleNotIdentifiableWarning,
     )

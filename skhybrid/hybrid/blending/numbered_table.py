@@ -26,22 +26,27 @@ class NumberedTable(NamedTuple):
         if row <= self.first:
             return self
         later = slice(row - self.first, None)
-        whole = self.whole or (lambda: (self.table, self.T))
-        return self._replace(table=self.table.rows(later), T=self.T[later], first=row, whole=whole)
+        return self._replace(table=self.table.rows(later), T=self.T[later], first=row, whole=self._whole)
 
     def with_boundary(self, values: Mapping[str, np.ndarray], origin: int, n_back: int) -> NumberedTable:
         """Rows from ``n_back`` before an origin to the last lead, with other values (n_leads,) of some inputs ahead.
 
         The first of them is measured where any row before it is.
         """
-        table, n_leads = self.table, len(next(iter(values.values())))
-        first = max(0, origin - n_back)
+        table, n_leads, at = self.table, len(next(iter(values.values()))), origin - self.first
+        first = max(0, at - n_back)
         while first and not np.isfinite(self.T[first]):
             first = max(0, first - n_back)
-        kept = table.rows(slice(first, origin + 1 + n_leads))
-        n_ahead = first + kept.n_rows - origin - 1
-        inputs = {role: np.append(kept.inputs[role][: origin + 1 - first], v[:n_ahead]) for role, v in values.items()}
-        T = self.T[first : first + kept.n_rows]
-        before = {role: v[:first] for role, v in table.inputs.items()} if first else None
+        kept, T = table.rows(slice(first, at + 1 + n_leads)), self.T[first : at + 1 + n_leads]
+        ahead = slice(0, first + kept.n_rows - at - 1)
+        inputs = {role: np.append(kept.inputs[role][: at + 1 - first], v[ahead]) for role, v in values.items()}
+        earlier = self.before or {}
+        before = {role: np.append(earlier.get(role, []), v[:first]) for role, v in table.inputs.items()}
         kept = kept.replace(inputs={**kept.inputs, **inputs})
-        return NumberedTable(kept, T, self.begin, self.joined, first, lambda: (table, self.T), before)
+        first += self.first
+        return NumberedTable(kept, T, self.begin, self.joined, first, self._whole, before if first else None)
+
+    @property
+    def _whole(self) -> Callable[[], tuple[ZoneTable, np.ndarray]]:
+        """All rows from 0 on."""
+        return self.whole or (lambda: (self.table, self.T))

@@ -175,8 +175,8 @@ class ClosedLoop:
         laws = refits.known(rows, weeks, numbers) if scheme.adapt == "full" else dict.fromkeys(numbers, refits.law)
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
-        span = max(n_leads, self.n_leads)
-        ideal = IdealPaths(every, scheme.load_paths(table, every, span, WantedPaths(rows.band, self._capacity.range)))
+        loads_from, within = scheme.load_paths_from(table, every), self._capacity.range
+        ideal = IdealPaths(every, loads_from(every, max(n_leads, self.n_leads), WantedPaths(rows.band, within)))
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
         for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
@@ -188,16 +188,15 @@ class ClosedLoop:
         errors = _Errors(past, _leads(self.n_leads), values)
         free = ideal.of(origins)
         wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
-        within, begin = self._capacity.range, weeks.zero if table.n_history else weeks.begin
+        begin = weeks.zero if table.n_history else weeks.begin
         if limits is not None:
             within = _within(within, limits)
-            limited = scheme.load_paths(table, origins, n_leads, WantedPaths(rows.band, within))
+            limited = loads_from(origins, n_leads, WantedPaths(rows.band, within))
             wanted = wanted._replace(shift=_between(limited, free, n_leads), limits=limits)
         if delivered is not None:
             expected = self._blended(scheme, table, wanted, errors, begin, None).paths.heat[:, 0]
             actual, forecast = (
-                scheme.load_paths(table, origins, n_leads, WantedPaths(rows.band, within, heat))
-                for heat in (delivered, expected)
+                loads_from(origins, n_leads, WantedPaths(rows.band, within, heat)) for heat in (delivered, expected)
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         return self._blended(scheme, table, wanted, errors, begin, levels)
