@@ -40,6 +40,20 @@ def test_separators(write, sep, name):
     assert any("'Text' is left out" in note for note in log.notes)
 
 
+@pytest.mark.parametrize("line", [1, 2, 40])
+@pytest.mark.parametrize("glued", [True, False])
+def test_zeros_that_a_loss_of_power_left(write, line, glued):
+    """A logger that loses power leaves a block of zeros where its last rows should be, and goes on after it."""
+    stamps = pd.date_range("2024-02-01", periods=40, freq="1h")
+    lines = ["time,room", *(f"{stamp},{20 + i / 10:.1f}" for i, stamp in enumerate(stamps)), ""]
+    lines[line] = "\x00" * 512 + ("" if glued else "\n") + lines[line]
+    log = read_log(write("\n".join(lines)))
+    assert log.frame.index.equals(stamps.rename("time"))
+    np.testing.assert_allclose(log.frame["room"], 20 + np.arange(40) / 10)
+    with pytest.raises(ValueError, match=r"the format of 'none\.csv' is none of"):
+        read_log(write("\x00" * 512, name="none.csv"))
+
+
 def test_preamble_and_words_of_errors(write):
     lines = ["Report;;;", "Site: House 3;;;", "Created;2024-02-03 10:00;;", "", "Time;Zone Temp (°F);Mode;Fan"]
     lines += [

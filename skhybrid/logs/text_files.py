@@ -6,12 +6,14 @@ import bz2
 import codecs
 import gzip
 import lzma
+import re
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
 
 _SAMPLE = 1 << 18  # bytes that tell the encoding
+_BINARY = re.compile(rb"[\x01-\x08\x0e-\x1f]")  # what no text has; zeros alone are left where a logger lost power
 _COMPRESSED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 
@@ -45,7 +47,7 @@ def head_of(path: Path, size: int = 8192) -> str:
     encoding = _encoding(sample)
     if encoding is None:
         return ""
-    text = sample.decode(encoding, errors="replace")
+    text = sample.decode(encoding, errors="replace").replace("\x00", "")
     if len(text) > size and "\n" in text[:size]:
         text = text[: text[:size].rindex("\n") + 1]
     return text[:size].replace("\r\n", "\n").replace("\r", "\n")
@@ -68,7 +70,9 @@ def _encoding(sample: bytes) -> str | None:
             half = sample[first::2]
             if half.count(0) > 0.8 * len(half) and not sample[1 - first :: 2].count(0):
                 return name
-        return None
+        sample = sample.replace(b"\x00", b"")
+        if not sample or _BINARY.search(sample):
+            return None
     with suppress(UnicodeDecodeError):
         codecs.getincrementaldecoder("utf-8")().decode(sample)
         return "utf-8"
