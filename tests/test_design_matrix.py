@@ -112,6 +112,11 @@ def test_channels_of_a_common_size_are_the_cnns_alone():
     assert set(table["max_epochs"]) == {5, 6}
 
 
+def test_a_size_that_is_named_twice_is_one_candidate():
+    sizes = {"hidden_size": [5, 10, 5], "n_layers": (1, 1), "activation": ["relu"]}
+    assert len(design_matrix(["mlp"], ["case01"], "input", sizes)) == 2
+
+
 def test_cases_by_framework():
     table = design_matrix(["mlp", "lstm", "ridge"], {"mlp": ["case21"]}, size="small").table
     assert table.groupby("framework")["case"].nunique().to_dict() == {"lstm": 17, "mlp": 1, "ridge": 0}

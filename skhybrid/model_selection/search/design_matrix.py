@@ -240,7 +240,16 @@ def _sizes(models: Mapping[str, Any], size: Any) -> dict[str, dict[str, list[Any
 
 def _as_lists(sizes: Mapping[str, Any]) -> dict[str, list[Any]]:
     single = {key for key, values in sizes.items() if isinstance(values, str) or not isinstance(values, Iterable)}
-    return {key: [values] if key in single else list(values) for key, values in sizes.items()}
+    return {key: [values] if key in single else _unlike(values) for key, values in sizes.items()}
+
+
+def _unlike(values: Iterable[Any]) -> list[Any]:
+    """Each value once: a search would count a copy as a further size."""
+    found: list[Any] = []
+    for value in values:
+        if value not in found:
+            found.append(value)
+    return found
 
 
 def _check_sizes(models: Mapping[str, Any], sizes: Mapping[str, Mapping[str, list[Any]]]) -> None:
