@@ -6,6 +6,7 @@ import hashlib
 import subprocess
 import sys
 import threading
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -179,6 +180,17 @@ def test_a_dropped_network_leaves_the_baseline_of_all_rows():
         forecaster.fit(X, y)
     assert forecaster.network_weight_ == 0.0
     np.testing.assert_array_equal(forecaster.predict(X), DisturbanceForecaster("ridge").fit(X, y).predict(X))
+
+
+def test_a_network_alone_on_a_short_table_is_warned_of_its_few_epochs():
+    X, y = hourly(3)
+    forecaster = DisturbanceForecaster("mlp", residual_of=None, random_state=0)
+    with pytest.warns(SkhybridWarning, match=r"0\.2 of 72 rows leaves too few .* trained for 20 epochs, whatever"):
+        forecaster.fit(X, y)
+    assert forecaster.n_epochs_ == 20
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SkhybridWarning)
+        forecaster.set_params(validation_fraction=0.0).fit(X, y)  # as it was asked for
 
 
 def test_a_progress_bar_is_shown_on_demand(capsys):

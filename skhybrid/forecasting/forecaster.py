@@ -26,7 +26,7 @@ from .extras import require_networks
 from .named_models import check_parameters, fit_baseline, is_network
 from .pair_regressor import PairRegressor
 from .reading import frame_only, read_weather
-from .training_job import JobResult, TrainingJob, measured_split, repeat_seeds
+from .training_job import EPOCHS_WITHOUT_VALIDATION, JobResult, TrainingJob, measured_split, repeat_seeds
 
 
 class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator):
@@ -80,7 +80,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     validation_fraction : float, default 0.2
         Share of the rows up to the last measured one, at their end, on whose error training stops; a gap of one horizon
         lies before them.  0 needs ``residual_of=None``: the network is then trained for 20 epochs, or ``max_epochs`` if
-        that is less.
+        that is less; so it is, with a warning, where the table is too short for a validation block.
     origin_step : timedelta-like, optional
         Distance of origins in ``predict``, at most ``horizon``, which is the default.
     max_missing : float, default 0.5
@@ -288,11 +288,17 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
         """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""
         split = measured_split(target, self._n_leads, self.validation_fraction, rows_per_day(table.step))
-        if self.residual_of is not None and split.valid_start is None:
+        if split.valid_start is None and self.validation_fraction > 0.0:
+            follows = (
+                f"the network is trained for {min(self.max_epochs, EPOCHS_WITHOUT_VALIDATION)} epochs, whatever their "
+                "error; give more rows, or another fraction."
+                if self.residual_of is None
+                else f"the correction by the network is dropped, and {self.residual_of!r} forecasts alone; give more "
+                "rows, another fraction, or residual_of=None."
+            )
             warn_user(
                 f"validation_fraction={self.validation_fraction:g} of {several(split.train_end, 'row')} leaves too few "
-                f"to train on or to validate with: the correction by the network is dropped, and {self.residual_of!r} "
-                "forecasts alone; give more rows, another fraction, or residual_of=None.",
+                f"to train on or to validate with: {follows}",
                 SkhybridWarning,
             )
         base = self._shared_baseline(table, target, split.train_end, shared)

@@ -10,6 +10,9 @@ import pandas as pd
 from .._table import ZoneTable
 from .._warnings import several
 
+#: Epochs of a network without a validation block, which says when to stop.
+EPOCHS_WITHOUT_VALIDATION = 20
+
 
 class Split(NamedTuple):
     """A chronological split of the rows of a training table."""

@@ -12,15 +12,13 @@ from torch import Tensor
 
 from ..._time import rows_per_day
 from ..cases import RECURRENT, ModelCase
-from ..training_job import JobResult, Split, TrainingJob
+from ..training_job import EPOCHS_WITHOUT_VALIDATION, JobResult, Split, TrainingJob
 from .callbacks import TrainingResult
 from .fitted import FittedNetwork, make_stack
 from .spec import NetworkSpec
 from .training import TrainingSettings, one_thread, train_stack
 from .windows import Scaler, Windows, WindowTable, columns_of, padded_windows, scaled_views
 
-#: Epochs of a table that is too short for a validation block, which says when to stop.
-_EPOCHS_WITHOUT_VALIDATION = 20
 #: Networks of a stack: on a CPU more of them leave its caches; a GPU is busy only with many.
 _LARGEST_STACK = {"cpu": 24, "other": 256}
 
@@ -152,7 +150,7 @@ def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
     if (*key, job.n_leads) not in shared:
         shared[*key, job.n_leads] = _data(job)
     data = shared[*key, job.n_leads]
-    unstopped = job.n_epochs or min(settings.max_epochs, _EPOCHS_WITHOUT_VALIDATION)
+    unstopped = job.n_epochs or min(settings.max_epochs, EPOCHS_WITHOUT_VALIDATION)
     n_epochs = settings.max_epochs if data.valid is not None else unstopped
     device = torch_device(settings.device)
     training = TrainingSettings(settings.learning_rate, settings.batch_size, n_epochs, settings.patience, device)
