@@ -211,12 +211,24 @@ def test_filtered_states_are_the_conditional_ones(m):
 
 @pytest.mark.parametrize("m", MODELS)
 def test_smoothed_states_are_the_conditional_ones(m):
-    smooth = smooth_states(m.A, *run_track(m))
+    smooth = smooth_states(m.A, m.c[None], np.array([m.R]), m.y[:, None], run_track(m))
     prior = dense_prior(m)
     for k in range(len(m.y)):
         mean, covariance = condition(m, prior, k, range(len(m.y)))
         assert_close(smooth.states[k], mean, 1e-9)
         assert_close(smooth.covariances[k], covariance, 1e-9)
+
+
+def test_smoothed_states_without_noise_are_one_path():
+    """Where the covariances of the filter become singular to rounding."""
+    A = np.array([[0.98, 0.02, 0.0], [0.08, 0.9, 0.2], [0.0, 0.0, 1.0]])
+    m = drawn_model(N=300)._replace(
+        A=A, Q=np.zeros((3, 3, 3)), c=np.array([0.0, 1.0, 0.0]), P0=np.diag([4.0, 4.0, 1.0])
+    )
+    m = m._replace(R=1e-4)
+    smooth = smooth_states(A, m.c[None], np.array([m.R]), m.y[:, None], run_track(m))
+    np.testing.assert_allclose(smooth.states[1:], smooth.states[:-1] @ A.T + m.forcing[:-1], atol=1e-8)
+    np.testing.assert_allclose(smooth.covariances[1:], A @ smooth.covariances[:-1] @ A.T, rtol=1e-6, atol=1e-11)
 
 
 class Channels(NamedTuple):
@@ -581,7 +593,7 @@ def test_kernels_leave_their_arguments_alone():
     result = run_channels(m, ch)
     ones = np.ones_like(result.errors), np.ones_like(result.S)
     filter_channels_adjoint(m.A, ch.series, m.noise_class, m.c[None], m.y[:, None], 3, result, *ones)
-    smooth_states(m.A, *run_track(m))
+    smooth_states(m.A, m.c[None], np.array([m.R]), m.y[:, None], run_track(m))
     run_errors(m, np.ones_like(m.forcing))
     simulate_path(m.A, m.forcing, m.s0)
     nothing = np.zeros(len(m.forcing))

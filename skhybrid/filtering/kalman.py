@@ -82,15 +82,24 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
     return Filtered(filtered, covariances, predicted, before)
 
 
-def smooth_states(
-    A: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, predicted: np.ndarray, before: np.ndarray
-) -> Smoothed:
-    """Fixed-interval (Rauch-Tung-Striebel) smoother after :func:`kalman_filter`."""
-    states, spread = filtered.copy(), covariances.copy()
-    # a state without process noise makes the covariance singular to rounding: the pseudo-inverse is exact there
-    gains = covariances[:-1] @ A.T @ np.linalg.pinv(before[1:], hermitian=True)
-    for k in range(len(filtered) - 2, -1, -1):
-        gain = gains[k]
-        states[k] += gain @ (states[k + 1] - predicted[k + 1])
-        spread[k] += gain @ (spread[k + 1] - before[k + 1]) @ gain.T
+def smooth_states(A: np.ndarray, C: np.ndarray, R: np.ndarray, y: np.ndarray, found: Filtered) -> Smoothed:
+    """Fixed-interval smoother of what :func:`kalman_filter` found with these arguments.
+
+    It goes back through the errors (modified Bryson-Frazier), and inverts no covariance of states: one without process
+    noise is singular to rounding.
+    """
+    states, spread = found.states.copy(), found.covariances.copy()
+    seen = np.isfinite(y)
+    measured = seen[:, :, None] * C  # 0 where nothing was measured
+    errors = np.where(seen, y, 0.0) - np.einsum("koi,ki->ko", measured, found.predicted)
+    S = measured @ found.predicted_covariances @ np.swapaxes(measured, 1, 2) + np.diag(R)
+    weighted = np.linalg.solve(S, measured)
+    told = np.swapaxes(measured, 1, 2) @ weighted
+    left = np.eye(len(A)) - found.predicted_covariances @ told  # of the prediction, after the row's measurements
+    slope, curvature = np.zeros(len(A)), np.zeros_like(A)  # of the later rows' squared errors by the state
+    for k in range(len(y) - 1, -1, -1):
+        states[k] -= found.covariances[k] @ slope
+        spread[k] -= found.covariances[k] @ curvature @ found.covariances[k]
+        slope = A.T @ (left[k].T @ slope - errors[k] @ weighted[k])
+        curvature = A.T @ (left[k].T @ curvature @ left[k] + told[k]) @ A
     return Smoothed(states, spread)
