@@ -11,6 +11,7 @@ import pandas as pd
 from scipy import sparse
 from sklearn.utils import check_array, column_or_1d
 
+from ._arguments import as_mapping
 from ._warnings import several, warn_user
 from .exceptions import RoleWarning
 
@@ -62,9 +63,7 @@ def is_plant(role: object) -> bool:
 
 def checked_columns(columns: Mapping[str, Any] | None) -> dict[str, Any]:
     """The parameter ``columns``, which maps roles to columns; empty where it is None."""
-    if columns is not None and not isinstance(columns, Mapping):
-        raise ValueError(f"columns={columns!r} must be a mapping of roles to columns, such as {{'T_oa': 'outdoor'}}.")
-    columns = dict(columns or {})
+    columns = as_mapping("columns", columns, "roles to columns, such as {'T_oa': 'outdoor'}")
     for role, column in columns.items():
         if not isinstance(column, Hashable):
             raise ValueError(f"columns= gives {role!r} the column {column!r}; give one name or position.")

@@ -39,11 +39,12 @@ _FAHRENHEIT = OtherUnit("degF rather than degC", -130.0, 140.0)
 _WATT = (OtherUnit("W rather than kW", -5e6, 5e6),)
 _PER_AREA = (OtherUnit("W/m2 rather than kW/m2", -50.0, 1600.0, 20.0),)
 _PERCENT = (OtherUnit("percent rather than a fraction or stage", -5.0, 105.0),)
+_ROOM = PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN))
 #: beginning of a role -> its range; the first that fits holds
 RANGES: dict[str, PhysicalRange] = {
-    "T_za": PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN)),
-    "T_heat_set": PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN)),
-    "T_cool_set": PhysicalRange("degC", -30.0, 60.0, -10.0, 55.0, (_FAHRENHEIT, _KELVIN)),
+    "T_za": _ROOM,
+    "T_heat_set": _ROOM,
+    "T_cool_set": _ROOM,
     "T_oa": PhysicalRange("degC", -90.0, 60.0, -60.0, 55.0, (_FAHRENHEIT, _KELVIN)),
     "T_": PhysicalRange("degC", -90.0, 200.0, -60.0, 55.0, (_FAHRENHEIT, _KELVIN)),  # hot water and steam too
     "q_sol": PhysicalRange("kW/m2", -0.05, 1.6, -0.05, 1.6, _PER_AREA),

@@ -605,7 +605,8 @@ def test_kernels_leave_their_arguments_alone():
 def test_a_propagated_covariance_is_that_of_matrices_and_symmetric_to_the_bit():
     rng = np.random.default_rng(3)
     A, root = rng.standard_normal((2, 4, 4))
-    P, Q, out = root @ root.T, np.diag(rng.random(4)), np.empty((4, 4))
-    propagate(A, P, Q, np.empty((4, 4)), out)
+    P, Q = root @ root.T, np.diag(rng.random(4))
+    out = P.copy()
+    propagate(A, out, Q, np.empty((4, 4)))
     np.testing.assert_allclose(out, A @ P @ A.T + Q, rtol=1e-12)
     np.testing.assert_array_equal(out, out.T)

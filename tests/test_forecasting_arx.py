@@ -187,9 +187,10 @@ def test_no_horizon_simulates_from_the_first_row():
     [
         ({"adapt": "full"}, "adapt='full' is not known; use None or 'refit'"),
         ({"n_lags": 0}, "n_lags=0 must be an integer of at least 1"),
-        ({"alpha": 0.0}, "alpha=0.0 must be a positive penalty"),
-        ({"alpha": np.inf}, "alpha=inf must be a positive penalty"),
-        ({"alpha": "low"}, "alpha='low' must be a positive penalty"),
+        ({"alpha": 0.0}, r"alpha=0.0 is outside \(0, inf\)"),
+        ({"alpha": np.inf}, r"alpha=inf is outside \(0, inf\)"),
+        ({"alpha": "low"}, r"alpha='low' is outside \(0, inf\)"),
+        ({"alpha": True}, r"alpha=True is outside \(0, inf\)"),
         ({"horizon": "20min"}, "not a positive multiple of the sampling time"),
     ],
 )

@@ -102,7 +102,7 @@ def test_errors_belong_to_their_origin_after_a_change_of_clocks():
 
 @pytest.mark.parametrize("seed", [None, -1, 0.5])
 def test_a_seed_of_the_weather_is_an_integer(seed):
-    with pytest.raises(ValueError, match=f"random_state={seed} of a weather error must be an integer"):
+    with pytest.raises(ValueError, match=f"random_state={seed} must be an integer"):
         WeatherError(random_state=seed)
 
 

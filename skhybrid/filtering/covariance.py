@@ -6,8 +6,8 @@ from ._compile import compiled
 
 
 @compiled
-def propagate(A, P, Q, work, out):
-    """``out = A P A' + Q``, symmetric to the bit."""
+def propagate(A, P, Q, work):
+    """``P = A P A' + Q``, in place and symmetric to the bit; ``work`` (n, n) is work space."""
     n = A.shape[0]
     for i in range(n):
         for j in range(n):
@@ -16,16 +16,12 @@ def propagate(A, P, Q, work, out):
                 total += A[i, m] * P[m, j]
             work[i, j] = total
     for i in range(n):
-        for j in range(n):
-            total = 0.0
+        for j in range(i + 1):
+            total = Q[i, j]
             for m in range(n):
                 total += work[i, m] * A[j, m]
-            out[i, j] = Q[i, j] + total
-    for i in range(n):
-        for j in range(i):
-            middle = 0.5 * (out[i, j] + out[j, i])
-            out[i, j] = middle
-            out[j, i] = middle
+            P[i, j] = total
+            P[j, i] = total
 
 
 @compiled

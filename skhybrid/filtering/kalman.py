@@ -60,7 +60,7 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
     filtered, covariances = np.empty((N, n)), np.empty((N, n, n))
     predicted, before = np.empty((N, n)), np.empty((N, n, n))
     x, P, after = s0.copy(), P0.copy(), np.empty(n)
-    ahead, work, gain = np.empty((n, n)), np.empty((n, n)), np.empty(n)
+    work, gain = np.empty((n, n)), np.empty(n)
     for k in range(N):
         for i in range(n):
             predicted[k, i] = x[i]
@@ -74,11 +74,9 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
                 covariances[k, i, j] = P[i, j]
                 value += A[i, j] * x[j]
             after[i] = value
-        propagate(A, P, Q[noise_class[k]], work, ahead)
+        propagate(A, P, Q[noise_class[k]], work)
         for i in range(n):
             x[i] = after[i]
-            for j in range(n):
-                P[i, j] = ahead[i, j]
     return Filtered(filtered, covariances, predicted, before)
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from numbers import Real
 from typing import Any, Literal, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import check_integer
+from .._arguments import check_integer, check_rate
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
@@ -213,9 +212,10 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"objective={self.objective!r} is not known; use 'one_step' or 'multi_step'.")
         for name in ("n_lags", "n_input_lags"):
             check_integer(name, getattr(self, name))
-        if self.alpha is not None and not (isinstance(self.alpha, Real) and 0.0 < self.alpha < np.inf):
-            raise ValueError(f"alpha={self.alpha!r} must be a positive penalty.")
-        if self.alpha is not None and self.prior is not None:
+        if self.alpha is None:
+            return
+        check_rate("alpha", self.alpha)
+        if self.prior is not None:
             raise ValueError(f"alpha={self.alpha!r} does nothing beside prior=, which takes its place; leave one out.")
 
     def _choose_alpha(self, view: ARXData, pairs: Pairs) -> float:

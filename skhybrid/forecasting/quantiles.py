@@ -137,7 +137,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         origins: np.ndarray,
         n_leads: int,
         levels: np.ndarray,
-        weather: WeatherError | None = None,
+        weather: WeatherError | None,
         paths: np.ndarray | None = None,
     ) -> np.ndarray:
         """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table with its history.

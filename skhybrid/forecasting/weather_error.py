@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._arguments import check_integer
 from .._table import ZoneTable
 from .._time import rows_per_day
 
@@ -81,9 +82,7 @@ class WeatherError:
     def __post_init__(self) -> None:
         if not isinstance(self.level, str) or self.level not in _TEMPERATURE:
             raise ValueError(f"weather_error={self.level!r} is none of 'low', 'medium', 'high'.")
-        seed = self.random_state
-        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-            raise ValueError(f"random_state={seed!r} of a weather error must be an integer of at least 0.")
+        check_integer("random_state", self.random_state, 0)
 
     def forecast(self, table: ZoneTable, origin: int, n_leads: int, draw: int = 0) -> ZoneTable:
         """Put a weather forecast in the place of what was measured after an origin.
