@@ -200,6 +200,14 @@ def test_a_wrong_setting_is_named(settings, message):
         ARXRegressor(**settings).fit(X, y)
 
 
+def test_a_fit_keeps_nothing_of_an_earlier_one_with_the_other_objective():
+    X, y = room(4)
+    X, y = X[::4], y[::4]
+    settings = {"n_lags": 3, "n_input_lags": 2, "intervals": False}
+    model = ARXRegressor(objective="multi_step", **settings).fit(X, y).set_params(objective="one_step").fit(X, y)
+    assert vars(model).keys() == vars(ARXRegressor(**settings).fit(X, y)).keys()
+
+
 def test_penalties_come_from_a_fitted_regression_only():
     X, y = room(7)
     with pytest.raises(NotFittedError):

@@ -248,3 +248,4 @@ def test_a_regressor_is_cloned_seeded_and_near_the_linear_one():
     errors = [np.sqrt(((m.predict(table.iloc[cut:]) - y.iloc[cut:]) ** 2).mean()) for m in (model, linear)]
     assert errors[0] < 1.2 * errors[1]
     assert model.set_params(model__alpha=5.0).model.alpha == 5.0
+    assert not hasattr(model.set_params(model="profile").fit(table, y), "regressor_")

@@ -173,6 +173,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             self._fit = fit_multi_step(self._design, table, view, n_leads, penalties, refits, prior)
             self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.knobs
             return
+        for name in ("_fit", "calendar_alpha_", "one_step_weight_"):  # of an earlier fit with the other objective
+            vars(self).pop(name, None)
         pairs = self._design.pairs(view)
         self._moments, squares = Moments.of(pairs), float(pairs.d @ pairs.d)
         given = self.alpha if like is None else like.alpha_
