@@ -95,7 +95,7 @@ html_theme_options = {
     "header_links_before_dropdown": 6,
     "logo": {"text": "skhybrid"},
 }
-html_sidebars = {"index": [], "whats_new": [], "citation": []}
+html_sidebars = {"index": [], "start/index": [], "whats_new": [], "citation": []}
 
 
 def _changelog_as_rst() -> str:
