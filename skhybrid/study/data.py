@@ -184,7 +184,7 @@ def plant_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
 
 
 def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
-    """Split a log into training rows, test rows and the next day.
+    """Split a log into training rows, test rows and the next day: a :class:`StudyData`.
 
     If the log ends with rows without ``T_za``, these are the next day; else the last whole local day is held out as the
     next day.  With a site, there are columns for the irradiance on its facades.

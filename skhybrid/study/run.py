@@ -114,6 +114,11 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     data : StudyData
     progress : callable, optional, called with (number, total, text) before every step
 
+    Returns
+    -------
+    StudyResult
+        Errors, back-tests, the forecast of the next day, and what was identified; :func:`write_outputs` writes them.
+
     Raises
     ------
     ValueError

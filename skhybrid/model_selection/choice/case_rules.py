@@ -101,6 +101,11 @@ def select_case(
         As in :class:`PatternExpressiveness`; None is the paper's regression, which counts each size as an observation.
     draws, tune, chains, random_state : int, of both samplers
 
+    Returns
+    -------
+    CaseChoice
+        The case, a sentence per rule, a table of all cases, and a baseline that is enough, if any is.
+
     Raises
     ------
     ValueError

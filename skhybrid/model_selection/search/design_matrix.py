@@ -143,6 +143,11 @@ def design_matrix(
         a dict; frameworks that it leaves out have the paper's sizes.  Only the CNN has channels, filters and pooling.
         Sizes of a regressor are its own parameters, such as ``{"forest": {"n_estimators": [100, 300]}}``.
 
+    Returns
+    -------
+    DesignMatrix
+        Candidates as parameter grids and as a table.
+
     Raises
     ------
     ValueError
