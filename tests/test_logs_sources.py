@@ -74,7 +74,7 @@ def test_sheet_of_a_workbook(workbook, tmp_path):
 @pytest.mark.parametrize("zone", [None, "Europe/Amsterdam"])
 @pytest.mark.parametrize("indexed", [True, False])
 def test_parquet(tmp_path, zone, indexed, monkeypatch):
-    monkeypatch.setattr("skhybrid.logs.readers.columnar._CELLS", 30)
+    monkeypatch.setattr("skhybrid.logs.assembly._CELLS", 30)
     frame = FRAME.tz_localize(zone).assign(note="a", spare=pd.NA)
     frame = frame if indexed else frame.reset_index().rename(columns={"time": "moment"})
     frame.to_parquet(tmp_path / "log", row_group_size=7)

@@ -197,7 +197,7 @@ def test_pieces_are_put_together(write, monkeypatch):
     stamps = pd.date_range("2024-01-01", periods=3500, freq="5min")
     cells = [f"{k % 50}.25" if k != 2900 else "Bad" for k in range(3500)]
     text = "time,a,b\n" + "".join(f"{t},{c},1\n" for t, c in zip(stamps, cells, strict=True))
-    monkeypatch.setattr("skhybrid.logs.readers.delimited._CELLS", 3000)
+    monkeypatch.setattr("skhybrid.logs.assembly._CELLS", 3000)
     monkeypatch.setattr("skhybrid.logs.stamps._BLOCK", 700)
     log = read_log(write(text), columns=["a"])
     assert list(log.frame) == ["a"]

@@ -10,7 +10,7 @@ from sklearn.utils import Bunch
 
 from ..thermal import RCNetwork, building_network
 from ._gains import draw_gains
-from ._office import SIMULATION_STEP, check_arguments
+from ._office import HYSTERESIS, SIMULATION_STEP, check_arguments
 from ._random import spawn_generators
 from ._thermostat_plan import first_weekend, make_prbs
 from ._weather import first_midnight, make_weather
@@ -21,7 +21,6 @@ _ROOM = {"C_w": 2.5, "C_za": 0.5, "R_zw": 1.5, "R_zo": 14.0, "f": 0.3, "A_win": 
 #: hour at which the sun is on the windows of a room, by turns, and its width [h]; at noon and 12 h: all day
 _WINDOWS = ((12.0, 5.0), (8.5, 3.0), (15.5, 3.0), (12.0, 12.0))
 _GAIN_SHARE = 0.35  # of the people and plugs of the whole home, in each room
-_HYSTERESIS = 0.3  # distance from the set-point at which a thermostat switches [K]
 
 _DESCR = """A house of {n} rooms whose true parameters are known: {names}.
 
@@ -216,7 +215,7 @@ def _simulate(
     state, heating = np.full(len(d.A), 19.0), np.zeros(z, dtype=bool)
     for k in range(len(X)):
         states[k], T = state, state[rooms]
-        heating = setpoints[k] + np.where(heating, _HYSTERESIS, -_HYSTERESIS) > T
+        heating = setpoints[k] + np.where(heating, HYSTERESIS, -HYSTERESIS) > T
         on[k], gain[k] = heating, sensible[k] + air[k] * (T_oa[k] - T)
         state = d.A @ state + forcing[k] + heater @ on[k] + people @ gain[k]
     return states, on, gain

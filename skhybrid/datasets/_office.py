@@ -22,7 +22,7 @@ from ._weather import first_midnight, make_weather
 TRUE_THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
 #: simulation step, which is also the shortest time that heating or cooling stays on or off (paper 2.1).
 SIMULATION_STEP = pd.Timedelta("5min")
-_HYSTERESIS = 0.3  # distance from the set-point, on either side, at which the thermostat switches [K]
+HYSTERESIS = 0.3  # distance from the set-point, on either side, at which the thermostat switches [K]
 
 _DESCR = """The office of Ham & Kim, section 2.1: a synthetic thermostat log whose true parameters are known.
 
@@ -157,7 +157,7 @@ def _simulate_office(
     weather = outside[["T_oa", "q_sol"]].to_numpy()
     replay = np.full(levels.shape, np.nan) if replay is None else replay
     states, heat, cool, gain = _simulate(
-        transition, effect, weather, levels, gains.sensible, gains.air, begin, _HYSTERESIS, replay
+        transition, effect, weather, levels, gains.sensible, gains.air, begin, HYSTERESIS, replay
     )
     run = outside[["T_oa", "q_sol"]].assign(
         u_heat=heat, u_cool=cool, heat_gain=gain, T_w=states[:, 0], T_za=states[:, 1]

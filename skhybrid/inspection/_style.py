@@ -19,7 +19,7 @@ DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "x")
 _PER_INCH, _HANDLE = 17.0, 9  # characters of a legend per inch, and those that a handle takes
 _LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 3.2}
-_NARROW = 5.0  # width of a figure up to which stamps have little room [in]
+NARROW = 5.0  # width of a figure up to which there is room for one column and few stamps [in]
 
 
 def line_style(number: int, *, beside_measured: bool = False) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def time_axis(ax: Any, time: pd.Index) -> None:
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
     # a narrow axis has room for 2 to 5 ticks: fewer than 3 days are 2 ticks by day and too many by hour
-    few, many = (3, 9) if ax.figure.get_figwidth() > _NARROW else (2, 5)
+    few, many = (3, 9) if ax.figure.get_figwidth() > NARROW else (2, 5)
     locator = AutoDateLocator(minticks=few, maxticks=many, tz=time.tz)
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=time.tz))

@@ -10,10 +10,9 @@ import pandas as pd
 
 from ._forecast import DayAheadDisplay, ForecastDisplay
 from ._room_map import RoomMapDisplay
-from ._style import MARKERS, legend, line_style, shared_legend, tidy
+from ._style import MARKERS, NARROW, legend, line_style, shared_legend, tidy
 from .unshown_figure import blank_axes
 
-_NARROW = 5.0  # width of a figure that has room for one column only [in]
 _ROW = 1.75  # height of a panel [in]
 
 
@@ -53,7 +52,7 @@ def weeks_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta, width:
     """Measured and forecast temperature of each zone over the last days of back-tests; ``width`` [in]."""
     first = next(iter(frames.values()))
     n_zones = first["zone"].nunique()
-    n_columns = 1 if width < _NARROW else min(2, n_zones)
+    n_columns = 1 if width < NARROW else min(2, n_zones)
     figure, axes = _panels(-(-n_zones // n_columns), n_columns, width)
     panels = axes.ravel()[:n_zones]
     ForecastDisplay.from_predictions(frames, ax=panels, start=first["time"].max() - shown)
@@ -92,6 +91,6 @@ def map_figure(
 
 def _panels(n_rows: int, n_columns: int, width: float) -> tuple[Any, np.ndarray]:
     """A figure and its (n_rows, n_columns) axes; of a narrow figure the columns of a row are below one another."""
-    stacked = n_columns if width < _NARROW else 1
+    stacked = n_columns if width < NARROW else 1
     figure, axes = blank_axes(n_rows * stacked, (width, _ROW * n_rows * stacked + 0.6), n_columns // stacked)
     return figure, axes.reshape(n_rows, n_columns)

@@ -24,6 +24,7 @@ _FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few valu
 _REPEATS, _OFTEN, _SKIPPED = 0.01, 10, 0.2  # equal neighbours; long intervals: their number, their share of the time
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
+_CELLS = 1 << 19  # cells of a piece
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,11 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
         column[np.searchsorted(ticks, found[places_of[name]])] = channel.values()
         frame[name] = column
     return _finish(pd.DataFrame(frame, index=index.rename("time"), copy=False), kept_channels, pieces, choice)
+
+
+def rows_of_piece(n_columns: int) -> int:
+    """Rows of a table of so many columns to read at a time."""
+    return max(1000, _CELLS // max(n_columns, 1))
 
 
 def unit_columns(names: Iterable[Hashable]) -> list[str]:

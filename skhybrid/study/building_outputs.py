@@ -15,9 +15,7 @@ from .identified_building import identified_only
 from .outputs import NAMES, metrics_of, staged_files, write_tables
 from .report import verdict
 from .report.building_page import write_building_report, zones_in_words
-from .report.figures import save_png, weeks_figure
-
-_SHOWN = pd.Timedelta("7D")
+from .report.figures import SHOWN, save_png, weeks_figure
 
 
 def write_building(
@@ -30,7 +28,7 @@ def write_building(
     with staged_files(folder, before_swap) as staged:
         write_tables(result, staged, _identified(result), building_metrics(result))
         write_building_report(staged / "report.html", result)
-        save_png(weeks_figure({HYBRID: result.frames[HYBRID]}, _SHOWN), staged / "forecast.png")
+        save_png(weeks_figure({HYBRID: result.frames[HYBRID]}, SHOWN), staged / "forecast.png")
     return [Path(folder) / name for name in NAMES]
 
 

@@ -15,7 +15,7 @@ _NOT = "not identified"  # beginning of the remarks on values that the log does 
 NOT_IDENTIFIED = f"{_NOT}: the log does not determine it"
 UNSCALED = f"{_NOT}: no capacity of the plant is known"
 NEIGHBOUR = "T_za_"  # beginning of the roles of room temperatures in a building, a room's own and its neighbours'
-_UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified
+UNSURE, _UNKNOWN = 0.3, 1.0  # relative standard errors above which a value is uncertain, or not identified
 #: what a room's values usually are; a value outside is worth a look
 _USUAL = {"heat loss": (5.0, 5000.0), "solar aperture": (0.0, 100.0), "time constant": (0.1, 500.0)}
 
@@ -106,7 +106,7 @@ def remark_on(name: str, value: float, std: float) -> str:
         return NOT_IDENTIFIED
     if not usual[0] <= value <= usual[1]:
         return f"implausible: a room or a building has {usual[0]:g} to {usual[1]:g}"
-    return "uncertain" if relative > _UNSURE else ""
+    return "uncertain" if relative > UNSURE else ""
 
 
 def parameter_table(gray_box: Any) -> pd.DataFrame:
@@ -117,7 +117,7 @@ def parameter_table(gray_box: Any) -> pd.DataFrame:
         table[column] = [getattr(searched[str(name)], column) for name in table.index]
     table["description"] = table["description"].map(in_words)
     relative = (table["std"] / table["value"].abs()).to_numpy(dtype=float)
-    remark = np.select([relative > _UNKNOWN, relative > _UNSURE], [NOT_IDENTIFIED, "uncertain"], "")
+    remark = np.select([relative > _UNKNOWN, relative > UNSURE], [NOT_IDENTIFIED, "uncertain"], "")
     scaled = [] if has_scale(gray_box) else [name for name in table.index if str(name)[0] in "CRAQ"]
     special = (
         dict.fromkeys(scaled, UNSCALED)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..study.identified_building import quantities, with_errors
+from ..study.identified_building import UNSURE, quantities, with_errors
 from ..study.plant import Performance
 from ..study.settings import Settings, is_scaled
 from .first_order import Law, first_order, temperatures, warming
@@ -15,7 +15,6 @@ from .first_order import Law, first_order, temperatures, warming
 _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]
 _LARGE = 0.99  # quantile of the logged heat that is its nominal power, where no setting gives it
 _SIGNS = {"heat": 1.0, "cool": -1.0}
-_UNSURE = 0.3  # relative standard error above which a value is uncertain
 _UNITS = {
     "heating_rate": "K/h",
     "cooling_constant": "1/h",
@@ -198,7 +197,7 @@ def _undetermined(found: pd.DataFrame, scaled: bool) -> dict[str, str]:
 
 def _table(found: pd.DataFrame) -> pd.DataFrame:
     """Identified values with block, unit and remark."""
-    remark = np.where(found["std"] > _UNSURE * found["value"].abs(), "uncertain", "")
+    remark = np.where(found["std"] > UNSURE * found["value"].abs(), "uncertain", "")
     units = [_UNITS[str(name)] for name in found.index]
     blocks = ["thermal_battery" if name in _IN_KW else "thermal_config" for name in found.index]
     return found.assign(unit=units, block=blocks, remark=remark).rename_axis("parameter")

@@ -8,12 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from ..assembly import Choice, Pieces, assemble_columns
+from ..assembly import Choice, Pieces, assemble_columns, rows_of_piece
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
 from .change_of_value import long_columns
-
-_CELLS = 1 << 19  # cells of a piece
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -46,7 +44,7 @@ def _read(file: Any, choice: Choice, where: str) -> RawLog:
     from pyarrow import types
 
     names = [field.name for field in file.schema_arrow if not types.is_nested(field.type)]
-    size = max(1000, _CELLS // max(len(names), 1))
+    size = rows_of_piece(len(names))
     sample = next(_frames(file, names, 1000), pd.DataFrame(columns=names))
     if sample.empty:
         raise ValueError(f"{where} has no rows.")

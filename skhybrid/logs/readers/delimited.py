@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ..assembly import Choice, Pieces, assemble
+from ..assembly import Choice, Pieces, assemble, rows_of_piece
 from ..cell_numbers import decimal_sign
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp
@@ -17,7 +17,6 @@ from ..table_layout import Layout, find_layout, separator_of, split_lines, table
 from ..text_files import encoding_of, head_of, open_bytes
 
 _HEAD = 1 << 16  # characters that show the layout
-_CELLS = 1 << 19  # cells of a piece
 
 
 class TextTable(NamedTuple):
@@ -48,7 +47,7 @@ class TextTable(NamedTuple):
             "skip_blank_lines": False,  # they count in the lines that messages name
             "index_col": False,
             "low_memory": False,
-            "chunksize": max(1000, _CELLS // len(self.layout.names)),
+            "chunksize": rows_of_piece(len(self.layout.names)),
         }
         where = repr(self.path.name)
         try:

@@ -28,7 +28,7 @@ from ...inspection.zone_panels import measured_and_setpoint
 from ...inspection.zone_panels import weeks_figure as weeks_figure
 
 WIDE, NARROW = 9.0, 4.4  # of a figure [in]
-_SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
+SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
 _MOST_LINES = 3  # most models in a figure; more would hide one another
 _MOST_LEADS = 5
 _PNG: dict[str, Any] = {"format": "png", "dpi": 130, "facecolor": "white", "metadata": {"Software": None}}
@@ -92,7 +92,7 @@ def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
     DayAheadDisplay.from_predictions(forecast, **measured_and_setpoint(forecast), ax=ax)
 
 
-def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = _SHOWN, width: float = WIDE) -> Any:
+def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = SHOWN, width: float = WIDE) -> Any:
     """Measured and forecast temperature over the last days of back-tests, the most important first."""
     figure, axes = blank_axes(1, (width, 3.6))
     _draw_backtest(axes[0], frames, shown)
@@ -132,7 +132,7 @@ def study_picture(
     """Write one PNG file of a study: a week of its back-tests, the most important first, and the next day."""
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(1 + n_axes, (WIDE, 3.2 + 2.3 * n_axes), share=False)
-    _draw_backtest(axes[0], frames, _SHOWN)
+    _draw_backtest(axes[0], frames, SHOWN)
     for ax, text in ((axes[0], "back-test"), (axes[1], "the next day")):
         ax.set_title(text, loc="right", fontsize="small", color="#555555")
     _draw_day(axes[1:] if n_axes == 2 else axes[1], forecast)
