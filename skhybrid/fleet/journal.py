@@ -39,10 +39,11 @@ class Journal:
 
     def move_to_clock_of(self, index: pd.Index) -> None:
         """Give its stamps the time zone of an index, whose rows can then be joined to its own."""
+        zone = index.tz if isinstance(index, pd.DatetimeIndex) else None
         for name in _FRAMES:
             frame = getattr(self, name)
-            if getattr(frame.index, "tz", None) is not None and getattr(index, "tz", None) is not None:
-                setattr(self, name, frame.tz_convert(index.tz))
+            if zone is not None and getattr(frame.index, "tz", None) is not None:
+                setattr(self, name, frame.tz_convert(zone))
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Journal:

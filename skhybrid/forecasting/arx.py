@@ -174,7 +174,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.knobs
             return
         for name in ("_fit", "calendar_alpha_", "one_step_weight_"):  # of an earlier fit with the other objective
-            vars(self).pop(name, None)
+            self.__dict__.pop(name, None)
         pairs = self._design.pairs(view)
         self._moments, squares = Moments.of(pairs), float(pairs.d @ pairs.d)
         given = self.alpha if like is None else like.alpha_

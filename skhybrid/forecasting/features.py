@@ -108,7 +108,7 @@ def rows_back(rows: np.ndarray, n_steps: Any, changes: np.ndarray | None) -> np.
 def same_slot(
     rows: np.ndarray, origins: np.ndarray, period: int, changes: np.ndarray | None = None, back: int = 0
 ) -> np.ndarray:
-    """Rows that lie whole periods before ``rows`` (n_origins, ...): the last ones up to the origin, or ``back`` earlier.
+    """Rows whole periods before ``rows`` (n_origins, ...): the last ones up to the origin, or ``back`` earlier.
 
     A period is a number of steps by the local clock, of which ``changes`` are those of :func:`clock_changes`.
     """

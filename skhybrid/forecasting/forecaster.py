@@ -251,7 +251,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         self._check_spans(table.step)
         self._n_leads = self._leads_of_horizon(table.step)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
-        vars(self).pop("regressor_", None)  # of an earlier fit
+        self.__dict__.pop("regressor_", None)  # of an earlier fit
         self.history_: list[dict[str, float]] = []
         self.n_epochs_, self.network_weight_ = 0, 0.0
         self._network: Any = None  # FittedNetwork
