@@ -38,13 +38,15 @@ def iterate_lags(begin, coefs, driven, lowest, highest):
     """
     n, n_leads = driven.shape
     n_lags = begin.shape[1]
-    out, values = np.empty((n, n_leads)), np.empty(n_lags + n_leads)
-    for i in range(n):
-        values[:n_lags] = begin[i]
-        for lead in range(n_leads):
-            change = driven[i, lead]
-            for lag in range(n_lags):
-                change += coefs[i, lag] * values[lead + lag]
-            values[n_lags + lead] = min(max(values[n_lags + lead - 1] + change, lowest), highest)
-        out[i] = values[n_lags:]
-    return out
+    # a column for each, so that the innermost loop runs on several at once
+    values, effects = np.empty((n_lags + n_leads, n)), coefs.T.copy()
+    values[:n_lags], values[n_lags:] = begin.T, driven.T
+    for lead in range(n_leads):
+        value, last = values[n_lags + lead], values[n_lags + lead - 1]
+        for lag in range(n_lags):
+            effect, before = effects[lag], values[lead + lag]
+            for i in range(n):
+                value[i] += effect[i] * before[i]
+        for i in range(n):
+            value[i] = min(max(last[i] + value[i], lowest), highest)
+    return values[n_lags:].T

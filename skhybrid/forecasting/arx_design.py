@@ -261,7 +261,7 @@ class ARXDesign:
     ) -> np.ndarray:
         """See :meth:`ARXRegressor.iterate`; not ``clipped``: without the limits to what is forecast."""
         rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
-        lag_coefs, drive = coefs[:, : self.n_lags], coefs[:, self.n_lags :]
+        lag_coefs, drive = coefs[:, : self.n_lags] / self.T_scale, coefs[:, self.n_lags :] / self.T_scale
         if len(coefs) == 1:
             first, end = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
             driven = (view.exogenous[first:end] @ drive[0])[rows - first]
@@ -270,8 +270,8 @@ class ARXDesign:
         bounds = self.T_range if clipped else (-np.inf, np.inf)
         low, high = ((bound - self.T_mean) / self.T_scale for bound in bounds)
         begin = np.ascontiguousarray(self.windows(view, origins)[:, ::-1])
-        each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1] / self.T_scale, begin.shape))
-        return iterate_lags(begin, each, driven / self.T_scale, low, high) * self.T_scale + self.T_mean
+        each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1], begin.shape))
+        return iterate_lags(begin, each, driven, low, high) * self.T_scale + self.T_mean
 
     def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
         """(n_leads,) temperature [K] after 1, 2 ... steps of a unit of an input over one step, by coefficients (p,)."""

@@ -206,10 +206,10 @@ def _fit_at_scale(
     step = table.step_hours
     model = FilterModel.of(scored.segment.plan.network, step, heat_scale)
     problem = _initial_problem(model, scored, scales, pull)
-    best = minimise(problem, problem.centre, max_steps=10)
+    best = minimise(problem, problem.evaluate(problem.centre), max_steps=10)
     blocks = _blocks_of_days(scored.sample, step)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
-    best = minimise(problem, best.psi, max_steps=4)
+    best = minimise(problem, problem.solved(best.psi, best.gram, best.designs), max_steps=4)
     return _with_contrasts(problem, best, blocks, table, reference)
 
 
@@ -249,12 +249,13 @@ def _fit_under(
 
     best = min((problem_at(psi, few).evaluate(psi) for psi in prior.starts()), key=lambda at: at.loss)
     problem, usual = problem_at(best.psi, scored), usual_variance(scored.sample.leads)
-    best = minimise(problem, best.psi, max_steps=6)
+    best = minimise(problem, problem.evaluate(best.psi), max_steps=6)
     hours = table.step_hours * float(np.mean(np.diff(scored.sample.origins))) if len(scored.sample.origins) > 1 else 1.0
     for _ in range(2):
         problem = replace(problem, prior=prior.at(best.psi, plan.mean_outdoor))
-        problem = _weighted_as_usual(problem, problem.evaluate(best.psi), usual, hours)
-        best = minimise(problem, best.psi, max_steps=4)
+        at = problem.solved(best.psi, best.gram, best.designs)
+        problem = _weighted_as_usual(problem, at, usual, hours)
+        best = minimise(problem, problem.evaluate(best.psi), max_steps=4)
     blocks = _blocks_of_days(scored.sample, table.step_hours)
     return _with_contrasts(problem, best, blocks, table, reference)[0]
 

@@ -170,7 +170,10 @@ class LeadProblem:
     def evaluate(self, psi: np.ndarray) -> Evaluation:
         """Solve the coefficients at ``psi``."""
         designs = tuple(self.design(psi, scored) for scored in self.forecasts)
-        products = np.sum([gram(E) for E in designs], axis=0) + self.pull_gram(psi)
+        return self.solved(psi, np.sum([gram(E) for E in designs], axis=0) + self.pull_gram(psi), designs)
+
+    def solved(self, psi: np.ndarray, products: np.ndarray, designs: tuple[np.ndarray, ...]) -> Evaluation:
+        """The same with designs at ``psi`` and their sums of products (J + 1, J + 1)."""
         solution, away = self.solve(products), psi - self.centre
         prior = 0.5 * np.sum((away / self.spread) ** 2)
         if self.prior is not None:
@@ -191,7 +194,7 @@ class LeadProblem:
             J = (root[..., None] * de).reshape(-1, len(g))
             H = H + gram(J)
             g = g + J.T @ (root * e).ravel()
-            cross += (E.T @ J)[free]
+            cross += (J.T @ E).T[free]  # faster than E.T @ J
         if self.pull is not None:
             segment, coef = self.forecasts[0].segment, at.solution.coef
             E = self.pull.design(self.model, at.psi, segment)
@@ -213,9 +216,9 @@ def penalty_of(segment: Segment, shrinkage: Shrinkage, heat_scale: float) -> np.
     return strength / unit**2
 
 
-def minimise(problem: LeadProblem, psi: np.ndarray, max_steps: int) -> Evaluation:
-    """Levenberg-Marquardt from ``psi``, at most ``max_steps`` steps."""
-    best, damping = problem.evaluate(psi), 1e-2
+def minimise(problem: LeadProblem, best: Evaluation, max_steps: int) -> Evaluation:
+    """Levenberg-Marquardt from an evaluation of the problem, at most ``max_steps`` steps."""
+    damping = 1e-2
     for _ in range(max_steps):
         g, H = problem.slopes(best)
         better = None

@@ -93,7 +93,8 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
         forecasts = [with_expected_heat(scored, fit.model.step) for scored in forecasts]
     if pull is not None and (seen := GainPull.of(window, fit.model.step)).observed:
         pull = seen
-    return minimise(replace(fit.problem, forecasts=tuple(forecasts), pull=pull), psi, max_steps=_STEPS).psi
+    problem = replace(fit.problem, forecasts=tuple(forecasts), pull=pull)
+    return minimise(problem, problem.evaluate(psi), max_steps=_STEPS).psi
 
 
 def _every_second(fit: LeadFit) -> ScoredForecasts:
