@@ -267,6 +267,18 @@ def test_copies_and_another_adapt_go_on_from_the_running_state(fitted, tables, m
             now.set_params(adapt=adapt).forecast(None, future.iloc[1:])
 
 
+def test_what_follows_the_training_does_not_go_through_it_again(fitted, tables, monkeypatch):
+    """Quantiles, back-tests, plans and loads after the first forecast."""
+    X, future, _ = _rows(tables, "schedule")
+    model = fitted("schedule").update(X[N_TRAIN:NOW])
+    model.forecast(None, future)
+    monkeypatch.setattr(ScheduleScheme, "_joined", lambda *given: pytest.fail("went through all rows again"))
+    model.forecast(None, future, quantiles=[0.1, 0.9])
+    model.predict_from(X[N_TRAIN:], [3, 5, DAY])
+    model.predict_load(X[NOW:].drop(columns="Q_hvac"), 21.0)
+    model.affine_forecast(X[N_TRAIN:NOW], future)
+
+
 def test_copies_do_not_change_each_other(fitted, tables):
     X, future, T = _rows(tables, "schedule")
     model = fitted("schedule").update(X[N_TRAIN:NOW])

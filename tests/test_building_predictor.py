@@ -485,6 +485,9 @@ def test_what_is_known_and_learned_of_each_zone(building, rooms, later):
     model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=[])
     model.fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
     assert model.thermostat_learned_ == {"kitchen": False, "hall": True, "study": False}
+    found = model.forecast(None, later[:DAY], setpoint=(20.0, 26.0), quantiles=[0.1, 0.9])
+    bands = [f"{name}_hall" for name in ("q_0.1", "q_0.9", "Q_hvac_0.1", "Q_hvac_0.9")]
+    assert [name for name in found if "0." in name] == bands  # the others have none, and take none from it
 
 
 def test_new_rows_are_learned_by_each_zone(rooms, later, tomorrow):

@@ -327,6 +327,19 @@ def test_the_black_boxes_know_their_errors_as_of_the_morning(name, fitted, X):
         np.testing.assert_allclose(rolling.errors[place, :, 0], expected, atol=1e-10)
 
 
+@pytest.mark.parametrize("adapt", ["linear", None])
+def test_a_forecast_goes_on_from_the_training_as_through_all_rows(adapt, fitted, X):
+    """Also where nothing was measured at the rows that are looked back on, and without rows ahead."""
+    scheme = fitted._scheme.adapting(adapt)
+    table = fitted._with_history(X[N_TRAIN:])[0]
+    rows, moved = scheme._numbered(table)
+    for origins in (rows.begin - 1 - moved + np.array([0, 30]), rows.begin - moved + 2 * DAY + np.array([25, 6, 185])):
+        whole = RollingBlend(scheme._members, scheme._record, rows, adapt)
+        expected, found = scheme._paths(whole, rows, origins + moved, DAY), scheme.forecast(table, origins, DAY)
+        for part, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(part, other, rtol=0, atol=1e-9)
+
+
 # ------------------------------------------------------------------------------------------------- tables of all sorts
 def test_it_forecasts_better_than_the_mean_and_than_what_was(fitted, X, office):
     later = slice(N_TRAIN, None)

@@ -19,7 +19,7 @@ from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ..base import BaseHybrid
 from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone
-from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on
+from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on, held
 
 #: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
 _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
@@ -250,7 +250,8 @@ class BuildingForecastMixin:
             so always.  Without it the columns ``T_heat_set_<zone>`` and ``T_cool_set_<zone>`` of ``future`` count where
             it has no heat.
         quantiles : sequence of float, optional
-            Of each zone's temperature, and of its load under a thermostat; see also :meth:`sample`.
+            Of each zone's temperature, and of its load under a thermostat; a zone under ``setpoint`` whose thermostat
+            was not learned (``thermostat_learned_``) has none.  See also :meth:`sample`.
         limits : tuple of (lowest, highest), optional
             What the plant of each zone can do, as in :meth:`HybridPredictor.forecast`; :meth:`predict_load` has limits
             that zones share.
@@ -312,11 +313,14 @@ class BuildingForecastMixin:
     ) -> _Columns:
         """Forecasts for which each predictor reads history and rows ahead by itself."""
         among = known if known is None or not self.coupled_ else self._with_measured(known, self._known(known))
+        # a zone whose thermostat was not learned has no intervals of its load; they are refused where none was
+        learned = any(model.thermostat_learned_ for model in self.own_.values())
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             history, rows, levels = (among, with_next(ahead, T), None) if T else (known, ahead, quantiles)
-            held, within = (wanted.get(zone), limits) if model._plant else (None, None)
-            return columns_of(model.forecast(history, rows, now.get(zone), held, levels, limits=within))
+            band, within = (wanted.get(zone), limits) if model._plant else (None, None)
+            levels = None if band is not None and learned and not model.thermostat_learned_ else levels
+            return columns_of(model.forecast(history, rows, now.get(zone), band, levels, limits=within))
 
         return of
 
@@ -372,11 +376,6 @@ class BuildingForecastMixin:
 def with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """X with temperatures (n,) of zones as boundaries of their neighbours."""
     return X.assign(**{NEXT + zone: values for zone, values in T.items()})
-
-
-def held(paths: np.ndarray) -> np.ndarray:
-    """Paths (n_origins, n_leads) in which the value before a missing one is held, after it at the start of a path."""
-    return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()
 
 
 def columns_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:

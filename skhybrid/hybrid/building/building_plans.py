@@ -17,8 +17,9 @@ from ...control import AffineForecast, Limits, heat_column
 from ...control.setpoints import read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, columns_of, held, of_zone, with_next
+from .building_forecast import BuildingForecastMixin, columns_of, of_zone, with_next
 from .coupled_zone import CoupledZone, at_common_origins
+from .zone_columns import held
 
 _NEAR = 1.5  # hours within which the errors of the training are drawn
 _SPANS = 12  # parts of the rows in which zones that share a plant are settled, one after the other

@@ -184,3 +184,8 @@ def carried_on(T: np.ndarray, last: float) -> np.ndarray:
     known = carried_forward(T)
     seen = np.isfinite(known)
     return np.where(seen, known, last if np.isfinite(last) or not seen.any() else known[np.argmax(seen)])
+
+
+def held(paths: np.ndarray) -> np.ndarray:
+    """Paths (n_origins, n_leads) in which the value before a missing one is held, after it at the start of a path."""
+    return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()
