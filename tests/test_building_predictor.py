@@ -13,7 +13,14 @@ import pytest
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
-from skhybrid import BuildingPredictor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, TwoStagePredictor
+from skhybrid import (
+    BuildingPredictor,
+    DisturbanceForecaster,
+    HybridPredictor,
+    InputDisturbanceID,
+    SchedulePredictor,
+    TwoStagePredictor,
+)
 from skhybrid.exceptions import MeasurementWarning, UnitWarning
 from skhybrid.hybrid import base
 from skhybrid.hybrid.building import building_forecast, building_predictor
@@ -209,6 +216,19 @@ def test_heat_of_a_room_reaches_the_next_one(building, tomorrow):
     found = building.affine_forecast(None, tomorrow, ["Q_hvac_hall"])
     step = found.gain[6, :6, 0, :].sum(axis=0)
     assert step[1] > 2.0 * max(step[0], step[2]) > 0.0
+
+
+def test_heat_never_cools_another_room_where_it_is_planned(rooms, tomorrow):
+    """ARX among neighbours has made a kW in the kitchen cool the hall by 0.9 K."""
+    X, y = rooms
+    plan = BuildingPredictor(SchedulePredictor(purpose="plan", intervals=False), adjacency=DOORS)
+    found = plan.fit(X[:N_TRAIN], y[:N_TRAIN]).affine_forecast(None, tomorrow)
+    assert found.gain.min() >= 0.0
+    step = found.gain[-1].sum(axis=0)  # by input and zone
+    assert (step.diagonal() > 2.0 * step.sum(axis=1) / 3.0).all()
+    assert step[[0, 1, 1, 2], [1, 0, 2, 1]].min() > 0.1
+    T = found.temperature(tomorrow[list(found.inputs)].to_numpy())
+    np.testing.assert_allclose(T, temperatures(plan.forecast(None, tomorrow)), atol=1e-9)
 
 
 def test_loads_hold_the_set_points_and_share_a_plant(building, later):

@@ -22,7 +22,7 @@ _RULE_SHARES, _TAUGHT_SHARES = (0.6, 0.1), (0.45, 0.1)
 def members_beside_network(
     fit: LeadFit, training: ZoneTable, purpose: str, like: Sequence[Member] = (), prior: Any = None
 ) -> list[Member]:
-    """The members beside the network; the heat whose gain they are not to learn is taken out of them.
+    """The members beside the network; heat and neighbours whose gain they are not to learn are taken out of them.
 
     ARX takes the penalties of the fitted one among the members ``like``, where there is one, or a prior, which also
     knows of heat that hardly ran.
@@ -40,7 +40,8 @@ def members_beside_network(
     multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True, like=fitted.get(True))]
     others: list[Member] = [ARXMember(_LAGS, like=fitted.get(False)), *multi_step, DailyProfileMember()]
     if plan:
-        roles: Sequence[str] = [role for role in training.inputs if is_plant(role)]
+        neighbours = set(fit.plan.network.boundaries) - {"T_oa"}
+        roles: Sequence[str] = [role for role in training.inputs if is_plant(role) or role in neighbours]
     else:  # after a day or two nothing is determined, and no error has been seen that would weigh the network
         roles = fit.undetermined if fit.blocks.any() else ()
     if not roles:

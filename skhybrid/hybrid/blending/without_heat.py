@@ -1,4 +1,4 @@
-"""A member that learns from temperatures without the network's response to the plants, which is added back."""
+"""A member that learns from temperatures without the network's response to some inputs, which is added back."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from .numbered_table import NumberedTable
 
 
 class RowsAndHeat(NamedTuple):
-    """Rows without the columns of the plants, and their heat less its mean in the training (n_rows, 2) [kW]."""
+    """Rows without the columns of the response, and what drives it, ``HeatResponse.heat`` (n_rows, 2 + nb)."""
 
     rows: NumberedTable
     heat: np.ndarray
 
 
 class WithoutHeat:
-    """A member whose response to the heat of the plants is that of the fitted network."""
+    """A member whose response to plants and neighbours is that of the fitted network."""
 
     def __init__(self, member: Member, response: HeatResponse) -> None:
         self._member, self._response = member, response
@@ -40,7 +40,7 @@ class WithoutHeat:
         response = self._response
         s = response.output(response.simulate(response.heat(training)))[:-1]
         T = training.history["T_za"] - s
-        return response.without_plants(training).replace(history={"T_za": T})
+        return response.without_roles(training).replace(history={"T_za": T})
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         return self._member.left_out(self._reduced(training), sample, blocks)
@@ -48,12 +48,12 @@ class WithoutHeat:
     def step_gain(self, training: ZoneTable, plant: tuple[str, float], n_leads: int) -> np.ndarray:
         if plant[0] not in self._response.roles:
             return self._member.step_gain(self._reduced(training), plant, n_leads)
-        return self._response.output(self._response.simulate(np.tile([1.0, 0.0], (n_leads, 1))))[1:]
+        return self._response.step(n_leads)
 
     def view(self, rows: NumberedTable) -> RowsAndHeat:
         response = self._response
-        before = None if rows.before is None else response.without_plant_inputs(rows.before)
-        without = rows._replace(table=response.without_plants(rows.table), before=before, whole=None)
+        before = None if rows.before is None else response.without_inputs(rows.before)
+        without = rows._replace(table=response.without_roles(rows.table), before=before, whole=None)
         return RowsAndHeat(without, response.heat(rows.table))
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingWithoutHeat:
@@ -69,7 +69,8 @@ class RollingWithoutHeat:
     ) -> None:
         self._response, self._view_of, self._rolling, self._per_week = response, view, rolling, per_week
         self._row = 0  # the last row that it went through
-        self._heat, self._past = np.empty((0, 2)), np.empty(0)  # heat [kW] of the rows before it, and the response [K]
+        # what drove the rows before it, and the response [K]
+        self._heat, self._past = np.empty((0, len(response.mean))), np.empty(0)
         self._states = response.simulate(self._heat)  # of the network from that row on
         self._shift = 0.0  # taken off a later network's response, so that its level stays [K]
         self._rows: RowsAndHeat | None = None  # as last seen
