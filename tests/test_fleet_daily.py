@@ -80,6 +80,19 @@ def test_the_command_says_which_zones_have_nothing_new(tmp_path, capsys):
     assert set(json.loads(capsys.readouterr().out)["warnings"]) == {"a", "b"}
 
 
+def test_a_folder_without_models_says_what_to_do(tmp_path, capsys):
+    (tmp_path / "fleet.toml").write_text("")
+    assert main(["fleet", "status", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.endswith(f"holds no model yet; make them with skhybrid fleet fit {tmp_path}.\n")
+
+
+def test_the_status_tells_of_a_model_of_a_few_rows(fleet):
+    fleet.fit({"new": ZONE[:3]})
+    reasons = fleet.status().set_index("zone")["reasons"]
+    assert "it learned from 3 rows of 1 h only" in reasons["new"]
+    assert "it learned" not in reasons["a"]
+
+
 def test_a_new_fit_keeps_the_errors_of_past_forecasts(fleet):
     fleet.tick({"a": upto(8 * DAY, DAY)})
     fleet.tick({"a": upto(9 * DAY, DAY)})

@@ -92,8 +92,17 @@ class FleetFolder:
         return FleetTick(found, fleet.errors_, fleet.warnings_)
 
     def status(self) -> pd.DataFrame:
-        """The status of every zone, the worst first, and the page ``status.html``."""
-        return self.read()[0].status(page=self.page)
+        """The status of every zone, the worst first, and the page ``status.html``.
+
+        Raises
+        ------
+        ValueError, OSError
+            If no zone has a model, or as :meth:`read`.
+        """
+        fleet, _ = self.read()
+        if not fleet.zones_:
+            raise FileNotFoundError(f"{self.path} holds no model yet; make them with skhybrid fleet fit {self.path}.")
+        return fleet.status(page=self.page)
 
     def read(self) -> tuple[ZoneFleet, pd.Timedelta]:
         """The fleet of the configuration, and how many days its models learn from.

@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._time import spell
 from .._warnings import several
 from ..study.doubts import at_ends, drift_days, drifted
 from ..study.verdict import CARE, NOT, USABLE, compare_errors, judge
 from .model_store import ModelStore
 
 _ORDER = (NOT, CARE, USABLE)
+_SHORT = pd.Timedelta("3D")  # a training that says little
 _OLD = pd.Timedelta("12h")  # by how much the last row of a zone may be older than the newest of the fleet
 COLUMNS = ("verdict", "last_row", "rmse_yesterday", "rmse_training", "coverage", "drift", "reasons")
 
@@ -31,7 +33,12 @@ def zone_status(zone: str, store: str) -> ZoneStatus:
     facts, days = journal.facts, pd.DataFrame(journal.facts["days"])
     fallback = [] if facts["fallback"] is None else [f"the fallback forecasts it, because {facts['fallback']}"]
     watched = drift_days(model) if hasattr(model, "drift") else pd.DataFrame()
-    doubts = [*fallback, *drifted(watched), *(at_ends(model.gray_box_) if hasattr(model, "gray_box_") else ())]
+    doubts = [
+        *fallback,
+        *_few_rows(model),
+        *drifted(watched),
+        *(at_ends(model.gray_box_) if hasattr(model, "gray_box_") else ()),
+    ]
     rules, coverage = [], None
     if len(days):
         errors = days[["rmse", "rule"]].astype(float)
@@ -54,6 +61,14 @@ def zone_status(zone: str, store: str) -> ZoneStatus:
     if len(ahead) and len(journal.scored):
         ahead = ahead[ahead.index > journal.scored.index[-1]]
     return ZoneStatus(row, pd.concat([journal.scored, ahead]))
+
+
+def _few_rows(model: Any) -> list[str]:
+    """A reason where a model learned from less than three days."""
+    record = getattr(model, "training_", None)
+    if record is None or record.n_rows * record.step >= _SHORT:
+        return []
+    return [f"it learned from {several(record.n_rows, 'row')} of {spell(record.step)} only"]
 
 
 def status_table(

@@ -58,7 +58,7 @@ def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]
         more = f" and {len(shown) - 5} more" if len(shown) > 5 else ""
         raise ValueError(
             f"store {path} was made with other data or settings: {'; '.join(list(shown.values())[:5])}{more}; give "
-            "another store, or the same data and settings."
+            "another store, or the same data and settings, or remove this store to begin anew."
         )
     if versions:
         warn_user(f"part of store {path} comes from other versions: {'; '.join(versions)}.", SkhybridWarning)
