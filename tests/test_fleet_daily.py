@@ -157,6 +157,20 @@ def test_files_with_other_time_zones_are_joined_in_utc(tmp_path):
         read_rows(tmp_path)
 
 
+def test_rows_in_another_time_zone_are_taken_in(tmp_path):
+    """Such as those of summer, where each stamp has its offset from UTC; the results are those in one time zone."""
+    fleets = [ZoneFleet(ARX).fit({"a": ZONE[: 7 * DAY].tz_localize("+01:00")}) for _ in range(2)]
+    for day in (7, 8, 9):
+        rows = upto((day + 1) * DAY, DAY).tz_localize("+01:00")
+        found, expected = fleets[0].tick({"a": rows.tz_convert("UTC")}), fleets[1].tick({"a": rows})
+        pd.testing.assert_frame_equal(found, expected, check_exact=True)
+    later = {"a": ZONE[10 * DAY :].tz_localize("+01:00").tz_convert("+02:00")}
+    made = [fleet.predict(later) for fleet in fleets]
+    pd.testing.assert_frame_equal(*made, check_exact=True)
+    assert made[0].index.equals(later["a"].index)
+    assert len(fleets[0].forecast(None, {"a": later["a"].drop(columns="T_za")})) == DAY
+
+
 @pytest.mark.parametrize("name", ["", "__HIVE_DEFAULT_PARTITION__"])
 def test_rows_without_a_zone_are_refused_in_a_dataset_too(tmp_path, name):
     for zone in ("a", name):

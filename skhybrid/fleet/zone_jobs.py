@@ -91,7 +91,7 @@ def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
     if models.journal(zone).facts["updated"] == mark:
         return
     model, journal = models.load(zone)
-    X, y = _with_target(rows, model)
+    X, y = _with_target(_in_clock(rows, journal.scored.index), model)
     if not hasattr(model, "update"):  # which would refuse them itself
         _refuse_known(journal, X)
     _take_in(model, journal, X, y, mark)
@@ -102,7 +102,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame | Non
     """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
     models = ModelStore(store)
     model, journal = models.load(zone)
-    X, y = _with_target(read_rows(paths[0]), model)
+    X, y = _with_target(_in_clock(read_rows(paths[0]), journal.scored.index), model)
     if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
         raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
     known = _in_clock_of(journal.facts["until"], X.index)
@@ -172,7 +172,7 @@ def _forecast(
     quantiles = given.pop("quantiles", None)
     if given:
         raise ValueError(f"{type(model).__name__} forecasts under given heat only; leave out {', '.join(given)}.")
-    past = journal.rows if history is None else history
+    past = _in_clock(journal.rows, future.index) if history is None else history
     table = pd.concat([past, future]) if len(past) else future
     asked = {"horizon": len(future) * pd.Timedelta(model.sampling_time_)}
     found = pd.DataFrame({"T_za": model.predict_from(table, [len(past) - 1], **asked)[0]}, index=future.index)
@@ -191,7 +191,7 @@ def _first_forecasts(known: pd.DataFrame, found: pd.DataFrame, now: pd.Timestamp
 
 def _after_known(model: Any, journal: Journal, X: pd.DataFrame) -> pd.DataFrame:
     """The rows of the journal and X as one table, for a model without ``update``; X alone where it is not later."""
-    rows = journal.rows
+    rows = _in_clock(journal.rows, X.index)
     if hasattr(model, "update") or not len(rows) or not len(X) or not X.index[0] > rows.index[-1]:
         return X
     return pd.concat([rows, X])
@@ -229,6 +229,12 @@ def _training_error(model: Any, X: pd.DataFrame, y: pd.Series) -> float | None:
     except (AttributeError, TooFewDaysError):
         errors = np.asarray(model.predict(X)) - np.asarray(y, dtype=np.float64).reshape(len(X), -1).squeeze()
     return float(np.sqrt(np.nanmean(errors**2))) if np.isfinite(errors).any() else None
+
+
+def _in_clock(rows: pd.DataFrame, index: pd.Index) -> pd.DataFrame:
+    """Rows with their stamps in the time zone of an index, where both have one."""
+    clocks = [getattr(one, "tz", None) for one in (rows.index, index)]
+    return rows if None in clocks else rows.tz_convert(clocks[1])
 
 
 def _in_clock_of(text: str, index: pd.DatetimeIndex) -> pd.Timestamp:
