@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
+from sklearn.linear_model import Ridge
 
 from skhybrid import (
     ARXRegressor,
@@ -410,15 +411,32 @@ def test_hours_are_averaged_as_by_a_plain_loop():
     assert len(hourly.labels) > 3
 
 
+@pytest.mark.parametrize("adapt", [None, "linear", "full"])
+def test_after_weeks_of_updates_a_two_stage_model_still_knows_its_errors_and_rows(adapt):
+    log, trained = make_office(n_days=34, sampling_time="1h", random_state=0), 14 * 24
+    gray_box = InputDisturbanceID(known={"Q_h": 6.0}, n_starts=1)
+    model = TwoStagePredictor(gray_box, DisturbanceForecaster(Ridge()), adapt=adapt, random_state=0)
+    model.fit(log.X[:trained], log.y[:trained])
+    ahead, levels = log.X[33 * 24 :].drop(columns="T_za"), [0.1, 0.9]
+    expected = model.forecast(log.X[trained : 33 * 24], ahead, quantiles=levels)
+    for first in range(14, 33):
+        model.update(log.X[first * 24 : (first + 1) * 24])
+    pd.testing.assert_frame_equal(model.forecast(None, ahead, quantiles=levels), expected, atol=1e-6)
+    if adapt is None:  # and may be identified again
+        model.set_params(adapt="full").partial_fit(log.X[32 * 24 : 33 * 24], log.y[32 * 24 : 33 * 24])
+        assert model.zeta_.index[0] == log.X.index[0]
+        assert model.zeta_.index[-1] == log.X.index[33 * 24 - 1]
+
+
 def test_known_rows_end_with_the_last_stamp(office):
     table = read_table(ARXRegressor(), office.X[: 2 * DAY], reset=True)
     table = table.replace(history={"T_za": office.y[: 2 * DAY].to_numpy()})
-    rows = KnownRows.of(table.rows(slice(0, DAY)), keep_all=False)
+    rows = KnownRows.of(table.rows(slice(0, DAY)))
     assert rows.last_stamp == office.X.index[DAY - 1].tz_localize("UTC")
     assert rows.without_known(table.rows(slice(DAY - 5, DAY + 5))).index.equals(office.X.index[DAY : DAY + 5])
     bare = read_table(ARXRegressor(), office.X[:DAY].reset_index(drop=True), sampling_time="15min", reset=True)
     bare = bare.replace(history={"T_za": office.y[:DAY].to_numpy()})
-    rows = KnownRows.of(bare, keep_all=False)
+    rows = KnownRows.of(bare)
     assert rows.last_stamp is None
     assert rows.without_known(bare) is bare
     assert rows.without_known(table) is table  # which is refused later

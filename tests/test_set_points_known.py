@@ -322,11 +322,11 @@ def test_refits_stand_on_a_weekly_grid_and_none_is_made_twice(log, model, monkey
 
 
 def test_weeks_begin_at_the_same_dates_however_much_is_kept():
-    weeks = law_refits.Weeks(zero=-100, begin=0, per_day=24, most=8)
+    weeks = law_refits.Weeks(zero=-100, begin=0, per_day=24)
     assert weeks.learned_from(1) is None  # four days of the first week are missing
     assert weeks.learned_from(2) == (1, 236)
-    assert law_refits.Weeks(100, 100, 24, 8).learned_from(0) is None
-    assert law_refits.Weeks(100, 100, 24, 2).learned_from(5) == (3, 940)
+    assert law_refits.Weeks(100, 100, 24).learned_from(0) is None
+    assert law_refits.Weeks(100, 100, 24).learned_from(12) == (4, 2116)
     assert (weeks.origins(0, 50, 3) - weeks.zero).tolist() == list(range(102, 150, 3))
 
 
@@ -397,6 +397,6 @@ def test_a_refit_learns_from_what_was_known_at_the_begin_of_its_week(monkeypatch
     monkeypatch.setattr(law_refits, "make_pairs", made)
     monkeypatch.setattr(law_refits, "learn", learned)
     rows = LawRows(np.zeros(900), np.zeros(900), Band(np.zeros(900), np.zeros(900)), np.zeros((900, 1)), None, 24)
-    weeks, refits = law_refits.Weeks(96, 100, 24, 8), law_refits.LawRefits("of the training", pairs(2))
+    weeks, refits = law_refits.Weeks(96, 100, 24), law_refits.LawRefits("of the training", pairs(2))
     assert refits.learn(rows, weeks, [3], 3, SimpleNamespace(of=lambda origins: None)) == {3: "a law"}
     assert refits.known(rows, weeks, np.array([0, 3])) == {0: "of the training", 3: "a law"}

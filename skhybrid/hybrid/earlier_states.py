@@ -45,7 +45,7 @@ class EarlierStates(Scheme):
 
     def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
         n_since = self.rows.n_rows - table.n_history + int(origins.min(initial=table.n_history)) - self._start.n_rows
-        if not self.rows.keeps_all or n_since < 0:
+        if n_since < 0:
             return super()._before(table, origins)
         per_day = rows_per_day(table.step)  # by days, so that one serves many forecasts
         scheme = self._as_of(self._start.n_rows + n_since // per_day * per_day)
@@ -69,5 +69,5 @@ class EarlierStates(Scheme):
     def _as_it_began(self) -> Self:
         start, gray_box = self._start, copy(self.gray_box_)
         gray_box.filtered_network_ = replace(gray_box.filtered_network_, rolling=start.rolling)
-        rows = KnownRows.of(self.rows.whole().rows(slice(0, start.n_rows)), keep_all=True)
+        rows = KnownRows.of(self.rows.whole().rows(slice(0, start.n_rows)))
         return self._with(gray_box_=gray_box, rows=rows, _aggregation=start.aggregation, _seen_since=False, _earlier={})

@@ -26,13 +26,12 @@ class KnownRows:
     settled: tuple[ZoneTable, ...]  # the training table, then rows that were joined
     recent: tuple[ZoneTable, ...]  # tables that came since, each as it came
     n_end: int  # how many of the settled rows belong to the end that serves as history
-    keeps_all: bool  # whether rows between the training table and the end are kept
     plausible: PlausibleRange  # of all temperatures measured so far
 
     @classmethod
-    def of(cls, training: ZoneTable, *, keep_all: bool) -> Self:
+    def of(cls, training: ZoneTable) -> Self:
         n_end = min(training.n_rows, _most(training))
-        return cls((_owned(training),), (), n_end, keep_all, PlausibleRange.of(training.history["T_za"]))
+        return cls((_owned(training),), (), n_end, PlausibleRange.of(training.history["T_za"]))
 
     @property
     def training(self) -> ZoneTable:
@@ -61,8 +60,8 @@ class KnownRows:
         return last_rows(self.tables, self.n_end + self._n_recent)
 
     def with_earlier(self, table: ZoneTable, n_rows: int) -> ZoneTable:
-        """A table that begins with the end of these rows, with up to ``n_rows`` of them where all are kept."""
-        if not table.n_history or not self.keeps_all or n_rows <= table.n_history:
+        """A table that begins with the end of these rows, with up to ``n_rows`` of them."""
+        if not table.n_history or n_rows <= table.n_history:
             return table
         return append_tables(last_rows(self.tables, n_rows), table.rows(slice(table.n_history, None)))
 
@@ -86,13 +85,8 @@ class KnownRows:
         longer = replace(self, recent=_fewer((*self.recent, _owned(table))), plausible=plausible)
         if longer._n_recent < _JOINED:
             return longer
-        most = _most(table)
-        n_end = min(longer.n_end + longer._n_recent, most)
-        if self.keeps_all:
-            settled = (*self.settled, concatenate_tables(longer.recent))
-        else:
-            settled = (self.training, _owned(last_rows([*self.settled[1:], *longer.recent], most)))
-        return replace(longer, settled=settled, recent=(), n_end=n_end)
+        n_end = min(longer.n_end + longer._n_recent, _most(table))
+        return replace(longer, settled=(*self.settled, concatenate_tables(longer.recent)), recent=(), n_end=n_end)
 
     def retrained(self, training: ZoneTable) -> KnownRows:
         """Rows whose training table is another one, which ends where these end."""
@@ -145,7 +139,7 @@ class KnownRows:
         """Raise a ValueError if a known row has another temperature in a table; ``name`` is the column of it."""
         if not (n := self._n_known(table)):
             return
-        past = self.whole() if self.keeps_all else self.end()
+        past = self.whole()
         assert past.utc is not None
         assert table.utc is not None
         at = past.utc.get_indexer(table.utc[:n])

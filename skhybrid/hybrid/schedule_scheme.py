@@ -95,7 +95,7 @@ class ScheduleScheme(Scheme):
 
     def _learn(self, measured: ZoneTable, like: Sequence[Member] = ()) -> None:
         n_leads = rows_of(self.horizon if self.horizon is not None else "1D", measured.step)
-        self.rows = KnownRows.of(measured, keep_all=True)
+        self.rows = KnownRows.of(measured)
         self.disturbance_step_ = measured.step
         training = self.rows.training
         per_day = rows_per_day(training.step)

@@ -173,7 +173,7 @@ class Scheme(ABC):
     def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
         """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.
 
-        The third value is by how many rows they move.  Where rows have been dropped the table stands alone.
+        The third value is by how many rows they move.  By default the table stands alone.
         """
         return self, table.replace(n_history=0), 0
 

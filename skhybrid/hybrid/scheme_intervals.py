@@ -75,7 +75,4 @@ class HybridQuantilesMixin(QuantileForecastMixin):
     def _first_past(self, table: ZoneTable) -> int:
         if table.utc is None or self._learned_to is None:
             return table.n_history
-        # rows taken in since without learning count too; where others were dropped, once a filter has found the state
-        learned = int((table.utc <= self._learned_to).sum())
-        least = 0 if self._scheme.rows.keeps_all else rows_per_day(table.step)
-        return min(max(learned, least), table.n_history)
+        return min(int((table.utc <= self._learned_to).sum()), table.n_history)  # rows taken in since count too

@@ -225,7 +225,7 @@ class TwoStagePredictor(BaseTwoStage):
         What a forecast takes in from the history up to its origin.  None: the state and the recent disturbance.
         ``"linear"``: also, a baseline such as ``"ridge"`` is fitted again for every full week of history, on all rows
         or, where clearly better, the last weeks.  ``"full"``: as ``"linear"``; :meth:`partial_fit` also identifies the
-        network again and trains any forecaster anew, for which the measured rows are kept.
+        network again and trains any forecaster anew.
     intervals : bool, default=True
         Whether ``fit`` learns the intervals of :meth:`predict_quantiles` from forecasters fitted without a part of the
         training: a baseline without each week, others, trained a second time, without the last quarter.

@@ -66,8 +66,7 @@ class TwoStageScheme(EarlierStates):
         stamped = with_stamps(measured.replace(history={"T_za": measured.history["T_za"]}), ASSUMED_START)
         self.gray_box_ = self._identified(stamped, measured.history["T_za"])
         self.disturbance_step_ = disturbance_step(measured.step)
-        # the rows in between are wanted again only where the network is identified again
-        self.rows = KnownRows.of(measured, keep_all=self.adapt == "full")
+        self.rows = KnownRows.of(measured)
         return self._learn_disturbance(self.forecaster)
 
     def _identified(self, table: ZoneTable, target: np.ndarray) -> Any:
@@ -156,8 +155,6 @@ class TwoStageScheme(EarlierStates):
 
     def relearned(self, measured: ZoneTable | None) -> Self:
         """The forecaster fitted again on training and all rows since; the network too where ``adapt="full"``."""
-        if self.adapt == "full" and not self.rows.keeps_all:
-            raise ValueError("adapt was set to 'full' after fit, which kept no rows to identify again; fit with it.")
         made = self._with() if measured is None else self.advanced(measured)
         if made.adapt == "full":
             return made._identified_again()

@@ -165,7 +165,7 @@ class ClosedLoop:
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
         rows = LawRows.of(table, scheme.plant_heat(table), band_of(table))
-        spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(scheme, table, rows)
+        spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(table, rows)
         past = np.empty(0, dtype=np.int64)
         if scheme.adapt is not None:
             oldest = int(origins[0]) - (_DAYS_BACK + 1) * rows.per_day
@@ -206,13 +206,12 @@ class ClosedLoop:
         since = known.n_rows - known.training.n_rows
         return min(since + _WEEK_BEFORE * self._per_day, (7 * (WEEKS + 1) + _WEEK_BEFORE) * self._per_day)
 
-    def _weeks(self, scheme: Scheme, table: ZoneTable, rows: LawRows) -> Weeks:
+    def _weeks(self, table: ZoneTable, rows: LawRows) -> Weeks:
         """The weeks since the training, in rows of a table."""
         begin = self._first_new(table)
-        most = WEEKS if scheme.rows.keeps_all else 1  # where rows are dropped, the last week is always known
         if table.utc is None or self._learned_to is None:
-            return Weeks(begin, begin, rows.per_day, most)
-        return Weeks(round((self._learned_to - table.utc[0]) / table.step) + 1, begin, rows.per_day, most)
+            return Weeks(begin, begin, rows.per_day)
+        return Weeks(round((self._learned_to - table.utc[0]) / table.step) + 1, begin, rows.per_day)
 
     def _first_new(self, table: ZoneTable) -> int:
         """The first row of a table that the training has not seen."""

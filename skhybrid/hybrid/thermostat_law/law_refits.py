@@ -23,7 +23,6 @@ class Weeks(NamedTuple):
     zero: int
     begin: int  # the first row that the training has not seen
     per_day: int
-    most: int  # weeks of history that a refit learns from, at most
 
     @property
     def length(self) -> int:
@@ -48,7 +47,7 @@ class Weeks(NamedTuple):
     def learned_from(self, number: int) -> tuple[int, int] | None:
         """First week and last row of the history known at the beginning of a week; None where it is too short."""
         complete = -(-(self.begin - self.zero - self.per_day) // self.length)  # a first week may lack a day
-        first = max(complete, number - self.most)
+        first = max(complete, number - WEEKS)
         return None if first >= number else (first, self.zero + number * self.length)
 
 
