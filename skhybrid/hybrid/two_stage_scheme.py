@@ -206,10 +206,9 @@ class TwoStageScheme(EarlierStates):
         kept = origins < table.n_history - 1
         if kept.any():
             scheme, earlier, moved = self._before(table, origins[kept])
-            found = (
-                scheme.forecast(earlier, origins[kept] + moved, n_leads),
-                self.forecast(table, origins[~kept], n_leads),
-            )
+            found = [scheme.forecast(earlier, origins[kept] + moved, n_leads)]
+            if not kept.all():
+                found.append(self.forecast(table, origins[~kept], n_leads))
             at = np.argsort(np.append(np.flatnonzero(kept), np.flatnonzero(~kept)))
             return Paths(*(np.concatenate(parts)[at] for parts in zip(*found, strict=True)))
         zeta, temperature = self._driven(table, origins, n_leads)
