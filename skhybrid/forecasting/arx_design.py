@@ -26,8 +26,8 @@ CONSTANT_PENALTY = 1e-9  # penalty of the constant: none, but where no pair is k
 _ROUNDING = 1e-11  # relative penalty that keeps equations of parallel columns regular
 _FILTER_HOURS = (6.0, 24.0)  # time constants of the filtered inputs [h]
 _FILTER_DAYS = 6  # days before an origin from which the filters run
-_FROM_NOON = 4.0  # morning and afternoon irradiance count fully so long before and after noon [h], and fade in as long
-_K_PER_COLUMN = 10.0  # unit of outdoor temperature in the columns by hour [K]
+_FROM_NOON = 4.0  # irradiance of the morning counts fully so long before noon [h], none at twice that and at noon
+K_PER_COLUMN = 10.0  # unit of outdoor temperature in the columns by hour [K]
 #: spread of an input that a table holds constant, where a prior knows of its effect
 _UNSEEN_SPREAD = _USUAL_SPREAD | {"T_": 5.0}
 
@@ -116,7 +116,6 @@ class DailyColumns:
     noon: float  # hour at which the training irradiance has its mean [h]
     T_oa_mean: float  # [degC]
     memory: int  # rows from which the filters run
-    K_per_column: float = _K_PER_COLUMN  # unit of outdoor temperature in the columns by hour [K]
 
     @classmethod
     def of_training(cls, table: ZoneTable, roles: tuple[str, ...]) -> Self:
@@ -228,7 +227,7 @@ class ARXDesign:
             slots = day_type_hour(table)
             columns[rows, n_inputs + slots] = 1.0
             if self.daily is not None and "T_oa" in self.roles:
-                across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / self.daily.K_per_column
+                across = (table.inputs["T_oa"] - self.daily.T_oa_mean) / K_PER_COLUMN
                 columns[rows, n_inputs + N_CELLS + slots % 24] = across
         columns[:, -1] = 1.0
         return columns

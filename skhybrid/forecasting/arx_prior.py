@@ -14,7 +14,7 @@ from .._calendar import N_CELLS
 from .._table import is_plant
 from .._time import spell
 from ..filtering import learn_normal
-from .arx_design import ARXDesign, Moments
+from .arx_design import K_PER_COLUMN, ARXDesign, Moments
 from .features import irradiance_roles
 
 _REFERENCE = 20.0  # temperature from which all temperatures count [degC]
@@ -198,6 +198,6 @@ def _shared(design: ARXDesign, size: float) -> np.ndarray:
     A[calendar, calendar] = 1.0
     if design.daily is not None and "T_oa" in design.roles and design.calendar:  # outdoor temperature by hour
         hour = len(measured) + np.arange(24)
-        away = (design.daily.T_oa_mean - _REFERENCE) / design.daily.K_per_column
+        away = (design.daily.T_oa_mean - _REFERENCE) / K_PER_COLUMN
         A[hour, hour + N_CELLS], A[hour + 24, hour + N_CELLS] = away, away
     return A
