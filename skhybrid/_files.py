@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,8 @@ from pathlib import Path
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Path of a temporary file, which replaces ``path`` when the block ends and is removed if it fails.
+
+    A file that is replaced keeps its permissions.
 
     Parameters
     ----------
@@ -34,14 +37,21 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         made = Path(name)
         try:
             yield made
-            mask = os.umask(0o022)
-            os.umask(mask)
-            made.chmod(0o666 & ~mask)
             with open(made, "rb") as file:
                 os.fsync(file.fileno())  # a disk may tell only now that it is full
+            made.chmod(_permissions(target))
             os.replace(made, target)
         finally:
             made.unlink(missing_ok=True)
+
+
+def _permissions(path: Path) -> int:
+    """Those of a file that is there, or those that a new one gets."""
+    if path.exists():
+        return stat.S_IMODE(path.stat().st_mode)
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return 0o666 & ~mask
 
 
 @contextmanager

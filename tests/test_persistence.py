@@ -289,6 +289,14 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path):
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
 
 
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path):
+    path = tmp_path / "model.skops"
+    path.touch(mode=0o600)
+    with atomic_path(path) as made:
+        made.write_text("new")
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
 def _limited(size):
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
