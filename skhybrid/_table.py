@@ -128,6 +128,11 @@ class ZoneTable:
             holidays=self.holidays,
         )
 
+    def owned(self) -> ZoneTable:
+        """A copy in arrays of its own, which keeps no longer table in memory."""
+        inputs, history = ({role: v.copy() for role, v in part.items()} for part in (self.inputs, self.history))
+        return self.replace(inputs=inputs, history=history)
+
     @property
     def segments(self) -> tuple[ZoneTable, ...]:
         """The segments of consecutive rows, one table per segment."""

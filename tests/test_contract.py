@@ -33,6 +33,7 @@ from skhybrid._time import ASSUMED_START, Stamps, joined_stamps, origin_rows, ro
 from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
 from skhybrid.exceptions import RoleWarning, UnitWarning
+from skhybrid.forecasting import BoostedRegressor
 from skhybrid.identification import frequency_response, make_state_space
 from skhybrid.model_selection import RollingOriginSplit, backtest
 from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
@@ -316,6 +317,14 @@ def test_a_fitted_model_does_not_change_with_the_callers_table(office):
     expected = model.predict(ahead)
     X.iloc[:] = 0.0
     np.testing.assert_array_equal(model.predict(ahead), expected)
+
+
+@pytest.mark.parametrize(
+    "model", [ARXRegressor(alpha=10.0, n_lags=4), BoostedRegressor(max_iter=5), DisturbanceForecaster("profile")]
+)
+def test_a_fitted_model_keeps_no_more_than_the_rows_that_it_needs(office, model):
+    rows = clone(model).fit(office.X, office.y)._tail
+    assert all(values.base is None for values in (*rows.inputs.values(), *rows.history.values()))
 
 
 # --------------------------------------------------------------------------------------------------------- bad values

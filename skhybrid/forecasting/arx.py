@@ -157,7 +157,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self._solve(table, T, like)
         self._intervals = self._left_out_intervals(table, T) if self.intervals else None
         end = slice(-self._design.warmup, None)
-        self._tail = table.rows(end).replace(history={"T_za": T[end]})
+        self._tail = table.rows(end).replace(history={"T_za": T[end]}).owned()
         return self
 
     def _solve(self, table: ZoneTable, T: np.ndarray, like: ARXRegressor | None) -> None:

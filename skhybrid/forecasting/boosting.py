@@ -133,7 +133,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         self.arx_ = self._fitted_arx(table, T) if self.residual_of else None
         self._grow(known, sample)
         n_kept = rows_per_day(table.step) + 1
-        self._tail = known.rows(slice(-max(n_kept, self.arx_._tail.n_rows if self.arx_ else 0), None))
+        self._tail = known.rows(slice(-max(n_kept, self.arx_._tail.n_rows if self.arx_ else 0), None)).owned()
         return self
 
     def _fitted_arx(self, table: ZoneTable, T: np.ndarray) -> ARXRegressor:

@@ -262,7 +262,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             self._begin_other(table, target, seed)
         self._level = float(np.nanmean(target))
         days = max(SAME_KIND_DAYS if table.holidays else 8, self.case_.pattern_days + 1 if self.case_ else 0)
-        self._tail = table.rows(slice(-(days * rows_per_day(table.step) + self._n_leads), None))
+        self._tail = table.rows(slice(-(days * rows_per_day(table.step) + self._n_leads), None)).owned()
         return job
 
     def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:

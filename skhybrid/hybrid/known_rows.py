@@ -172,9 +172,8 @@ def _fewer(recent: tuple[ZoneTable, ...]) -> tuple[ZoneTable, ...]:
 
 
 def _owned(table: ZoneTable) -> ZoneTable:
-    """A table in arrays of its own, so that the caller may change theirs."""
-    inputs, history = ({role: v.copy() for role, v in part.items()} for part in (table.inputs, table.history))
-    return table.replace(inputs=inputs, history=history, n_history=0)
+    """A table by itself, none of whose rows counts as history."""
+    return table.owned().replace(n_history=0)
 
 
 def _most(table: ZoneTable) -> int:
