@@ -75,13 +75,15 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "download_all_examples": False,
     "show_memory": False,
+    # a line that draws shows its figure, not what it returns
+    "ignore_repr_types": r"matplotlib[.]",
     # neither the date nor the machine belongs on the page
     "show_signature": False,
 }
 
 # ------------------------------------------------------------------------------------------------------------ look
-# tables of results need the width
-_FOLDERS = ("start", "how_to", "explanation", "reference", "generated", "auto_examples")
+# tables of results and the code of examples need the width
+_FOLDERS = ("start", "how_to", "explanation", "reference", "generated")
 _WITH_CONTENTS = [*(f"{folder}/**" for folder in _FOLDERS), "api", "citation", "glossary", "index", "whats_new"]
 html_theme = "pydata_sphinx_theme"
 html_title = f"skhybrid {release}"

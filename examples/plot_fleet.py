@@ -45,7 +45,7 @@ forecast.head(3)
 # ---------------------
 # ``fleet.status(page="status.html")`` writes a page with a small chart per zone as well.
 status = fleet.status()
-status[["zone", "verdict", "rmse_yesterday", "rmse_training", "coverage"]]
+status[["zone", "verdict", "rmse_yesterday", "rmse_training", "coverage"]].round(2)
 
 # %%
 figure, axes = plt.subplots(2, 2, figsize=(8, 5), sharex=True, layout="constrained")

@@ -9,9 +9,9 @@ it, with an interval, and identifies the building's thermal network in spite of 
 # %%
 # The log
 # -------
-# A row is a step of 15 minutes.  ``X`` holds the weather, the runtime fractions of heating and cooling and, as
-# history, the measured room temperature; ``y`` is the room temperature.  ``heat_gain`` is the true heat that nobody
-# measures: people, plug loads, lights and air.
+# A row is a step of 15 minutes.  ``X`` holds the weather (``T_oa`` [degC], ``q_sol`` [kW/m2]), the runtime fractions of
+# heating and cooling [-] and, as history, the measured room temperature ``T_za`` [degC]; ``y`` is the room temperature.
+# ``heat_gain`` is the true heat that nobody measures [kW]: people, plug loads, lights and air.
 import matplotlib.pyplot as plt
 import pandas as pd
 
