@@ -30,6 +30,18 @@ def closed_figures():
 
 
 @pytest.fixture(scope="session")
+def hourly_office():
+    """Hourly rows of the small office, from a Monday on."""
+    from skhybrid.datasets import load_small_office
+
+    office = load_small_office("irregular")
+    frame = office.frame.drop(columns=[c for c in office.X if c in office.frame]).join(office.X)
+    names = {"set_heat": "T_heat_set", "set_cool": "T_cool_set"}
+    roles = ["T_oa", "q_sol", "Q_hvac", "T_heat_set", "T_cool_set", "T_za"]
+    return frame.rename(columns=names)[roles].resample("1h").mean().loc["2018-09-17":].rename_axis("time")
+
+
+@pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of reference data beside the checkout; the test is skipped where it is not there."""
     folder = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -24,7 +24,6 @@ import pytest
 from fastapi.testclient import TestClient
 
 from skhybrid.cli import main
-from skhybrid.datasets import load_small_office
 from skhybrid.server.app import make_app
 from skhybrid.server.listen import check_token, is_loopback
 from skhybrid.study import propose_settings
@@ -40,14 +39,8 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 
 
 @pytest.fixture(scope="module")
-def log():
-    """Hourly rows of the small office, from a Monday on."""
-    office = load_small_office("irregular")
-    frame = office.frame.drop(columns=[c for c in office.X if c in office.frame]).join(office.X)
-    names = {"set_heat": "T_heat_set", "set_cool": "T_cool_set"}
-    roles = ["T_oa", "q_sol", "Q_hvac", "T_heat_set", "T_cool_set", "T_za"]
-    hourly = frame.rename(columns=names)[roles].resample("1h").mean()
-    return hourly.loc["2018-09-17":].iloc[: 24 * 20].rename_axis("time")
+def log(hourly_office):
+    return hourly_office.iloc[: 24 * 20]
 
 
 def until(log, day):

@@ -49,6 +49,14 @@ def periodic(office):
     return PeriodicDisturbanceID(known=KNOWN, n_starts=1, random_state=0).fit(office.X, office.y)
 
 
+@pytest.fixture(scope="module")
+def minimum(office, periodic):
+    """The problem that the periodic model solves, and its solution on the search scale."""
+    constrained = ConstrainedProblem(periodic, office.X, office.y)
+    problem = constrained.problem()
+    return problem, problem.minimise(free_point(problem, constrained.estimator._searched_values())).free
+
+
 # -------------------------------------------------------------------------------------------------- identifiability
 def test_flat_and_weak_directions_of_a_sensitivity_by_hand():
     """A and B enter as A^2 B; C alone with an error of 20 %."""
@@ -185,11 +193,9 @@ def test_two_days_have_no_scatter():
     assert least_squares_uncertainty(_Line(2), np.zeros(3), 1.0, ["A"], None, 0).n_days == 2
 
 
-def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
+def test_periodic_moves_are_those_of_fits_without_a_day(minimum):
     """One Newton step stands for a fit without some hours of a day."""
-    constrained = ConstrainedProblem(periodic, office.X, office.y)
-    problem = constrained.problem()
-    free = problem.minimise(free_point(problem, constrained.estimator._searched_values())).free
+    problem, free = minimum
     y = problem.experiment.y.copy()
     y[3 * 96 : 3 * 96 + 32] = np.nan
     without = replace(problem, experiment=problem.experiment._replace(y=y))
@@ -202,11 +208,9 @@ def test_periodic_moves_are_those_of_fits_without_a_day(office, periodic):
     np.testing.assert_allclose((step / sizes)[kept], ((moved - free) / sizes)[kept], atol=0.04)
 
 
-def test_long_logs_are_left_without_several_days_at_once(office, periodic, monkeypatch):
+def test_long_logs_are_left_without_several_days_at_once(minimum, periodic, monkeypatch):
     """So that a year costs as many evaluations as two months."""
-    constrained = ConstrainedProblem(periodic, office.X, office.y)
-    problem = constrained.problem()
-    free = problem.minimise(free_point(problem, constrained.estimator._searched_values())).free
+    problem, free = minimum
     theta, turn = problem.theta(free, problem.evaluate(free)[2])
     made, plain = [], periodic_errors._moves_without_days
     monkeypatch.setattr(periodic_errors, "_moves_without_days", lambda *a: made.append(plain(*a)) or made[-1])
@@ -219,11 +223,9 @@ def test_long_logs_are_left_without_several_days_at_once(office, periodic, monke
     assert 0.2 < np.median(stds[1] / stds[0]) < 5.0  # the same thing, from fewer parts
 
 
-def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(office, periodic):
+def test_information_of_the_periodic_model_is_the_inverse_of_its_covariance(minimum, periodic):
     """Two ways to the same: Schur complements of the joint information, and the chain rule of the covariance."""
-    constrained = ConstrainedProblem(periodic, office.X, office.y)
-    problem = constrained.problem()
-    free = problem.minimise(free_point(problem, constrained.estimator._searched_values())).free
+    problem, free = minimum
     theta, turn = problem.theta(free, problem.evaluate(free)[2])
     uncertainty = periodic_uncertainty(problem, free, theta, turn, periodic.parameters_)
     assert [p.name for p in uncertainty.parameters] == ["C_w", "C_za", "R_zw", "R_zo", "f", "A_win", "Q_c"]

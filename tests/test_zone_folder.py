@@ -16,7 +16,6 @@ import pytest
 
 from skhybrid import _sqlite
 from skhybrid.cli import main
-from skhybrid.datasets import load_small_office
 from skhybrid.exceptions import ModelFileError
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, forecast_archive, zone_folder
@@ -30,14 +29,8 @@ CHILDREN.set_forkserver_preload(["skhybrid.zone.zone_folder", "skops.io"])
 
 
 @pytest.fixture(scope="module")
-def log():
-    """Hourly rows of the small office, from a Monday on."""
-    office = load_small_office("irregular")
-    frame = office.frame.drop(columns=[c for c in office.X if c in office.frame]).join(office.X)
-    names = {"set_heat": "T_heat_set", "set_cool": "T_cool_set"}
-    roles = ["T_oa", "q_sol", "Q_hvac", "T_heat_set", "T_cool_set", "T_za"]
-    hourly = frame.rename(columns=names)[roles].resample("1h").mean()
-    return hourly.loc["2018-09-17":].iloc[: 24 * 45].rename_axis("time")
+def log(hourly_office):
+    return hourly_office.iloc[: 24 * 45]
 
 
 def write(log, path, until, *, without=None):
