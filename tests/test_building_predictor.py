@@ -206,6 +206,11 @@ def test_affine_forecast_is_the_forecast(building, tomorrow):
         np.testing.assert_allclose(T, temperatures(building.forecast(None, rows)), atol=1e-9)
     i, j = np.triu_indices(DAY)
     assert not found.gain[i, j].any(), "heat acts after its step has begun"
+    hall = building.affine_forecast(None, tomorrow, "Q_hvac_hall")
+    np.testing.assert_array_equal(hall.gain[:, :, 0], found.gain[:, :, 1])
+    for wrong in (["Q_hvac_hall", "Q_hvac_hall"], (), ["T_oa"], ["Q_hvac_attic"]):
+        with pytest.raises(ValueError, match=r"^inputs"):
+            building.affine_forecast(None, tomorrow, wrong)
     one = building.affine_forecast(None, tomorrow.drop(columns="Q_hvac_hall"), ["Q_hvac_hall"], T_za=[20.0, 18.0, 19.0])
     frame = building.forecast(None, plan, T_za=[20.0, 18.0, 19.0])
     np.testing.assert_allclose(one.temperature(plan["Q_hvac_hall"].to_numpy()), temperatures(frame), atol=1e-9)

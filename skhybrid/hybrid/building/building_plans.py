@@ -12,8 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._arguments import check_integer
 from ..._joining import refuse_no_frames
-from ..._table import is_plant, listed
-from ...control import AffineForecast, Limits, heat_column
+from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs
 from ...control.setpoints import read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
@@ -189,13 +188,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         return AffineForecast(free, gain, np.column_stack([f.zeta for f in found.values()]), future.index, tuple(roles))
 
     def _inputs(self, inputs: Sequence[str] | None) -> list[str]:
-        plant = [role for role in self._columns.columns if is_plant(role)]
-        names = plant if inputs is None else list(inputs)
-        unknown = [name for name in names if name not in plant]
-        if unknown or not names:
-            named = repr(unknown[0]) if unknown else "nothing"
-            raise ValueError(f"inputs names {named}; heating and cooling of training are {listed(plant)}.")
-        return names
+        columns = self._columns.columns
+        return list(decided_on(columns) if inputs is None else read_inputs(inputs, list(columns), columns.__getitem__))
 
     def _planned(self, rows: pd.DataFrame, role: str) -> np.ndarray:
         column = self._columns.columns[role]
