@@ -72,7 +72,7 @@ STRICT = {
     "_skops": set(),
     "_ranges": {"_warnings", "exceptions"},
     "_target": set(),
-    "_columns": {"_warnings", "exceptions"},
+    "_columns": {"_arguments", "_warnings", "exceptions"},
     "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
     "_joining": {"_ranges", "_table", "_time"},
