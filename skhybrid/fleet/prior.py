@@ -163,7 +163,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
 
 
 def _evidence_of(model: Any) -> tuple[ZoneEvidence, pd.Timedelta]:
-    """What a fitted zone says of others, and the span that it learned from."""
+    """Evidence of a fitted zone, and the span that it learned from."""
     last = model[-1] if isinstance(model, Pipeline) else model
     found = getattr(last, "evidence_", None)
     if not isinstance(found, ZoneEvidence):
