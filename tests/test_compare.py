@@ -269,6 +269,11 @@ def test_wrong_settings_are_refused(office):
         compare_models([GrayBoxRC()], office.X, office.y, purpose="fun")
     with pytest.raises(ValueError, match="level=5 is not between 0 and 1"):
         compare_models([GrayBoxRC()], office.X, office.y, level=5)
+    with pytest.raises(ValueError, match="level='high' is not between 0 and 1"):
+        compare_models([GrayBoxRC()], office.X, office.y, level="high")
+    for cv in (3, "rolling"):
+        with pytest.raises(ValueError, match=rf"cv={cv!r} must be a splitter into consecutive rows, such as RollingO"):
+            compare_models([GrayBoxRC()], office.X, office.y, cv=cv)
     with pytest.raises(ValueError, match=r"X has no time stamps, by which test blocks are cut; .* pass cv=."):
         compare_models([GrayBoxRC(sampling_time="15min")], office.X.to_numpy(), office.y)
     with pytest.raises(ValueError, match=r"no model could be fitted.*9R9C"):

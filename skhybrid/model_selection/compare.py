@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
+from .._arguments import is_number
 from .._warnings import first_sentence
 from ..identification import Diagnostics
 from .assessment import assess
@@ -143,8 +144,10 @@ def compare_models(
     candidates = _named(estimators)
     if purpose not in ("parameters", "forecast"):
         raise ValueError(f"purpose={purpose!r} is neither 'parameters' nor 'forecast'.")
-    if not 0.0 < level < 1.0:
+    if not (is_number(level) and 0.0 < level < 1.0):
         raise ValueError(f"level={level!r} is not between 0 and 1.")
+    if isinstance(cv, str) or not (cv is None or hasattr(cv, "split")):
+        raise ValueError(f"cv={cv!r} must be a splitter into consecutive rows, such as RollingOriginSplit().")
     splitter = default_split(X, horizon) if cv is None else cv
     splits = [] if splitter is None else list(splitter.split(X))
     found = Parallel(n_jobs=n_jobs)(
