@@ -124,12 +124,19 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         y : array-like of shape (n_samples,) or (n_samples, n_measured)
             Measured values, NaN where missing; several columns of a frame are found by role.
         sample_weight : array-like of shape (n_samples,), optional
+
+        Raises
+        ------
+        ValueError
+            If no row of ``y`` was measured, or X or ``y`` cannot be read.
         """
         check_is_fitted(self)
         table = self._read_X(X)
         predicted = self._predicted(table)
         measured = self._read_target(y, table)
         seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
+        if not seen.any():
+            raise ValueError("y has no measured row to score by; give rows in which it was measured.")
         weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
         return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
 

@@ -119,6 +119,8 @@ def test_score_leaves_out_what_was_not_measured(office):
     assert model.score(office.X, y) == pytest.approx(expected)
     weight = np.linspace(0, 1, len(y))
     assert model.score(office.X, y, sample_weight=weight) != pytest.approx(expected)
+    with pytest.raises(ValueError, match="no measured row"):
+        model.score(office.X, np.full(len(y), np.nan))
 
 
 def test_an_estimator_is_not_fitted_after_a_refused_fit(office):
