@@ -17,6 +17,7 @@ import tomllib
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,7 @@ import pytest
 import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
 from skhybrid.cli import _group, _output, main
+from skhybrid.cli.forecast import _text
 from skhybrid.datasets import make_office
 from skhybrid.logs import LogReport
 from skhybrid.logs import read_log as read_any_log
@@ -974,6 +976,14 @@ def test_stages_alone_give_no_kilowatt_and_no_heat_loss(files, capsys):
     page = (files / "out" / "report.html").read_text()
     assert "load RMSE [-]" in page
     assert page.count("the scale of the network is not identifiable") == 1
+
+
+def test_a_forecast_without_an_interval_shows_none():
+    time = pd.date_range("2024-01-01", periods=2, freq="3h")
+    frame = pd.DataFrame({"T_za": [20.0, 21.0], "q_0.1": [np.nan, 20.5], "q_0.9": [np.nan, 21.5]}, index=time)
+    first, second = _text(SimpleNamespace(frame=frame, summary={})).splitlines()[2:4]
+    assert first.split()[2:] == ["20.00", "-"]
+    assert second.split()[2:] == ["21.00", "20.50", "to", "21.50"]
 
 
 def test_the_building_is_told_with_its_units(files, capsys):

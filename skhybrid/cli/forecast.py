@@ -103,12 +103,17 @@ def _text(found: Any, zones: Sequence[str] = ()) -> str:
     for name, (title, unit) in titles.items():
         if name in shown:
             top = unit.replace("[kW]", power)
-            cells[title, top] = [f"{value:z.2f}" for value in shown[name]]
+            cells[title, top] = [_numbers(value) for value in shown[name]]
             if name in intervals and set(intervals[name]) <= set(shown):
                 ends = zip(*(shown[end] for end in intervals[name]), strict=True)
-                cells[f"80 % of {title}", top] = [f"{a:z.2f} to {b:z.2f}" for a, b in ends]
+                cells[f"80 % of {title}", top] = [_numbers(*pair) for pair in ends]
     table = pd.DataFrame(cells, index=shown.index.strftime("%Y-%m-%d %H:%M"))
-    return "\n".join([table.replace("nan", "-").rename_axis(None).to_string(), "", *summary_lines(found.summary)])
+    return "\n".join([table.rename_axis(None).to_string(), "", *summary_lines(found.summary)])
+
+
+def _numbers(*values: float) -> str:
+    """A number, or the ends of an interval; a dash where one is missing."""
+    return "-" if any(value != value for value in values) else " to ".join(f"{value:z.2f}" for value in values)
 
 
 def summary_lines(summary: dict[str, Any]) -> list[str]:
