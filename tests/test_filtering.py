@@ -220,7 +220,7 @@ def test_smoothed_states_are_the_conditional_ones(m):
 
 
 def test_smoothed_states_without_noise_are_one_path():
-    """Where the covariances of the filter become singular to rounding."""
+    """The covariances of the filter become singular to rounding."""
     A = np.array([[0.98, 0.02, 0.0], [0.08, 0.9, 0.2], [0.0, 0.0, 1.0]])
     m = drawn_model(N=300)._replace(
         A=A, Q=np.zeros((3, 3, 3)), c=np.array([0.0, 1.0, 0.0]), P0=np.diag([4.0, 4.0, 1.0])
