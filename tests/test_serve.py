@@ -32,7 +32,7 @@ from skhybrid.zone import DayAhead, ZoneFolder, zone_folder
 from skhybrid.zone.forecast_archive import EVEN, POSTED, open_archive
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning")  # few days of heat
-DAYS = 10  # of the log that the zone is made from
+DAYS = 10  # of the log that the zone has learned from
 SCHEDULE = Schedule.of_text("20,25")
 TOKEN = "0123456789abcdef-token"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -66,10 +66,10 @@ def cheap(monkeypatch):
 
 @pytest.fixture(scope="module")
 def made(log, tmp_path_factory):
-    """A zone from ten days of log with forecasts of three days, the last of which is real."""
+    """A zone from eight days of log with forecasts of three days, the last of which is real."""
     place = tmp_path_factory.mktemp("made")
     folder = place / "kitchen"
-    until(log, DAYS).to_csv(place / "log.csv")
+    until(log, DAYS - 2).to_csv(place / "log.csv")
     config = place / "zone.toml"
     config.write_text(propose_settings(place / "log.csv").replace('name = "log"', 'name = "kitchen <b>&"'))
     zone = ZoneFolder.init(folder, place / "log.csv", config)
