@@ -36,7 +36,7 @@ from .blending.rolling_blend import BlendRecord, RollingBlend
 from .drift import DriftMonitor
 from .known_rows import KnownRows
 from .scheme import AffinePaths, Ahead, Paths, Scheme, moved_band
-from .tables import days_after, parts_of_days, with_temperature
+from .tables import days_after, parts_of_days, since_history, with_temperature
 
 _LOOKS_BACK = 64  # rows before its origin that a forecast looks back on, for the lags of ARX
 _FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
@@ -179,7 +179,7 @@ class ScheduleScheme(Scheme):
         """A blend that is not beyond any of the origins, the rows that it reads, and by how many rows origins move."""
         blend, moved = self._trained, self.rows.n_rows - table.n_history
         if table.n_history and origins.min(initial=table.n_rows) + moved >= blend.row:
-            return blend.fork(), self._last_rows(blend.row - self._n_back, _since_history(table)), moved
+            return blend.fork(), self._last_rows(blend.row - self._n_back, since_history(table)), moved
         rows, moved = self._numbered(table)
         return RollingBlend(self._members, self._record, rows, self.adapt), rows, moved
 
@@ -197,7 +197,7 @@ class ScheduleScheme(Scheme):
         """The rows of a table, after all known ones where it follows them, and by how many rows origins move."""
         if not table.n_history:
             return NumberedTable(table, table.measured(), 0, joined=False), 0
-        rows = self._joined([*self.rows.tables, _since_history(table)])
+        rows = self._joined([*self.rows.tables, since_history(table)])
         return rows, rows.table.n_rows - table.n_rows
 
     def _joined(self, tables: Sequence[ZoneTable]) -> NumberedTable:
@@ -347,12 +347,8 @@ class ScheduleScheme(Scheme):
         blend, views = self._start(ahead)
         segment, values = views[0].between(blend.row, blend.row + 1 + ahead.n_leads), plan.values
         if ahead.T_za is None:
-            known = (
-                self.rows.latest.rows(slice(-1, None))
-                if ahead.origin is None
-                else ahead.table.rows(slice(ahead.origin, ahead.origin + 1))
-            )
-            values = np.vstack([[known.inputs[role][0] for role in plan.inputs], values])
+            known = self.rows.latest if ahead.origin is None else ahead.table.rows(slice(0, ahead.origin + 1))
+            values = np.vstack([[known.inputs[role][-1] for role in plan.inputs], values])
         state = blend.network.forecast_state(0)
         network = linear_network(blend.network.fit, state, segment, plan.inputs, values)
         return network.after(values[0]) if ahead.T_za is None else network.measured(np.array([ahead.T_za]))
@@ -402,9 +398,3 @@ class ScheduleScheme(Scheme):
         forecast = self._paths(blend, rows, parts.ravel(), n_leads).temperature.reshape(-1, per_day)
         measured = days_after(rows.table.replace(history={"T_za": rows.T}), parts[:, 0], per_day)
         return monitor.watch(measured, pd.DataFrame(forecast, measured.index))
-
-
-def _since_history(table: ZoneTable) -> ZoneTable:
-    """The rows of a table after its history, with their temperature."""
-    T = {"T_za": table.measured()}
-    return table.replace(history=T).rows(slice(table.n_history, None))

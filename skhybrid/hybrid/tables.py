@@ -183,3 +183,9 @@ def parts_of_days(table: ZoneTable, longest: int, per_day: int) -> np.ndarray:
 def days_after(table: ZoneTable, origins: np.ndarray, per_day: int) -> pd.DataFrame:
     """Measured temperature of the rows after each origin, stamped by the day."""
     return pd.DataFrame(measured_ahead(table, origins, per_day), index=table.time[origins].normalize())
+
+
+def since_history(table: ZoneTable) -> ZoneTable:
+    """The rows of a table after its history, with their temperature."""
+    T = {"T_za": table.measured()}
+    return table.replace(history=T).rows(slice(table.n_history, None))
