@@ -100,6 +100,19 @@ def test_the_state_is_that_of_the_whole_table(name, office):
         )
 
 
+def test_a_forecast_goes_on_from_the_last_one_late_in_a_day(office):
+    """A regression learns at the end of each day, from forecasts that began up to a day before."""
+    X, now = office.X, N_TRAIN
+    model = HybridPredictor().fit(X[:now], office.y[:now])
+    whole = deepcopy(model)
+    for n_rows in (90, 90, 95):
+        model.update(X[now : now + n_rows])
+        now += n_rows
+        future = X[now : now + DAY].drop(columns="T_za")
+        ahead, along = model.forecast(None, future), whole.forecast(X[N_TRAIN:now], future)
+        np.testing.assert_allclose(ahead, along, rtol=0, atol=1e-8)
+
+
 def test_update_returns_itself_and_forgets_no_more_than_it_should(office, fitted):
     """Beyond the kept fortnight, and under a later change of ``adapt``."""
     model = deepcopy(fitted)

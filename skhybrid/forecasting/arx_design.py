@@ -253,7 +253,10 @@ class ARXDesign:
 
     def _windows(self, view: ARXData, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """(n_rows, n_lags) temperatures up to each row, newest first; row 0 stands for the rows before it."""
-        return T[np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first]
+        places = np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first
+        if places.min(initial=0) < 0:  # would be read from the end
+            raise IndexError(f"row {view.first + places.min()} lies before the rows at hand, from {view.first} on.")
+        return T[places]
 
     def iterate(
         self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True

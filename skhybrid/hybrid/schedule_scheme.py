@@ -309,8 +309,8 @@ class ScheduleScheme(Scheme):
 
     @property
     def _n_back(self) -> int:
-        """Rows before a blend's last one that it looks back on where it goes on: errors of forecasts become known."""
-        return int(self._record.sample.leads[-1]) + self._record.every + _LOOKS_BACK
+        """Rows before its last one that a blend reads to go on: ARX learns whole days, from forecasts into them."""
+        return int(self._record.sample.leads[-1]) + self._record.rows_per_day + _LOOKS_BACK
 
     @property
     def planned_boundaries(self) -> tuple[str, ...]:
