@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from joblib import parallel_config
 from scipy import stats
+from sklearn.linear_model import Ridge
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.datasets import make_office
@@ -263,6 +264,9 @@ def test_test_blocks_begin_at_midnight_when_the_clocks_change_in_them(begin):
 def test_wrong_settings_are_refused(office):
     with pytest.raises(ValueError, match="there is no estimator"):
         compare_models({}, office.X, office.y)
+    for given in ([Ridge()], {"0": Ridge()}):
+        with pytest.raises(TypeError, match="estimators gives Ridge as 0, which identifies no network"):
+            compare_models(given, office.X, office.y)
     with pytest.raises(ValueError, match="two estimators are called GrayBoxRC 2R2C"):
         compare_models([GrayBoxRC(), GrayBoxRC()], office.X, office.y)
     with pytest.raises(ValueError, match="purpose='fun' is neither"):

@@ -193,6 +193,12 @@ def test_a_network_alone_on_a_short_table_is_warned_of_its_few_epochs():
         forecaster.set_params(validation_fraction=0.0).fit(X, y)  # as it was asked for
 
 
+def test_a_filter_longer_than_the_inputs_is_refused():
+    X, y = hourly(7)
+    with pytest.raises(ValueError, match=r"filter_size=10000 is more than the \d+ values of this case"):
+        DisturbanceForecaster("cnn", filter_size=10_000, max_epochs=1).fit(X, y)
+
+
 def test_a_progress_bar_is_shown_on_demand(capsys):
     X, y = hourly(10)
     DisturbanceForecaster("mlp", max_epochs=2, verbose=1, random_state=0).fit(X, y)

@@ -243,14 +243,17 @@ class RecursiveMultiStep:
             return made, _HISTORY_WEIGHT * new + _quadratic(known, 1.0, penalty, at)
 
         made, best = tried(self._coef)
+        self._done = mark
         for _ in range(_STEPS_PER_DAY):
             new = problem.moments(view, made).added(pairs, fit.one_step)
+            if not np.isfinite(new.cross).all():  # inputs far beyond training: such a day teaches nothing
+                return
             trial = known.added(new, _HISTORY_WEIGHT).solution(penalty)
             made, reached = tried(trial)
             if reached >= best:
                 break
             self._coef, best = trial, reached
-        self._history, self._done = self._history.added(new, _HISTORY_WEIGHT), mark
+        self._history = self._history.added(new, _HISTORY_WEIGHT)
 
     def coef(self) -> np.ndarray:
         """Coefficients (n_columns,) of the last re-fit."""

@@ -174,6 +174,7 @@ def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
         out = {str(name): estimator for name, estimator in estimators.items()}
     else:
         given = list(estimators)
+        _refuse_others({str(i): estimator for i, estimator in enumerate(given)})
         names = [f"{type(e).__name__} {getattr(e.network, 'name', e.network)}" for e in given]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
@@ -181,4 +182,14 @@ def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
         out = dict(zip(names, given, strict=True))
     if not out:
         raise ValueError("there is no estimator to compare: pass at least one.")
+    _refuse_others(out)
     return out
+
+
+def _refuse_others(named: Mapping[str, Any]) -> None:
+    for name, estimator in named.items():
+        if not hasattr(estimator, "innovations"):
+            raise TypeError(
+                f"estimators gives {type(estimator).__name__} as {name}, which identifies no network; give "
+                "identifications, such as PeriodicDisturbanceID(), or compare forecasts with backtest."
+            )

@@ -194,7 +194,12 @@ def _spec_of(job: TrainingJob, data: _Data) -> NetworkSpec:
     for name in ("n_channels", "filter_size", "pool_size"):
         # others do not read them: candidates that differ in nothing else are of equal shape
         sizes[name] = getattr(settings, name) if settings.model == "cnn" else 0
-    return NetworkSpec(settings.model, data.n_past, job.n_leads, *data.n_columns, "zeta" in case.past, **sizes)
+    spec = NetworkSpec(settings.model, data.n_past, job.n_leads, *data.n_columns, "zeta" in case.past, **sizes)
+    if spec.filter_size > spec.flat_width:
+        raise ValueError(
+            f"filter_size={spec.filter_size} is more than the {spec.flat_width} values of this case; give fewer."
+        )
+    return spec
 
 
 def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
