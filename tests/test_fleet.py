@@ -575,7 +575,7 @@ def test_a_tick_joins_rows_of_any_clock(clocks, tmp_path):
     for end in (8, 9):
         fleet.tick({"a": X[: (end + 1) * DAY].assign(T_za=X["T_za"][: end * DAY]).tz_convert(clocks[1])})
     journal = ModelStore(fleet.store).journal("a")
-    assert str(journal.rows.index.tz) == str(journal.scored.index.tz) == clocks[1]
+    assert str(journal.rows.index.tz) == str(journal.scored.index.tz) == clocks[0]
     assert (journal.rows.index == X.index[7 * DAY : 9 * DAY]).all()
 
 

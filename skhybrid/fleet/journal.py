@@ -37,14 +37,6 @@ class Journal:
         with atomic_path(path) as made, open(made, "wb") as file:
             np.savez(file, **arrays)
 
-    def move_to_clock_of(self, index: pd.Index) -> None:
-        """Give its stamps the time zone of an index, whose rows can then be joined to its own."""
-        zone = index.tz if isinstance(index, pd.DatetimeIndex) else None
-        for name in _FRAMES:
-            frame = getattr(self, name)
-            if zone is not None and getattr(frame.index, "tz", None) is not None:
-                setattr(self, name, frame.tz_convert(zone))
-
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Journal:
         """Read what :meth:`save` wrote."""

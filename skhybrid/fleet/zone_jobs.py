@@ -139,7 +139,6 @@ def _refuse_known(journal: Journal, X: pd.DataFrame) -> None:
 
 def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: str) -> None:
     """Score the forecasts of new rows, and let the model know the rows."""
-    journal.move_to_clock_of(X.index)
     scored = None
     if isinstance(X.index, pd.DatetimeIndex):
         ahead = journal.ahead
