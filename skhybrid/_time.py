@@ -7,7 +7,6 @@ from collections import OrderedDict
 from collections.abc import Hashable, Sequence
 from datetime import timezone, tzinfo
 from typing import Any, NamedTuple
-from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
@@ -75,8 +74,10 @@ def assumed_clock(index: pd.Index, step: pd.Timedelta) -> pd.DatetimeIndex:
 
 def zone_name(tz: tzinfo | None) -> str | None:
     """The name from which pandas makes a time zone again, refused where there is none."""
-    offset = None if tz is None or isinstance(tz, ZoneInfo) else tz.utcoffset(None)  # of a fixed one
-    name = None if tz is None else str(tz if offset is None else timezone(offset))
+    name = getattr(tz, "key", None) or getattr(tz, "zone", None)  # of zoneinfo and of pytz
+    if name is None and tz is not None:
+        offset = tz.utcoffset(None)  # of a fixed one
+        name = str(tz if offset is None else timezone(offset))
     try:
         pd.DatetimeIndex([], tz=name)
     except (KeyError, ValueError):

@@ -44,6 +44,8 @@ def test_separators(write, sep, name):
 @pytest.mark.parametrize("glued", [True, False])
 def test_zeros_that_a_loss_of_power_left(write, line, glued):
     """A logger that loses power leaves a block of zeros where its last rows should be, and goes on after it."""
+    if glued and int(pd.__version__.partition(".")[0]) < 3:
+        pytest.skip("pandas before 3 ends a cell at a zero, so that the row after it has no stamp")
     stamps = pd.date_range("2024-02-01", periods=40, freq="1h")
     lines = ["time,room", *(f"{stamp},{20 + i / 10:.1f}" for i, stamp in enumerate(stamps)), ""]
     lines[line] = "\x00" * 512 + ("" if glued else "\n") + lines[line]

@@ -344,7 +344,7 @@ def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identific
 
 def _values(what: str, table: pd.DataFrame, texts: Sequence[str]) -> str:
     """A table of values with standard errors, to two digits of the error; texts that all are empty are left out."""
-    texts, rows = [name for name in texts if table[name].any()], []
+    texts, rows = [name for name in texts if any(table[name])], []
     for name, row in table.iterrows():
         error = float(row["std"])
         digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 4)) if 0.0 < error < np.inf else 3
