@@ -170,26 +170,19 @@ def compare_models(
 
 def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
     """Candidates by name: the given one, or class and network."""
-    if isinstance(estimators, Mapping):
-        out = {str(name): estimator for name, estimator in estimators.items()}
-    else:
-        given = list(estimators)
-        _refuse_others({str(i): estimator for i, estimator in enumerate(given)})
-        names = [f"{type(e).__name__} {getattr(e.network, 'name', e.network)}" for e in given]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"two estimators are called {twice[0]}: pass a mapping of name to estimator.")
-        out = dict(zip(names, given, strict=True))
-    if not out:
+    given = dict(estimators) if isinstance(estimators, Mapping) else dict(enumerate(estimators))
+    if not given:
         raise ValueError("there is no estimator to compare: pass at least one.")
-    _refuse_others(out)
-    return out
-
-
-def _refuse_others(named: Mapping[str, Any]) -> None:
-    for name, estimator in named.items():
+    for name, estimator in given.items():
         if not hasattr(estimator, "innovations"):
             raise TypeError(
                 f"estimators gives {type(estimator).__name__} as {name}, which identifies no network; give "
                 "identifications, such as PeriodicDisturbanceID(), or compare forecasts with backtest."
             )
+    if isinstance(estimators, Mapping):
+        return {str(name): estimator for name, estimator in given.items()}
+    names = [f"{type(e).__name__} {getattr(e.network, 'name', e.network)}" for e in given.values()]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"two estimators are called {twice[0]}: pass a mapping of name to estimator.")
+    return dict(zip(names, given.values(), strict=True))
