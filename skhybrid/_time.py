@@ -274,7 +274,7 @@ _joined: OrderedDict[Hashable, Stamps] = OrderedDict()
 def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
     """The stamps of tables that follow each other as one, shown in the time zone of the last."""
     zone = getattr(parts[-1].shown, "tz", None)
-    parts = [part._replace(shown=_in_zone(part.shown, zone)) for part in parts]
+    parts = [part._replace(shown=in_time_zone(part.shown, zone)) for part in parts]
     if any(part.utc is None for part in parts):
         return Stamps(_joined_index([p.shown for p in parts]), _joined_index([p.time for p in parts]), None)
     kinds = tuple(dict.fromkeys((p.shown.dtype, p.shown.name, p.time.unit, getattr(p.utc, "unit", "")) for p in parts))
@@ -290,7 +290,7 @@ def joined_stamps(parts: Sequence[Stamps]) -> Stamps:
     return found
 
 
-def _in_zone(shown: Any, zone: Any) -> pd.Index:
+def in_time_zone(shown: Any, zone: Any) -> pd.Index:
     """Stamps in a time zone; those without a zone of their own stay as they are."""
     own = getattr(shown, "tz", None)
     return shown if zone is None or own is None or own == zone else shown.tz_convert(zone)

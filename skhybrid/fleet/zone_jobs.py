@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .._time import positive_duration
+from .._time import in_time_zone, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
@@ -232,8 +232,7 @@ def _training_error(model: Any, X: pd.DataFrame, y: pd.Series) -> float | None:
 
 def _in_clock(rows: pd.DataFrame, index: pd.Index) -> pd.DataFrame:
     """Rows with their stamps in the time zone of an index, where both have one."""
-    clocks = [getattr(one, "tz", None) for one in (rows.index, index)]
-    return rows if None in clocks else rows.tz_convert(clocks[1])
+    return rows.set_axis(in_time_zone(rows.index, getattr(index, "tz", None)))
 
 
 def _in_clock_of(text: str, index: pd.DatetimeIndex) -> pd.Timestamp:
