@@ -55,13 +55,13 @@ def random_data(seed: int = 0) -> Data:
     return Data(WindowViews(*views), target, torch.arange(N_TRAIN), torch.arange(N_TRAIN, n))
 
 
-def stacked(spec: NetworkSpec, data: Data, n_networks: int, n_epochs: int) -> None:
+def stacked(spec: NetworkSpec, data: Data, n_networks: int, n_epochs: int, device: str = "cpu") -> None:
     """Train a stack, as ``DisturbanceForecaster.fit`` does."""
     table = WindowTable(spec.kind, spec.reads_zeta, data.views, torch.zeros_like(data.target), data.target)
     generators = [torch.Generator().manual_seed(seed) for seed in range(n_networks)]
     stack = make_stack([spec] * n_networks).draw_weights(generators)
     windows = (Windows([table], rows) for rows in (data.train, data.valid))
-    train_stack(stack, generators, *windows, TrainingSettings(max_epochs=n_epochs, **TRAINING))
+    train_stack(stack, generators, *windows, TrainingSettings(max_epochs=n_epochs, device=device, **TRAINING))
 
 
 class PlainNetwork(nn.Module):
@@ -101,9 +101,10 @@ class PlainNetwork(nn.Module):
         return torch.cat(outputs, dim=1)
 
 
-def plain(spec: NetworkSpec, data: Data, n_epochs: int) -> None:
+def plain(spec: NetworkSpec, data: Data, n_epochs: int, device: str = "cpu") -> None:
     """Train one network in a bare loop: a shuffled index, a slice, a step; the validation error after each epoch."""
-    module = PlainNetwork(spec)
+    data = Data(WindowViews(*(view.to(device) for view in data.views)), *(part.to(device) for part in data[1:]))
+    module = PlainNetwork(spec).to(device)
     with torch.no_grad():
         module(*(view[:2] for view in data.views))  # sizes of lazy layers
     optimizer = torch.optim.Adam(module.parameters(), lr=TRAINING["learning_rate"])
@@ -114,7 +115,7 @@ def plain(spec: NetworkSpec, data: Data, n_epochs: int) -> None:
     with one_thread():
         for _ in range(n_epochs):
             module.train()
-            for rows in data.train[torch.randperm(N_TRAIN)].split(TRAINING["batch_size"]):
+            for rows in data.train[torch.randperm(N_TRAIN, device=device)].split(TRAINING["batch_size"]):
                 optimizer.zero_grad()
                 loss_of(rows).backward()
                 optimizer.step()
@@ -124,8 +125,13 @@ def plain(spec: NetworkSpec, data: Data, n_epochs: int) -> None:
                     loss_of(rows).item()
 
 
-def interleaved(runs: dict[str, Callable[[int], None]], n_epochs: int, n_rounds: int) -> dict[str, np.ndarray]:
-    """Processor time of an epoch [ms] of every run, (n_rounds,), the runs taking turns so that drifts fall on all.
+def interleaved(
+    runs: dict[str, Callable[[int], None]],
+    n_epochs: int,
+    n_rounds: int,
+    clock: Callable[[], float] = time.process_time,
+) -> dict[str, np.ndarray]:
+    """Time of an epoch [ms] of every run, (n_rounds,), the runs taking turns so that drifts fall on all.
 
     Each round's time is the difference between ``n_epochs`` and one epoch, so that making and ending do not count.
     """
@@ -134,9 +140,9 @@ def interleaved(runs: dict[str, Callable[[int], None]], n_epochs: int, n_rounds:
         run(1)
     for _ in range(n_rounds):
         for name, run in runs.items():
-            stamps = [time.process_time()]
+            stamps = [clock()]
             for n in (1, n_epochs + 1):
                 run(n)
-                stamps.append(time.process_time())
+                stamps.append(clock())
             times[name].append(1e3 * (stamps[2] - 2 * stamps[1] + stamps[0]) / n_epochs)
     return {name: np.array(values) for name, values in times.items()}

@@ -1,7 +1,8 @@
 """The paper's networks: time of an epoch, and day-ahead errors on the paper's office.
 
 Writes ``results/networks_speed.md`` (three minutes on one core) and ``results/networks.md`` (ten to fifteen):
-``python benchmarks/networks.py``, or with ``speed`` or ``error`` one of the two.
+``python benchmarks/networks.py``, or with ``speed`` or ``error`` one of the two.  ``gpu`` writes
+``results/networks_gpu.md`` where torch finds a GPU (two minutes).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import warnings
 
 import numpy as np
 import pandas as pd
+import torch
 from _network_speed import SIZES, interleaved, plain, random_data, spec_of, stacked
 from _report import write_table
 from _single_networks import single_networks
@@ -26,7 +28,7 @@ COMMAND = "python benchmarks/networks.py"
 CLIMATES = {"oakland": "2023-07-08", "chicago": "2023-07-08"}
 TRAIN_DAYS, TEST_DAYS, SEEDS = 28, 42, 3
 #: networks of a stack
-STACK = 12
+STACK, GPU_STACKS = 12, (1, 24, 256)
 NETWORKS = {"mlp": {}, "cnn": {"pool_size": 4}, "rnn": {}, "lstm": {}}
 
 
@@ -54,6 +56,26 @@ def speed(n_rounds: int = 5) -> pd.DataFrame:
             "bare loop [ms]": float(np.median(times["plain"])),
             "bare loop / stack": _spread(times["plain"], each),
             "bare loop / alone": _spread(times["plain"], times["alone"]),
+        }
+        print(name, rows[name], flush=True)
+    return pd.DataFrame(rows).T.rename_axis("network")
+
+
+def gpu(n_rounds: int = 3) -> pd.DataFrame:
+    """One row per network: ms per epoch and network on a GPU in stacks of some sizes, and of a bare loop."""
+    rows, data = {}, random_data()
+    for name, size in SIZES.items():
+        spec = spec_of(size)
+        runs = {str(n): lambda k, n=n, s=spec: stacked(s, data, n, k, "cuda") for n in GPU_STACKS}
+        runs |= {device: lambda k, d=device, s=spec: plain(s, data, k, d) for device in ("cpu", "cuda")}
+        times = interleaved(runs, {"mlp": 20}.get(spec.kind, 4), n_rounds, time.perf_counter)
+        each = {n: times[str(n)] / n for n in GPU_STACKS}
+        largest = each[GPU_STACKS[-1]]
+        rows[name] = {f"{n} networks, each [ms]": float(np.median(ms)) for n, ms in each.items()} | {
+            "bare loop, GPU [ms]": float(np.median(times["cuda"])),
+            "bare loop, CPU [ms]": float(np.median(times["cpu"])),
+            f"bare loop, GPU / {GPU_STACKS[-1]}": _spread(times["cuda"], largest),
+            f"bare loop, CPU / {GPU_STACKS[-1]}": _spread(times["cpu"], largest),
         }
         print(name, rows[name], flush=True)
     return pd.DataFrame(rows).T.rename_axis("network")
@@ -127,6 +149,17 @@ def main(parts: list[str]) -> None:
             f"of medians (lowest to highest of the rounds).  *Stack*: {STACK} networks trained together.  *Bare loop*: "
             "one network of nn.Linear, nn.Conv1d, nn.RNN or nn.LSTM, a shuffled index, slices of tensors, Adam, the "
             "validation error; no clipping, no record.",
+        )
+    if "gpu" in parts:
+        write_table(
+            "networks_gpu",
+            "Time of an epoch of the paper's networks on a GPU",
+            f"{COMMAND} gpu",
+            {"Epochs": gpu()},
+            f"{torch.cuda.get_device_name()}, torch {torch.__version__}.  Windows, batches, optimiser and bare loop of "
+            "networks_speed.md; ms by the clock, median of three rounds in which all take turns; ratios of medians "
+            "(lowest to highest of the rounds).  The bare loop trains one network, on the GPU or on one thread of the "
+            "processor.",
         )
     if "error" in parts:
         write_table(

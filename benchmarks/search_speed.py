@@ -1,7 +1,8 @@
 """Candidates per minute: our search and scikit-learn's ``GridSearchCV`` over a plain skorch net, on the same cores.
 
 Writes ``results/search_speed.md`` (a quarter of an hour on two cores):
-``python benchmarks/search_speed.py``.
+``python benchmarks/search_speed.py``.  With ``gpu``, where torch finds a GPU, it writes ``results/search_speed_gpu.md``
+(five minutes).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ import torch
 from _network_speed import PlainNetwork
 from _report import write_table
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.model_selection import GridSearchCV
+from sklearn.model_selection import GridSearchCV, ParameterGrid
 from sklearn.pipeline import Pipeline
 from skorch import NeuralNetRegressor
 from skorch.callbacks import EarlyStopping
@@ -33,11 +34,35 @@ from skhybrid.forecasting.networks.windows import columns_of
 from skhybrid.forecasting.reading import read_weather
 from skhybrid.forecasting.training_job import chronological_split
 from skhybrid.model_selection import DesignMatrixSearchCV, design_matrix
-from skhybrid.model_selection.search.design_matrix import DesignMatrix
 
 COMMAND = "python benchmarks/search_speed.py"
-#: cases of a block and its epochs: every size of paper 3.2 for each of them.
-BLOCKS = {"mlp": (("case01", "case12"), 20), "lstm": (("case01", "case03"), 4)}
+
+
+class Block(NamedTuple):
+    """Every size of paper 3.2 for each case, each with networks of several seeds."""
+
+    model: str
+    cases: tuple[str, ...]
+    n_epochs: int
+    n_repeats: int = 1
+
+
+class Machine(NamedTuple):
+    """The device of a search, and its processes and chunks there."""
+
+    device: str = "cpu"
+    n_jobs: int = 2
+    chunk_size: int = 12
+
+
+BLOCKS = {"mlp": Block("mlp", ("case01", "case12"), 20), "lstm": Block("lstm", ("case01", "case03"), 4)}
+#: The paper trains ten networks of each size.
+GPU_BLOCKS = [
+    Block("mlp", ("case01", "case12"), 100, 10),
+    Block("lstm", ("case01", "case02", "case03", "case04"), 10, 10),
+]
+#: Of the networks of a block on a GPU, GridSearchCV trains one in so many.
+EVERY = 70
 N_DAYS, N_LEADS, PATIENCE, N_ROUNDS = 28, 24, 150, 5
 TRAINING = {"learning_rate": 0.003, "batch_size": 128, "validation_fraction": 0.2}
 
@@ -116,57 +141,64 @@ def _halves(dataset: Any, y: Any = None) -> tuple[Any, Any]:
     return torch.utils.data.Subset(dataset, train), torch.utils.data.Subset(dataset, valid)
 
 
-def plain_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
-    """``GridSearchCV`` of two processes over a Pipeline of windows and a skorch net."""
-    cases, n_epochs = BLOCKS[model]
+def plain_search(block: Block, X: pd.DataFrame, y: pd.Series, machine: Machine, every: int = 1) -> int:
+    """``GridSearchCV`` over a Pipeline of windows and a skorch net; the number of its candidates, one in ``every``."""
+    model = block.model
     net = NeuralNetRegressor(
         FlatNetwork,
         module__model=model,
         optimizer=torch.optim.Adam,
         lr=TRAINING["learning_rate"],
         batch_size=TRAINING["batch_size"],
-        max_epochs=n_epochs,
+        max_epochs=block.n_epochs,
         train_split=_halves,
         iterator_train__shuffle=True,
         callbacks=[EarlyStopping(patience=PATIENCE, load_best=True)],
+        device=machine.device,
         verbose=0,
     )
     pipeline = Pipeline([("windows", CaseWindows(model)), ("net", net)])
     grid = []
-    for case in cases:
+    for case in block.cases:
         reader = DisturbanceForecaster(model, case)
         reader.case_ = resolve_case(case, model)
         n_columns = columns_of(read_weather(reader, X, reset=True), reader.case_, model, "cyclic")[0].shape[1]
         fixed = {"windows__case": [case], "net__module__case": [case], "net__module__n_columns": [n_columns]}
         grid.append(fixed | {f"net__module__{name}": values for name, values in list_sizes(model).items()})
+    chosen = [params for params in ParameterGrid(grid) for _ in range(block.n_repeats)][every // 2 :: every]
     targets = _windows(_z_scores(y.to_numpy())[:, None], 0, N_LEADS, N_LEADS)[1:, 0].astype(np.float32)
     rows = np.arange(len(X))
     search = GridSearchCV(
-        pipeline, grid, cv=[(rows, rows)], scoring="neg_mean_squared_error", n_jobs=2, refit=False, error_score="raise"
+        pipeline,
+        [{name: [value] for name, value in params.items()} for params in chosen],
+        cv=[(rows, rows)],
+        scoring="neg_mean_squared_error",
+        n_jobs=machine.n_jobs,
+        refit=False,
+        error_score="raise",
     )
     search.fit(X, targets)
-    assert len(search.cv_results_["params"]) == len(_matrix(model).candidates())
+    return len(search.cv_results_["params"])
 
 
 # ---------------------------------------------------------------------------------------------------------------- ours
-def _matrix(model: str) -> DesignMatrix:
-    return design_matrix([model], list(BLOCKS[model][0]), disturbance="input")
-
-
-def design_search(model: str, X: pd.DataFrame, y: pd.Series) -> None:
-    """``DesignMatrixSearchCV`` of two processes."""
-    settings = {"max_epochs": BLOCKS[model][1], "patience": PATIENCE, "residual_of": None, "random_state": 0}
+def design_search(block: Block, X: pd.DataFrame, y: pd.Series, machine: Machine) -> int:
+    """``DesignMatrixSearchCV``; the number of networks that it trained."""
+    settings = {"max_epochs": block.n_epochs, "patience": PATIENCE, "residual_of": None, "random_state": 0}
+    repeats = {"n_repeats": block.n_repeats, "repeats": "mean", "device": machine.device}
     rows = np.arange(len(X))
     search = DesignMatrixSearchCV(
-        DisturbanceForecaster(model, **settings | TRAINING),
-        _matrix(model),
+        DisturbanceForecaster(block.model, **settings | TRAINING | repeats),
+        design_matrix([block.model], list(block.cases), disturbance="input"),
         cv=[(rows, rows)],
-        n_jobs=2,
+        n_jobs=machine.n_jobs,
+        chunk_size=machine.chunk_size,
         refit=False,
         error_score="raise",
         verbose=0,
     )
     search.fit(X, y)
+    return len(search.results_) * block.n_repeats
 
 
 # ------------------------------------------------------------------------------------------------------------- measure
@@ -175,25 +207,22 @@ def _processor_time() -> float:
     return sum(sum(process.cpu_times()[:2]) for process in processes)
 
 
-SEARCHES: dict[str, Callable[..., None]] = {"plain": plain_search, "ours": design_search}
+SEARCHES: dict[str, Callable[..., int]] = {"plain": plain_search, "ours": design_search}
 
 
-def _timed(search: Callable[..., None], model: str, X: pd.DataFrame, y: pd.Series) -> tuple[float, float]:
+def _timed(search: Callable[..., int], block: Block, X: pd.DataFrame, y: pd.Series) -> tuple[int, float, float]:
     begin, used = time.perf_counter(), _processor_time()
-    search(model, X, y)
-    return time.perf_counter() - begin, _processor_time() - used
+    n = search(block, X, y, Machine())
+    return n, time.perf_counter() - begin, _processor_time() - used
 
 
 def serve(name: str, model: str) -> None:
-    """Run a search, in the same worker processes, for every line read; print its two times."""
-    search, (X, y) = SEARCHES[name], hourly_office()
-    cases, n_epochs = BLOCKS[model]
-    BLOCKS[model] = (cases[:1], 1)
-    search(model, X, y)  # imports and warm processes
-    BLOCKS[model] = (cases, n_epochs)
+    """Run a search, in the same worker processes, for every line read; print its candidates and its two times."""
+    search, (X, y), block = SEARCHES[name], hourly_office(), BLOCKS[model]
+    search(block._replace(cases=block.cases[:1], n_epochs=1), X, y, Machine())  # imports and warm processes
     print("ready", flush=True)
     for _ in sys.stdin:
-        print(*_timed(search, model, X, y), flush=True)
+        print(*_timed(search, block, X, y), flush=True)
 
 
 def measure(model: str, n_rounds: int = N_ROUNDS) -> dict[str, Any]:
@@ -203,7 +232,7 @@ def measure(model: str, n_rounds: int = N_ROUNDS) -> dict[str, Any]:
         command = [sys.executable, __file__, "--serve", name, model]
         servers[name] = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
         assert servers[name].stdout.readline() == "ready\n", f"{name} ended early"
-    times = {name: np.empty((n_rounds, 2)) for name in SEARCHES}
+    times = {name: np.empty((n_rounds, 3)) for name in SEARCHES}
     for i in range(n_rounds):
         for name, server in servers.items():
             server.stdin.write("go\n")
@@ -211,12 +240,12 @@ def measure(model: str, n_rounds: int = N_ROUNDS) -> dict[str, Any]:
             print(model, name, times[name][i], flush=True)
     for server in servers.values():
         server.communicate()
-    n_epochs = BLOCKS[model][1]
-    n = len(_matrix(model).candidates())
-    wall, cpu = ({name: values[:, k] for name, values in times.items()} for k in (0, 1))
+    count, wall, cpu = ({name: values[:, k] for name, values in times.items()} for k in range(3))
+    n = int(count["ours"][0])
+    assert (count["plain"] == n).all()
     return {
         "candidates": n,
-        "epochs": n_epochs,
+        "epochs": BLOCKS[model].n_epochs,
         "GridSearchCV [candidates/min]": 60.0 * n / float(np.median(wall["plain"])),
         "DesignMatrixSearchCV [candidates/min]": 60.0 * n / float(np.median(wall["ours"])),
         "ratio": _spread(wall["plain"], wall["ours"]),
@@ -229,10 +258,48 @@ def _spread(above: np.ndarray, below: np.ndarray) -> str:
     return f"{np.median(ratios):.1f} ({ratios.min():.1f}-{ratios.max():.1f})"
 
 
+def measure_gpu(block: Block) -> dict[str, Any]:
+    """A row of the table of a GPU: networks per minute of both searches there and on all cores."""
+    X, y = hourly_office()
+    gpu, cores = Machine("cuda", 1, 256), Machine("cpu", os.cpu_count() or 1)
+    rates: dict[str, float] = {}
+    for name, search, machine, settings in (
+        ("DesignMatrixSearchCV, GPU", design_search, gpu, {}),
+        ("GridSearchCV, GPU", plain_search, gpu, {"every": EVERY}),
+        ("GridSearchCV, all cores", plain_search, cores, {"every": EVERY // 4}),
+    ):
+        search(block._replace(cases=block.cases[:1], n_epochs=1), X, y, machine, **settings)  # imports, processes
+        begin = time.perf_counter()
+        n = search(block, X, y, machine, **settings)
+        rates[name] = 60.0 * n / (time.perf_counter() - begin)
+        print(block.model, name, n, rates[name], flush=True)
+    ours = rates["DesignMatrixSearchCV, GPU"]
+    ratios = {f"GPU / {name}": ours / rate for name, rate in rates.items() if rate != ours}
+    n_networks = len(block.cases) * 36 * block.n_repeats
+    return {"networks": n_networks, "epochs": block.n_epochs} | rates | ratios
+
+
+def main_gpu() -> None:
+    """Measure on a GPU and write the table."""
+    rows = {block.model: measure_gpu(block) for block in GPU_BLOCKS}
+    chosen = "; ".join(f"{block.model} {', '.join(block.cases)}" for block in GPU_BLOCKS)
+    write_table(
+        "search_speed_gpu",
+        "Networks of the design matrix per minute, on a GPU",
+        f"{COMMAND} gpu",
+        {"Networks per minute, and ratios": pd.DataFrame(rows).T.rename_axis("framework")},
+        f"{torch.cuda.get_device_name()}, torch {torch.__version__}.  make_office, {N_DAYS} days by the hour.  Every "
+        f"size of paper 3.2 (36) with ten seeds for {chosen}.  The searches are those of search_speed.md.  On the GPU "
+        f"both run in one process; on all cores, GridSearchCV runs in a process per core.  Times include scoring.  "
+        f"GridSearchCV trains one in {EVERY} of the networks, one in {EVERY // 4} on all cores, evenly over the block, "
+        "and its rate is that of those.",
+    )
+
+
 def main() -> None:
     """Measure both frameworks and write the table."""
     rows = {model: measure(model) for model in BLOCKS}
-    chosen = "; ".join(f"{model} {' and '.join(cases)}" for model, (cases, _) in BLOCKS.items())
+    chosen = "; ".join(f"{model} {' and '.join(block.cases)}" for model, block in BLOCKS.items())
     write_table(
         "search_speed",
         "Candidates of the design matrix per minute",
@@ -243,11 +310,14 @@ def main() -> None:
         f"and early stopping (patience {PATIENCE}, not reached in so few epochs), and score every candidate once.  "
         f"GridSearchCV: Pipeline of windows and NeuralNetRegressor (torch's own layers, default DataLoader).  "
         f"{N_ROUNDS} rounds in which they take turns: the median ratio of a round, then the lowest and the highest.  "
-        "The load of the machine at the end: {:.1f} {:.1f} {:.1f}.  No GPU was at hand; both ran on processors.".format(
+        "The load of the machine at the end: {:.1f} {:.1f} {:.1f}.  search_speed_gpu.md has a GPU.".format(
             *os.getloadavg()
         ),
     )
 
 
 if __name__ == "__main__":
-    serve(*sys.argv[2:]) if sys.argv[1:2] == ["--serve"] else main()
+    if sys.argv[1:2] == ["--serve"]:
+        serve(*sys.argv[2:])
+    else:
+        main_gpu() if sys.argv[1:] == ["gpu"] else main()

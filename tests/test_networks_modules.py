@@ -295,13 +295,14 @@ def test_batches_are_slices_of_the_chosen_windows():
 
 
 def test_networks_of_several_tables_read_their_own():
-    tables = [_table(torch.full((40,), float(i))) for i in range(3)]
-    stack = _stack(_spec("mlp"), 0, 1, 2)
-    stack.keep([0, 2])
-    for generators in (None, _generators(0, 1, 2)):
-        ((inputs, target),) = WindowBatches(Windows(tables, torch.arange(40)), 64, stack, generators)
+    first, second = (Windows([_table(torch.full((40,), float(i)))], torch.arange(40)) for i in range(2))
+    windows, stack = Windows.joined([first, second, second, first, second]), _stack(_spec("mlp"), 0, 1, 2, 3, 4)
+    assert len(windows.tables) == 2
+    stack.keep([0, 2, 3, 4])
+    for generators in (None, _generators(0, 1, 2, 3, 4)):
+        ((inputs, target),) = WindowBatches(windows, 64, stack, generators)
         for found in (inputs["inputs"], target):
-            assert found[..., 0].unique(dim=1).flatten().tolist() == [0.0, 2.0]
+            assert found[..., 0].unique(dim=1).flatten().tolist() == [0.0, 1.0, 0.0, 1.0]
 
 
 def test_a_table_too_large_for_memory_is_cut_batch_by_batch(monkeypatch):

@@ -56,15 +56,16 @@ class EarlyStoppingPerNetwork(Callback):
     def on_epoch_end(self, net: NeuralNet, **kwargs: Any) -> None:
         """Store better weights, and remove networks whose patience has run out."""
         stack: NetworkStack = net.module_
-        losses = epoch_losses(net)
+        losses, better = epoch_losses(net), []
         for row, number in enumerate(stack.numbers):
             own = {name: values[row] for name, values in losses.items()}
             self.histories_[number].append({"epoch": len(net.history)} | own)
             if self.patience is None or own["valid_loss"] < self.best_[number] * (1.0 - _THRESHOLD):
                 self.best_[number], self.misses_[number] = own.get("valid_loss", np.nan), 0
-                self.best_stack_.flat.data[number] = stack.flat.detach()[row]
+                better.append(row)
             else:
                 self.misses_[number] += 1
+        self.best_stack_.flat.data[[stack.numbers[row] for row in better]] = stack.flat.detach()[better]
         patience = np.inf if self.patience is None else self.patience
         running = [row for row, number in enumerate(stack.numbers) if self.misses_[number] < patience]
         self.ended_ = not running or len(net.history) == net.max_epochs

@@ -45,6 +45,7 @@ class WindowBatches:
         self.size = size
         self.stack = stack
         self.generators = generators
+        self._dropping = [_on_device(generator, windows.chosen.device) for generator in generators or ()]
         self._in_order: tuple[list[int], list[Batch]] = ([], [])  # numbers of networks and their batches
 
     def __len__(self) -> int:
@@ -53,19 +54,19 @@ class WindowBatches:
     def __iter__(self) -> Iterator[Batch]:
         numbers = self.stack.numbers
         if self.generators is not None:
-            yield from self._shuffled([self.generators[number] for number in numbers])
+            yield from self._shuffled(*([each[n] for n in numbers] for each in (self.generators, self._dropping)))
             return
         if self._in_order[0] != numbers:
             parts = self.windows.chosen.split(self.size)
             self._in_order = numbers, [self.windows.take(rows, numbers) for rows in parts]
         yield from self._in_order[1]
 
-    def _shuffled(self, generators: list[torch.Generator]) -> Iterator[Batch]:
-        """An epoch: the order of windows, then all dropout, from each generator."""
-        n, device = len(self.windows), self.windows.chosen.device
-        order = torch.stack([torch.randperm(n, generator=g, device=g.device) for g in generators]).to(device)
-        rows = self.windows.chosen[order]
-        kept = draw_kept(self.stack, n, generators)
+    def _shuffled(self, generators: list[torch.Generator], dropping: list[torch.Generator]) -> Iterator[Batch]:
+        """An epoch: the order of windows, then all dropout, from each network's generator."""
+        n, chosen = len(self.windows), self.windows.chosen
+        order = torch.stack([torch.randperm(n, generator=generator) for generator in generators])
+        rows = chosen[order.to(chosen.device)]
+        kept = draw_kept(self.stack, n, dropping)
         for start in range(0, n, self.size):
             part = slice(start, start + self.size)
             inputs, target = self.windows.take(rows[:, part], self.stack.numbers)
@@ -81,13 +82,13 @@ def draw_kept(stack: NetworkStack, n_windows: int, generators: Sequence[torch.Ge
     """
     if not any(spec.dropout for spec in stack.specs):
         return None
-    kept = torch.empty(len(stack.specs), *stack.spec.kept_shape(n_windows), device=generators[0].device)
+    kept = torch.ones(len(stack.specs), *stack.spec.kept_shape(n_windows), device=generators[0].device)
     for row, spec, generator in zip(kept, stack.specs, generators, strict=True):
-        own = row[: spec.n_dropping if spec.dropout else 0]
-        row[len(own) :] = 1.0
-        if len(own):
-            spec.draw_uniform(own, generator)
-            own.ge_(spec.dropout).mul_(1.0 / (1.0 - spec.dropout))
+        if spec.dropout:
+            spec.draw_uniform(row[: spec.n_dropping], generator)
+    shares = kept.new_tensor([spec.dropout for spec in stack.specs])[:, None, None, None]
+    factors = kept.new_tensor([1.0 / (1.0 - spec.dropout) for spec in stack.specs])[:, None, None, None]
+    kept.ge_(shares).mul_(factors)
     return kept[:, :, : stack.spec.hidden_size]
 
 
@@ -204,7 +205,7 @@ def train_stack(
         **{f"callbacks__{name}": None for name in ("epoch_timer", "train_loss", "valid_loss", "print_log")},
         device=device,
         verbose=0,
-        generators=[_on_device(generator, device) for generator in generators],
+        generators=generators,
     ).initialize()
     with one_thread():
         net.partial_fit(train.to(device))
@@ -214,8 +215,8 @@ def train_stack(
     return stopping.results()
 
 
-def _on_device(generator: torch.Generator, device: str) -> torch.Generator:
-    """The generator itself on a CPU; elsewhere one that it seeds."""
-    if device == "cpu":
+def _on_device(generator: torch.Generator, device: torch.device) -> torch.Generator:
+    """The generator itself on a CPU; elsewhere one of the same seed, since each device draws its own numbers."""
+    if device.type == "cpu":
         return generator
-    return torch.Generator(device).manual_seed(int(torch.randint(2**62, (), generator=generator)))
+    return torch.Generator(device).manual_seed(generator.initial_seed())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -83,23 +84,25 @@ class WindowTable:
 
 
 class Windows(torch.utils.data.Dataset):
-    """The chosen windows of one table for all networks of a stack, or of one table each."""
+    """The chosen windows of one table for all networks of a stack, or of several tables."""
 
-    def __init__(self, tables: Sequence[WindowTable], chosen: Tensor) -> None:
+    def __init__(self, tables: Sequence[WindowTable], chosen: Tensor, table_of: Sequence[int] = ()) -> None:
         self.tables = list(tables)
         self.chosen = chosen
+        self.table_of = list(table_of)  # the number of each network's table, where there are several
 
     @classmethod
     def joined(cls, each: Sequence[Windows]) -> Windows:
         """One data set for a stack of which each network has its own; the same windows are chosen in all."""
-        shared = all(one.tables[0] is each[0].tables[0] for one in each)
-        return cls([one.tables[0] for one in (each[:1] if shared else each)], each[0].chosen)
+        tables = list(dict.fromkeys(one.tables[0] for one in each))
+        numbers = {table: number for number, table in enumerate(tables)}
+        return cls(tables, each[0].chosen, [numbers[one.tables[0]] for one in each])
 
     def to(self, device: str) -> Windows:
         """The same windows on a device."""
         if device == "cpu":
             return self
-        return Windows([table.to(device) for table in self.tables], self.chosen.to(device))
+        return Windows([table.to(device) for table in self.tables], self.chosen.to(device), self.table_of)
 
     def __len__(self) -> int:
         return len(self.chosen)
@@ -115,20 +118,23 @@ class Windows(torch.utils.data.Dataset):
         ``rows`` (n_networks, n_windows) or (n_windows,) are windows of each network or of all; ``numbers`` are the
         networks'.
         """
-        if len(self.tables) > 1:
-            rows = rows.expand(len(numbers), -1)
-            each = [_cut(self.tables[number], row) for number, row in zip(numbers, rows, strict=True)]
-            inputs, base, target = (torch.stack(parts) for parts in zip(*each, strict=True))
-        elif rows.ndim == 1:
+        if rows.ndim == 1 and len(self.tables) == 1:
             inputs, base, target = (part.expand(len(numbers), *part.shape) for part in _cut(self.tables[0], rows))
-        else:
-            flat = _cut(self.tables[0], rows.flatten())
-            inputs, base, target = (part.view(*rows.shape, *part.shape[1:]) for part in flat)
+            return {"inputs": inputs, "base": base}, target
+        of = [self.table_of[number] if self.table_of else 0 for number in numbers]
+        runs = [(self.tables[table], len(list(run))) for table, run in groupby(of)]  # neighbours are cut together
+        parts = rows.expand(len(numbers), -1).split([length for _, length in runs])
+        each = [_cut(table, part) for (table, _), part in zip(runs, parts, strict=True)]
+        inputs, base, target = (torch.cat(same) if len(runs) > 1 else same[0] for same in zip(*each, strict=True))
         return {"inputs": inputs, "base": base}, target
 
 
 def _cut(table: WindowTable, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    return table.inputs(rows), table.base.index_select(0, rows), table.target.index_select(0, rows)
+    """Inputs, baseline and target of windows of any shape."""
+    flat = rows.flatten()
+    cut = table.inputs(flat), table.base.index_select(0, flat), table.target.index_select(0, flat)
+    inputs, base, target = (part.view(*rows.shape, *part.shape[1:]) for part in cut)
+    return inputs, base, target
 
 
 def network_inputs(kind: str, reads_zeta: bool, zeta: Tensor, past: Tensor, future: Tensor) -> Tensor:
