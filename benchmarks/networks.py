@@ -71,7 +71,7 @@ def gpu(n_rounds: int = 3) -> pd.DataFrame:
         times = interleaved(runs, {"mlp": 20}.get(spec.kind, 4), n_rounds, time.perf_counter)
         each = {n: times[str(n)] / n for n in GPU_STACKS}
         largest = each[GPU_STACKS[-1]]
-        rows[name] = {f"{n} networks, each [ms]": float(np.median(ms)) for n, ms in each.items()} | {
+        rows[name] = {f"stack of {n}, each [ms]": float(np.median(ms)) for n, ms in each.items()} | {
             "bare loop, GPU [ms]": float(np.median(times["cuda"])),
             "bare loop, CPU [ms]": float(np.median(times["cpu"])),
             f"bare loop, GPU / {GPU_STACKS[-1]}": _spread(times["cuda"], largest),
@@ -83,7 +83,7 @@ def gpu(n_rounds: int = 3) -> pd.DataFrame:
 
 def _spread(above: np.ndarray, below: np.ndarray) -> str:
     ratios = above / below
-    return f"{np.median(above) / np.median(below):.2f} ({ratios.min():.2f}-{ratios.max():.2f})"
+    return f"{np.median(above) / np.median(below):.3g} ({ratios.min():.3g}-{ratios.max():.3g})"
 
 
 # --------------------------------------------------------------------------------------------------------------- errors

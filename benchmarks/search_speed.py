@@ -264,17 +264,17 @@ def measure_gpu(block: Block) -> dict[str, Any]:
     gpu, cores = Machine("cuda", 1, 256), Machine("cpu", os.cpu_count() or 1)
     rates: dict[str, float] = {}
     for name, search, machine, settings in (
-        ("DesignMatrixSearchCV, GPU", design_search, gpu, {}),
-        ("GridSearchCV, GPU", plain_search, gpu, {"every": EVERY}),
-        ("GridSearchCV, all cores", plain_search, cores, {"every": EVERY // 4}),
+        ("ours, GPU", design_search, gpu, {}),
+        ("skorch, GPU", plain_search, gpu, {"every": EVERY}),
+        ("skorch, all cores", plain_search, cores, {"every": EVERY // 4}),
     ):
         search(block._replace(cases=block.cases[:1], n_epochs=1), X, y, machine, **settings)  # imports, processes
         begin = time.perf_counter()
         n = search(block, X, y, machine, **settings)
         rates[name] = 60.0 * n / (time.perf_counter() - begin)
         print(block.model, name, n, rates[name], flush=True)
-    ours = rates["DesignMatrixSearchCV, GPU"]
-    ratios = {f"GPU / {name}": ours / rate for name, rate in rates.items() if rate != ours}
+    ours = rates["ours, GPU"]
+    ratios = {f"ours / {name}": ours / rate for name, rate in rates.items() if rate != ours}
     n_networks = len(block.cases) * 36 * block.n_repeats
     return {"networks": n_networks, "epochs": block.n_epochs} | rates | ratios
 
@@ -289,7 +289,7 @@ def main_gpu() -> None:
         f"{COMMAND} gpu",
         {"Networks per minute, and ratios": pd.DataFrame(rows).T.rename_axis("framework")},
         f"{torch.cuda.get_device_name()}, torch {torch.__version__}.  make_office, {N_DAYS} days by the hour.  Every "
-        f"size of paper 3.2 (36) with ten seeds for {chosen}.  The searches are those of search_speed.md.  On the GPU "
+        f"size of paper 3.2 (36) with ten seeds for {chosen}.  *Ours* and *skorch*: DesignMatrixSearchCV and GridSearchCV, as in search_speed.md.  On the GPU "
         f"both run in one process; on all cores, GridSearchCV runs in a process per core.  Times include scoring.  "
         f"GridSearchCV trains one in {EVERY} of the networks, one in {EVERY // 4} on all cores, evenly over the block, "
         "and its rate is that of those.",
