@@ -289,8 +289,9 @@ def main_gpu() -> None:
         f"{COMMAND} gpu",
         {"Networks per minute, and ratios": pd.DataFrame(rows).T.rename_axis("framework")},
         f"{torch.cuda.get_device_name()}, torch {torch.__version__}.  make_office, {N_DAYS} days by the hour.  Every "
-        f"size of paper 3.2 (36) with ten seeds for {chosen}.  *Ours* and *skorch*: DesignMatrixSearchCV and GridSearchCV, as in search_speed.md.  On the GPU "
-        f"both run in one process; on all cores, GridSearchCV runs in a process per core.  Times include scoring.  "
+        f"size of paper 3.2 (36) with ten seeds for {chosen}.  *Ours* and *skorch*: DesignMatrixSearchCV and "
+        "GridSearchCV, as in search_speed.md.  On the GPU both run in one process; on all cores, GridSearchCV runs in "
+        "a process per core.  Times include scoring.  "
         f"GridSearchCV trains one in {EVERY} of the networks, one in {EVERY // 4} on all cores, evenly over the block, "
         "and its rate is that of those.",
     )
