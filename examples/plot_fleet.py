@@ -55,4 +55,4 @@ for ax, zone in zip(axes.flat, status["zone"][1:], strict=False):
     ax.set_title(zone, loc="left", fontsize="medium")
     ax.tick_params(axis="x", rotation=30)
 axes[0, 0].legend(frameon=False)
-figure.supylabel("zone temperature [°C]")
+figure.supylabel("zone temperature [degC]")
