@@ -440,7 +440,8 @@ def test_a_kill_between_the_steps_of_a_save_leaves_a_whole_pair(monkeypatch, tmp
 def test_a_fleet_that_was_killed_goes_on_and_ends_the_same(tmp_path, monkeypatch):
     store = tmp_path / "store"
     program = PROGRAM + "ZoneFleet(estimator, store=sys.argv[1]).fit(tables)"
-    process = subprocess.Popen([sys.executable, "-c", program, str(store)])
+    left = os.environ | {"TMPDIR": str(tmp_path)}  # a killed process cannot remove the files of its rows
+    process = subprocess.Popen([sys.executable, "-c", program, str(store)], env=left)
     until = time.monotonic() + 120
     while len(list(store.glob("[!.]*.npz"))) < 3 and time.monotonic() < until:
         time.sleep(0.002)
