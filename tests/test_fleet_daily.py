@@ -7,12 +7,13 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 
 from skhybrid import ARXRegressor
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
-from skhybrid.fleet import ZoneFleet, model_store
+from skhybrid.fleet import ZoneFleet, model_store, zone_jobs
 from skhybrid.fleet.fleet_status import zone_status
 from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.model_store import ModelStore
@@ -57,6 +58,52 @@ def test_a_tick_names_the_zones_without_new_rows_and_those_without_a_forecast(fl
     assert fleet.warnings_ == {
         "b": ("there is no forecast, since no rows follow 2024-01-15 23:00:00; give the weather to come.",)
     }
+
+
+def test_a_short_gap_of_an_input_is_filled_as_readers_of_logs_do(tmp_path):
+    """Linearly for the weather, with its last value for a set-point, and never for what is measured."""
+    columns = {"T_oa": "outdoor", "T_za": "room", "T_heat_set": "wanted"}
+    names = {role: column for role, column in columns.items() if role in ZONE}
+    X = ZONE.assign(wanted=np.where(np.arange(len(ZONE)) % DAY < 6, 18.0, 21.0)).rename(columns=names)
+    X.loc[X.index[9 * DAY :], "room"] = np.nan
+    holed, filled, row = X.copy(), X.copy(), 8 * DAY + 5
+    for at in (30, row):
+        holed.loc[X.index[at : at + 3], ["outdoor", "q_sol", "wanted"]] = np.nan
+        filled.loc[X.index[at : at + 3], ["outdoor", "q_sol"]] = np.linspace(
+            *X[["outdoor", "q_sol"]].iloc[[at - 1, at + 3]].to_numpy(), 5
+        )[1:4]
+        filled.loc[X.index[at : at + 3], "wanted"] = X["wanted"].iloc[at - 1]
+    holed.loc[X.index[50:52], "room"] = filled.loc[X.index[50:52], "room"] = np.nan
+    found = []
+    for given in (holed, filled):
+        made = ZoneFleet(clone(ARX).set_params(columns=columns), store=tmp_path / str(len(found)))
+        made.fit({"a": given[: 7 * DAY]}).update({"a": given[7 * DAY : 8 * DAY]})
+        found.append(made.tick({"a": given}))
+        assert made.errors_ == {}
+    pd.testing.assert_frame_equal(*found)
+    pd.testing.assert_frame_equal(zone_jobs._filled(holed, made.estimator), filled)
+
+
+def test_a_long_gap_of_an_input_is_refused_with_its_column_and_stamp(fleet):
+    X = upto(8 * DAY, DAY)
+    X.loc[X.index[7 * DAY + 5 : 7 * DAY + 9], "T_oa"] = np.nan
+    fleet.tick({"a": X, "b": upto(8 * DAY, DAY, "b")})
+    assert fleet.errors_["a"].startswith("column 'T_oa' contains NaN in 4 rows (first at 2024-01-15 05:00:00)")
+    assert list(fleet.errors_) == ["a"]
+
+
+def test_on_the_day_of_the_fit_no_zone_is_warned_of(fleet):
+    ahead = {zone: upto(7 * DAY, DAY, zone) for zone in ZONES}
+    fleet.tick(ahead)
+    assert fleet.warnings_ == {}
+    fleet.tick(ahead)  # a second time it is news
+    assert list(fleet.warnings_) == list(ZONES)
+
+
+def test_files_of_a_zone_are_in_the_order_of_their_numbers(tmp_path):
+    for number in (9, 10):
+        ZONE[:5].assign(T_oa=float(number)).to_parquet(tmp_path / f"day-{number}.parquet")
+    assert (read_rows(tmp_path)["T_oa"] == 10.0).all()
 
 
 def test_the_command_says_which_zones_have_nothing_new(tmp_path, capsys):

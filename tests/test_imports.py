@@ -42,7 +42,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "zone": {
         "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets", "model_selection", "study",
     },
-    "fleet": {"forecasting", "schedule", "hybrid", "persistence", "parallel", "model_selection", "study"},
+    "fleet": {
+        "forecasting", "schedule", "hybrid", "persistence", "parallel", "model_selection", "preprocessing", "study",
+    },
     "server": {"study", "zone"},
     "cli": {
         "thermal", "identification", "forecasting", "hybrid", "persistence", "preprocessing", "logs", "datasets",

@@ -47,8 +47,9 @@ class ZoneFleet(BaseEstimator):
     ``X`` is one of: a long table whose column ``key`` names the zone of each row; the path of a Parquet dataset with a
     folder per zone (``DIR/zone=kitchen/*.parquet``, time as index or in the column ``time``); tables, each with the
     column ``key``; or pairs of a zone and its table.  ``y`` is aligned with a long table; without it, and for the other
-    kinds, it is the column ``T_za``.  Each zone may have its own step and time zone.  Methods return one long table
-    with the columns that the estimator gives, and the key.
+    kinds, it is the column ``T_za``.  Each zone may have its own step and time zone.  Gaps of inputs of up to three
+    hours are filled, as :class:`~skhybrid.preprocessing.GapFiller` does.  Methods return one long table with the
+    columns that the estimator gives, and the key.
 
     Work is spread by joblib: over ``n_jobs`` processes, or a cluster by ``joblib.parallel_config(backend="dask")`` or
     ``"ray"``.  Workers read rows and models from files, so all must see the store and the dataset; tables are first
@@ -214,10 +215,14 @@ class ZoneFleet(BaseEstimator):
             The key and the columns of the estimator's forecast, with 80 % intervals where they were learned.
         """
         with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
-            made = self._joined(self._run(tick_zone, files.by_zone, files), files)
+            found = self._run(tick_zone, files.by_zone, files)
+            done = {files.labels[o.zone]: o.value for o in found if o.value is not None}
+            if not all(one.first for one in done.values()):  # on the day of the fit all is known already
+                silent = {zone: one.silent for zone, one in done.items() if one.silent}
+                self.warnings_ |= {z: (text, *self.warnings_.get(z, ())) for z, text in silent.items()}
             absent = [zone for zone in self.zones_ if zone not in files.paths]
             self.warnings_ |= dict.fromkeys(absent, ("there are no rows of it.",))
-            return made
+            return self._joined([o._replace(value=o.value and o.value.forecast) for o in found], files)
 
     def score(self, X: Any, y: Any = None) -> pd.DataFrame:
         """Score each zone as the estimator's ``score`` does.

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .._time import in_time_zone, positive_duration
+from .._time import SHORTEST_GAP, in_time_zone, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest
+from ..preprocessing import GapFiller
 from ..study.scores import INTERVAL
 from .day_errors import day_ahead, scored_days
 from .journal import Journal
@@ -25,7 +26,7 @@ def fit_zone(
     zone: str, store: str, paths: Sequence[str], estimator: Any, fallback: Any, last: Any = None
 ) -> str | None:
     """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
-    X, y = _training_rows(read_rows(paths[0]), estimator, last)
+    X, y = _training_rows(_rows(paths[0], estimator), estimator, last)
     mark, models = fingerprint(X, y), ModelStore(store)
     why, days = None, []
     if models.has(zone):
@@ -57,7 +58,7 @@ def fit_zone(
 def predict_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
     """The forecast of ``predict``, as a table with the column ``T_za`` [degC]."""
     model, journal = ModelStore(store).load(zone)
-    X = read_rows(paths[0])
+    X = _rows(paths[0], model)
     table = _after_known(model, journal, X)
     return pd.DataFrame({"T_za": np.asarray(model.predict(table))[len(table) - len(X) :]}, index=X.index)
 
@@ -65,21 +66,21 @@ def predict_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
 def forecast_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
     """The table of ``forecast``; ``paths`` are those of the rows ahead and, where it is given, of the history."""
     model, journal = ModelStore(store).load(zone)
-    future, *history = map(read_rows, paths)
+    future, *history = (_rows(path, model) for path in paths)
     return _forecast(model, journal, history[0] if history else None, future, given)
 
 
 def score_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
     """The score of a zone, in one row."""
     model, _ = ModelStore(store).load(zone)
-    X, y = _with_target(read_rows(paths[0]), model)
+    X, y = _with_target(_rows(paths[0], model), model)
     return pd.DataFrame({"score": [model.score(X, y)]})
 
 
 def backtest_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
     """The table of a back-test."""
     model, _ = ModelStore(store).load(zone)
-    X, y = _with_target(read_rows(paths[0]), model)
+    X, y = _with_target(_rows(paths[0], model), model)
     return backtest(model, X, y, **given)
 
 
@@ -91,28 +92,36 @@ def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
     if models.journal(zone).facts["updated"] == mark:
         return
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(rows, journal.scored.index), model)
+    X, y = _with_target(_in_clock(_filled(rows, model), journal.scored.index), model)
     if not hasattr(model, "update"):  # which would refuse them itself
         _refuse_known(journal, X)
     _take_in(model, journal, X, y, mark)
     models.keep(zone, model, journal)
 
 
-def tick_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame | None:
+class ZoneTick(NamedTuple):
+    """The result of a tick for one zone."""
+
+    forecast: pd.DataFrame | None  # None where no rows follow the last measurement
+    silent: str | None  # a sentence where nothing new was measured
+    first: bool  # whether it is the first since the fit, and nothing new was measured
+
+
+def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
     models = ModelStore(store)
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(read_rows(paths[0]), journal.scored.index), model)
+    X, y = _with_target(_in_clock(_rows(paths[0], model), journal.scored.index), model)
     if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
         raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
     known = _in_clock_of(journal.facts["until"], X.index)
     measured = X.index[y.notna().to_numpy()]
     now = max(measured[-1], known) if len(measured) else known
     new, ahead = (X.index > known) & (X.index <= now), X.index > now
-    if new.any():
+    silent = None if new.any() else f"nothing was measured after {known}, the last known row."
+    first = silent is not None and journal.facts["updated"] is None and not len(journal.ahead)
+    if silent is None:
         _take_in(model, journal, X[new], y[new], fingerprint(X[new]))
-    else:
-        warn_user(f"nothing was measured after {known}, the last known row.", SkhybridWarning)
     found = None
     if not ahead.any():
         warn_user(f"there is no forecast, since no rows follow {now}; give the weather to come.", SkhybridWarning)
@@ -122,7 +131,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame | Non
         journal.ahead = _first_forecasts(journal.ahead, found, now)
     if new.any() or ahead.any():
         models.keep(zone, model, journal)
-    return found
+    return ZoneTick(found, silent, first)
 
 
 def _refuse_known(journal: Journal, X: pd.DataFrame) -> None:
@@ -194,6 +203,21 @@ def _after_known(model: Any, journal: Journal, X: pd.DataFrame) -> pd.DataFrame:
     if hasattr(model, "update") or not len(rows) or not len(X) or not X.index[0] > rows.index[-1]:
         return X
     return pd.concat([rows, X])
+
+
+def _rows(path: str, model: Any) -> pd.DataFrame:
+    return _filled(read_rows(path), model)
+
+
+def _filled(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
+    """Rows with short gaps of inputs filled, as readers of logs do; longer ones are for the model to refuse."""
+    if not isinstance(rows.index, pd.DatetimeIndex) or not rows.columns.is_unique:
+        return rows
+    roles = {TARGET: "T_za"} | {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
+    filled, filler = rows.copy(), GapFiller(SHORTEST_GAP)
+    for column in rows.columns[rows.isna().any()]:
+        filled[column] = filler.fit_transform(rows[[column]].set_axis([roles.get(column, column)], axis=1)).to_numpy()
+    return filled
 
 
 def _with_target(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, pd.Series]:

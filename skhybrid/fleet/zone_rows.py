@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ import pandas as pd
 from .._files import named_in_errors
 from .._table import refuse_order
 
+_NUMBER = re.compile(r"(\d+)")
 TARGET = "__y__"  # column of a target that was given beside the table
 _UNNAMED = ("", "__HIVE_DEFAULT_PARTITION__")  # what writers of a dataset put for a missing name
 
@@ -139,6 +141,8 @@ def _in_dataset(path: Path, key: str) -> ZoneFiles:
 def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
     """The rows of a zone, from its file or the Parquet files of its folder; rows of later names replace earlier ones.
 
+    Numbers in names count as numbers: ``day-10.parquet`` is later than ``day-9.parquet``.
+
     Raises
     ------
     ValueError
@@ -149,7 +153,8 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
         return pd.read_pickle(where)
     files = [where]
     if where.is_dir():
-        files = [file for file in sorted(where.rglob("*.parquet")) if not file.name.startswith((".", "_"))]
+        files = [file for file in where.rglob("*.parquet") if not file.name.startswith((".", "_"))]
+        files.sort(key=lambda file: [int(part) if part.isdecimal() else part for part in _NUMBER.split(str(file))])
     if not files:
         raise ValueError(f"{where} holds no Parquet file; write the rows of the zone there, or remove the folder.")
     frames = [_read_file(file) for file in files]
