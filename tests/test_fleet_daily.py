@@ -127,6 +127,11 @@ def test_the_command_says_which_zones_have_nothing_new(tmp_path, capsys):
     assert set(json.loads(capsys.readouterr().out)["warnings"]) == {"a", "b"}
 
 
+def test_no_process_at_all_is_refused(tmp_path, capsys):
+    assert main(["fleet", "fit", str(tmp_path), "--jobs", "0"]) == 2
+    assert "'--jobs': 0 processes do no work; give 1 or more, or -1 for every core" in capsys.readouterr().err
+
+
 def test_a_folder_without_models_says_what_to_do(tmp_path, capsys):
     (tmp_path / "fleet.toml").write_text("")
     assert main(["fleet", "status", str(tmp_path)]) == 1

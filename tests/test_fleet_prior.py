@@ -101,10 +101,12 @@ def _scaled(part, factor):
     return replace(part, precision=factor * part.precision)
 
 
-def test_a_zone_of_twice_the_size_answers_half(arx_prior):
+@pytest.mark.parametrize("sizes", [SIZES, [1.0, 1.0, 1.0]])
+def test_a_zone_of_twice_the_size_answers_half(sizes):
+    prior = FleetPrior.learn([fitted(ARX, zone(seed, size)) for seed, size in enumerate(sizes)], sizes)
     rows = zone(9, n_days=2).assign(Q_hvac=0.0)  # the heat never ran: the prior alone says what it does
     answers = [
-        heat_response(fitted(clone(ARX).set_params(prior=arx_prior.for_nameplate(size)), rows)) for size in (1.0, 2.0)
+        heat_response(fitted(clone(ARX).set_params(prior=prior.for_nameplate(size)), rows)) for size in (1.0, 2.0)
     ]
     assert answers[0].max() > 0.05
     np.testing.assert_allclose(answers[1], 0.5 * answers[0], rtol=1e-3)  # up to the ridge that stays

@@ -30,7 +30,7 @@ from skhybrid import (
 )
 from skhybrid._holidays import NO_HOLIDAYS
 from skhybrid.datasets import load_small_office, make_office
-from skhybrid.exceptions import ScaleNotIdentifiableWarning, UnitWarning
+from skhybrid.exceptions import ScaleNotIdentifiableWarning, SkhybridWarning, UnitWarning
 from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
 from skhybrid.hybrid.predictor import takes_two_stages
 from skhybrid.hybrid.tables import join_steps, steps_table
@@ -682,3 +682,14 @@ def test_means_by_hours_go_on_from_one_beginning_in_two_ways():
         np.testing.assert_allclose(
             zeta, [1.0, 1.0, (1.0 + 3 * value) / 4, value, value, value, (value + 27.0) / 4, 9, 9]
         )
+
+
+def test_a_short_table_of_two_stages_is_warned_of_once():
+    pytest.importorskip("torch")
+    office = make_office(n_days=3, sampling_time="1h", random_state=1)
+    forecaster = DisturbanceForecaster("mlp", max_epochs=2)
+    with pytest.warns(SkhybridWarning) as caught:
+        TwoStagePredictor(None, forecaster, network="1R1C", known={"Q_h": 6.0, "Q_c": -6.0}, random_state=0).fit(
+            office.X, office.y
+        )
+    assert [str(one.message)[:35] for one in caught] == ["validation_fraction=0.2 of 72 rows "]

@@ -421,6 +421,18 @@ def test_without_pymc_nothing_is_searched_for_a_posterior(office, output, monkey
         sample_posterior(output, office.X, office.y)
 
 
+def test_what_arviz_announces_of_itself_is_not_shown(tmp_path, monkeypatch):
+    text = "\\nArviZ is undergoing a major refactor to improve flexibility and extensibility"
+    said = f'import warnings\nwarnings.warn("{text}", FutureWarning)\nwarnings.warn("of PyMC", FutureWarning)\n'
+    (tmp_path / "pymc.py").write_text(said)
+    monkeypatch.setitem(sys.modules, "pymc", None)  # so that what stood here comes back
+    monkeypatch.delitem(sys.modules, "pymc")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.warns(FutureWarning) as caught:
+        posterior.import_pymc()
+    assert [str(one.message) for one in caught] == ["of PyMC"]
+
+
 def test_bad_chains_are_errors(office, output):
     good = pd.DataFrame({"r_hat": [1.0, 1.01], "ess": [400.0, 500.0]}, index=["C_w", "C_za"])
     posterior.refuse_bad_chains(good, "or give a prior")

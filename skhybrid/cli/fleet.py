@@ -12,8 +12,23 @@ from ._options import as_command, as_group, print_json
 from ._output import DONE, Progress
 
 _DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-_JOBS = click.option("--jobs", type=int, default=None, metavar="N", help="Number of processes; -1 uses every core.")
 _MOST_SHOWN = 20
+
+
+def _some(context: click.Context, option: click.Parameter, jobs: int | None) -> int | None:
+    if jobs == 0:
+        raise click.BadParameter("0 processes do no work; give 1 or more, or -1 for every core")
+    return jobs
+
+
+_JOBS = click.option(
+    "--jobs",
+    type=int,
+    default=None,
+    callback=_some,
+    metavar="N",
+    help="Number of processes; -1 uses every core.",
+)
 
 
 @as_command("fit", "skhybrid fleet fit houses --jobs -1")

@@ -44,8 +44,8 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         Parameters and coefficients of the network per nameplate.
     ratio : tuple of (float, float)
         Mean and standard deviation of log(size / nameplate).
-    nameplates : tuple of (float, float)
-        Mean and standard deviation of log(nameplate).
+    nameplates : tuple of (float, float) or None
+        Mean and standard deviation of log(nameplate); None where no sizes were given.
     nameplate : float or None
         Nameplate of the zone that it is meant for [kW].
     """
@@ -54,7 +54,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
     regressions: dict[str, ARXPrior]
     resistances: NetworkPrior | None
     ratio: tuple[float, float]
-    nameplates: tuple[float, float]
+    nameplates: tuple[float, float] | None
     nameplate: float | None = None
 
     @classmethod
@@ -94,7 +94,8 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
                 found[objective] = _regression(sums, log_sizes[here], [called[i] for i in here])
         network = _network(networks, log_plates) if networks else None
         ratio = log_sizes - log_plates
-        return cls(len(evidence), found, network, _spread(ratio), _spread(log_plates))
+        nameplates = None if sizes is None else _spread(log_plates)
+        return cls(len(evidence), found, network, _spread(ratio), nameplates)
 
     def for_nameplate(self, size: float) -> Self:
         """The prior of a zone of a known size.
@@ -111,7 +112,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         """
         if not (is_number(size) and size > 0):
             raise ValueError(f"size={size!r} must be a positive number.")
-        if not any(self.nameplates):
+        if self.nameplates is None:
             raise ValueError(
                 "this prior was learned without sizes, so that a nameplate says nothing; pass sizes to learn."
             )
@@ -155,7 +156,9 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
 
     @property
     def _plate(self) -> tuple[float, float]:
-        return self.nameplates if self.nameplate is None else (float(np.log(self.nameplate)), 0.0)
+        if self.nameplate is not None:
+            return float(np.log(self.nameplate)), 0.0
+        return self.nameplates or (0.0, 0.0)
 
     def __repr__(self) -> str:
         plate = "" if self.nameplate is None else f", nameplate={self.nameplate:g} kW"

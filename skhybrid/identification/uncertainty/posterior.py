@@ -170,7 +170,10 @@ def check_sampling(draws: int, tune: int, chains: int) -> None:
 def import_pymc() -> Any:
     """PyMC, or an error that says how to install it."""
     try:
-        import pymc
+        with warnings.catch_warnings():
+            # PyMC imports ArviZ, which announces its next version once a day
+            warnings.filterwarnings("ignore", message=r"\s*ArviZ is undergoing", category=FutureWarning)
+            import pymc
     except ImportError as error:
         raise ImportError('sampling needs PyMC; install it with pip install "skhybrid[bayes]".') from error
     return pymc
