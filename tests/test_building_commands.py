@@ -18,9 +18,10 @@ from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
+from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _summary
-from skhybrid.zone.tomorrow import schedules_of
+from skhybrid.zone.tomorrow import rows_ahead, schedules_of
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import make_rooms
@@ -147,7 +148,8 @@ def test_set_points_may_be_given_per_zone(folder, log, tmp_path, capsys):
     assert set(rows["T_heat_set_kitchen"]) == {21.0}
     assert rows["Q_hvac_hall"].max() < 0.05, "the hall is warmer than 12 degC without heat"
     assert rows["Q_hvac_kitchen"].mean() > 0.5
-    assert "the zone 'kitchen' has no set-point" in refusal(capsys, "forecast", *common, "--setpoint", "hall:20")
+    found = refusal(capsys, "forecast", *common, "--setpoint", "hall:20")
+    assert "no set-point is given for 'kitchen'; give one for all, or --setpoint kitchen:21,24." in found
     assert "--setpoint names the zone 'attic'" in refusal(capsys, "forecast", *common, "--setpoint", "attic:20")
 
 
@@ -210,15 +212,34 @@ def test_a_day_of_a_building_sums_heating_and_cooling_of_each_zone():
 
 
 def test_why_a_thermostat_is_ideal_names_the_zone():
-    roles = ("T_oa", "T_za_a", "Q_hvac_a", "T_heat_set_a", "T_za_b", "Q_hvac_b")
+    roles = ("T_oa", "T_za_a", "Q_hvac_a", "T_heat_set_a", "T_za_b", "Q_hvac_b", "T_za_c", "Q_hvac_c")
     learned, not_learned = (
         SimpleNamespace(thermostat_learned_=known, training_=SimpleNamespace(ranges={"Q_hvac": (0.0, 1.0)}))
         for known in (True, False)
     )
-    building = SimpleNamespace(own_={"a": learned, "b": not_learned})
-    model = ZoneModel(building, settings_from({"columns": {role: role for role in roles}}))
+    settings = settings_from({"columns": {role: role for role in roles}})
+    model = ZoneModel(SimpleNamespace(own_={"a": learned, "b": not_learned, "c": not_learned}), settings)
     assert not model.thermostat_learned
-    assert model.why_ideal == "no set-points of b in the log"
+    assert model.why_ideal == "no set-points of b, c in the log"
+    model = ZoneModel(SimpleNamespace(own_={"a": not_learned, "b": not_learned}), settings)
+    assert model.why_ideal == (
+        "the log is too short, or the plant or set-points of a never moved; no set-points of b in the log"
+    )
+
+
+def test_every_zone_without_a_set_point_is_named():
+    index = pd.date_range("2024-01-05", periods=4, freq="1h")
+    plan = pd.DataFrame({"T_oa": 5.0}, index)
+    roles = ["T_oa", *(f"{role}_{zone}" for zone in "abc" for role in ("T_za", "Q_hvac"))]
+    settings = settings_from({"columns": {role: role for role in roles}, "step": "1h"})
+    with pytest.raises(ValueError, match=r"set-point is given for 'b', 'c'; .*--setpoint b:21,24 --setpoint c:21,24\."):
+        rows_ahead(
+            settings,
+            index[0],
+            ["T_oa", "Q_hvac_a", "Q_hvac_b", "Q_hvac_c"],
+            plan=plan,
+            schedule={"a": Schedule.of_text("21,24")},
+        )
 
 
 def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):

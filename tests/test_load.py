@@ -332,6 +332,9 @@ def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
     [
         (np.full(95, 21.0), None, "setpoint has shape .95,., but X has 96 rows"),
         (None, None, "setpoint=None holds nothing"),
+        (True, None, "setpoint is true or false; give numbers"),
+        ((np.bool_(False), 25.0), None, "the heating set-point is true or false"),
+        (21.0, (False, None), "the lower limit is true or false"),
         (np.nan, None, "setpoint contains NaN or inf .first at 2023-11-20 00:00"),
         ((24.0, 21.0), None, "the heating set-point is above the cooling one .first at 2023-11-20"),
         ((np.full(3, 21.0), 24.0), None, "the heating set-point has shape .3,."),

@@ -263,6 +263,7 @@ BAD = {
     "no rows": (b"[]", "application/json", 422, "at least 1 item"),
     "no stamp": (b'[{"T_za": 20}]', "application/json", 422, "time of 0: field required"),
     "text for a number": (b'[{"time": "2018-09-27", "T_za": "off"}]', "application/json", 422, "T_za of 0: .*number"),
+    "true for a number": (b'[{"time": "2018-09-27", "T_za": true}]', "application/json", 422, "T_za of 0: .*no number"),
     "not finite": (b'[{"time": "2018-09-27", "T_za": Infinity}]', "application/json", 422, "finite number"),
     "a column missing": (b'[{"time": "2018-09-27T00:00-06:00", "T_za": 20}]', "application/json", 422, "T_oa is to be"),
     "not CSV": (b"\x1f\x8b\x08 packed", "text/csv", 422, "not text in UTF-8"),

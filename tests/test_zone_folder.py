@@ -139,6 +139,18 @@ def test_a_tick_that_fails_changes_nothing(log, zone, tmp_path):
     assert (tables(zone), zone.model.read_bytes()) == before
 
 
+def test_a_row_that_is_measured_in_the_future_is_refused_with_its_stamp(log, zone, tmp_path):
+    rows = log.iloc[: 24 * (DAYS + 1)]
+    late = rows.iloc[-1:].set_axis([pd.Timestamp.now("UTC").ceil("h").tz_convert(rows.index.tz) + pd.Timedelta("10D")])
+    pd.concat([rows, late]).rename_axis("time").to_csv(tmp_path / "log.csv")
+    before = tables(zone)
+    with pytest.raises(ValueError, match=f"{late.index[0]:%Y-%m-%d %H}.* lies in the future; check the stamps at the"):
+        zone.tick(tmp_path / "log.csv", schedule=SCHEDULE)
+    assert tables(zone) == before
+    with pytest.raises(ValueError, match="lies in the future"):
+        ZoneFolder.init(tmp_path / "hall", tmp_path / "log.csv", zone.config)
+
+
 # --------------------------------------------------------------------------------------------------------------- kills
 def _die(*_, **__):
     os.kill(os.getpid(), signal.SIGKILL)

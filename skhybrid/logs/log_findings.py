@@ -142,13 +142,17 @@ def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
 
 
 def standstills(role: str, values: pd.Series) -> pd.DataFrame:
-    """Spells in which a temperature does not change for longer than one can: first and last stamp, value."""
+    """Spells in which a temperature does not change for longer than one can: first and last stamp, value.
+
+    Equal values before and after an outage are no spell.
+    """
     least = _STANDSTILL.get(role)
     known = values.dropna()
     if least is None or known.empty:
         return pd.DataFrame({"first": [], "last": [], "value": []})
-    spells = (known != known.shift()).cumsum()
-    stamps = pd.Series(known.index, index=known.index).groupby(spells)
+    stamps = pd.Series(known.index, index=known.index)
+    spells = ((known != known.shift()) | (stamps.diff() > least / 2)).cumsum()
+    stamps = stamps.groupby(spells)
     found = pd.DataFrame({"first": stamps.first(), "last": stamps.last(), "value": known.groupby(spells).first()})
     return found[found["last"] - found["first"] >= least].reset_index(drop=True)
 

@@ -70,6 +70,12 @@ def keep_log(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestamp
     archive.forget_log(EVEN, origin - _KEPT)
 
 
+def refuse_future(rows: pd.DataFrame, what: str) -> None:
+    """Refuse rows with a measured temperature that end in the future; ``what`` a user may check."""
+    if len(rows) and rows.index[-1] > pd.Timestamp.now(pd.DatetimeIndex(rows.index).tz) + _CLOCK_AHEAD:
+        raise ValueError(f"{rows.index[-1]} has a temperature and lies in the future; check {what}.")
+
+
 def keep_posted(
     archive: ForecastArchive, rows: pd.DataFrame, settings: Settings, held: Sequence[str] = ()
 ) -> tuple[pd.DataFrame, int]:
@@ -82,11 +88,8 @@ def keep_posted(
     measured = [role for role in settings.roles_of("T_za") if role in rows]
     known = np.flatnonzero(rows[measured].notna().any(axis=1).to_numpy())
     n_measured = int(known[-1]) + 1 if len(known) else 0
+    refuse_future(rows.iloc[:n_measured], "the sender's clock")
     tz = pd.DatetimeIndex(rows.index).tz
-    if n_measured and rows.index[n_measured - 1] > pd.Timestamp.now(tz) + _CLOCK_AHEAD:
-        raise ValueError(
-            f"{rows.index[n_measured - 1]} has a temperature and lies in the future; check the sender's clock."
-        )
     even = _local(archive.log(EVEN), tz)
     if len(even) and (pd.DatetimeIndex(even.index).tz is None) != (tz is None):
         have, give = ("no", "without an offset") if tz is not None else ("a", "with an offset, such as +01:00")

@@ -66,7 +66,7 @@ def rows_ahead(
     if weather is None and plan is not None and len(plan):  # the rows that the log has, where it has any
         index = index[index <= plan.index[-1]]
     computed = [r for r in inputs if r.startswith("q_sol_") and r not in settings.columns]  # of the site's facades
-    frame = _weather(known, [r for r in inputs if r not in (*plant, *computed)], index)
+    frame = _weather(known, [r for r in inputs if r not in (*plant, *computed)], index, origin)
     if not plant:
         if schedule is not None:
             raise ValueError("the model has no heating or cooling, so that --setpoint does nothing; leave it out.")
@@ -109,19 +109,22 @@ def _setpoints(
         )
     absent = [] if "" in by_zone else [zone for zone in run if zone not in by_zone]
     if absent:
-        raise ValueError(f"the zone {absent[0]!r} has no set-point; give one for all, or --setpoint {absent[0]}:21,24.")
+        own = " ".join(f"--setpoint {zone}:21,24" for zone in absent)
+        raise ValueError(f"no set-point is given for {listed(absent)}; give one for all, or {own}.")
     own = {zone: by_zone[zone if zone in by_zone else ""] for zone in run}
     bands = [held.band(index, settings.holidays).add_suffix(f"_{zone}") for zone, held in own.items()]
     return pd.concat(bands, axis=1)
 
 
-def _weather(given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex) -> pd.DataFrame:
+def _weather(
+    given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex, origin: pd.Timestamp
+) -> pd.DataFrame:
     """Weather at the rows ahead: temperatures by interpolation, irradiance with the energy of each interval."""
     for role in roles:
         if given is None or role not in given or given[role].notna().sum() < 2:
             raise ValueError(
-                f"{role} is not known for the rows ahead; give tomorrow's weather with --weather, or rows ahead in the "
-                "log."
+                f"{role} is not known for the rows ahead, after {origin}; give tomorrow's weather with --weather, or "
+                "rows ahead in the log."
             )
     assert given is not None
     out = {}

@@ -17,8 +17,8 @@ from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .outages import like_index, stretches
-from .posted_rows import keep_log, keep_posted, read_posted
+from .outages import like_index, stretches, up_to_measured
+from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .tomorrow import Schedules
 from .zone_model import ZoneModel
 from .zone_state import measured_rows, status_of
@@ -100,7 +100,7 @@ class ZoneFolder:
                 with atomic_path(folder.config) as made:
                     made.write_text(text, encoding="utf-8")
             settings = read_settings(folder.config)
-            frame, _ = read_log(log, settings)
+            frame = _read_past(log, settings)
             zone = ZoneModel.fit(settings, frame)
             origin = zone.history(frame).index[-1]
             archive.add_measured(measured_rows(frame, settings, origin), settings.zones)
@@ -154,7 +154,7 @@ class ZoneFolder:
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
             zone, settings = self.load(), read_settings(self.config)
-            frame, _ = read_log(log, settings)
+            frame = _read_past(log, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
@@ -260,6 +260,13 @@ class ZoneFolder:
         for file in (self.config, self.model):
             for left in self.path.glob(f".{file.name}.*"):
                 left.unlink(missing_ok=True)
+
+
+def _read_past(log: str | PathLike[str], settings: Settings) -> pd.DataFrame:
+    """The rows of a log, in which nothing may be measured in the future."""
+    frame, _ = read_log(log, settings)
+    refuse_future(up_to_measured(frame, settings.roles_of("T_za")), "the stamps at the end of the log")
+    return frame
 
 
 def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:

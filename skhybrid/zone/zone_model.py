@@ -24,6 +24,8 @@ from ..study.zone_part import roles_of, rows_of, settings_of
 from .outages import BRIDGED, Unread, bridged, complete_rows, like_index, stretches, up_to_measured
 
 _LEAST_DAYS = 3
+_NO_SET_POINTS = "no set-points{} in the log"
+_NEVER_MOVED = "the log is too short, or the plant or set-points{} never moved"
 _ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
 _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
 
@@ -140,12 +142,13 @@ class ZoneModel:
 
     @property
     def why_ideal(self) -> str:
-        """The reason for which the thermostat was not learned, of several zones that of the first one without."""
-        zone = next(iter(self._with_ideal), "")
-        of, columns = (f" of {zone}", self.parts()[zone].settings.columns) if zone else ("", self.settings.columns)
-        if not any(role in columns for role in SETPOINT_ROLES):
-            return f"no set-points{of} in the log"
-        return f"the log is too short, or the plant or set-points{of} never moved"
+        """The reason for which the thermostat was not learned, of several zones with their names."""
+        found: dict[str, list[str]] = {}
+        parts = self.parts()
+        for zone in self._with_ideal or [""]:
+            known = any(role in parts.get(zone, self).settings.columns for role in SETPOINT_ROLES)
+            found.setdefault(_NEVER_MOVED if known else _NO_SET_POINTS, []).append(zone)
+        return "; ".join(why.format(f" of {', '.join(zones)}" if any(zones) else "") for why, zones in found.items())
 
     def update(self, frame: pd.DataFrame, *, relearn: bool = False) -> int:
         """Take in the rows of a log that are new, and learn from them if wanted; returns their number.
