@@ -152,8 +152,8 @@ def standstills(role: str, values: pd.Series) -> pd.DataFrame:
         return pd.DataFrame({"first": [], "last": [], "value": []})
     stamps = pd.Series(known.index, index=known.index)
     spells = ((known != known.shift()) | (stamps.diff() > least / 2)).cumsum()
-    stamps = stamps.groupby(spells)
-    found = pd.DataFrame({"first": stamps.first(), "last": stamps.last(), "value": known.groupby(spells).first()})
+    by_spell = stamps.groupby(spells)
+    found = pd.DataFrame({"first": by_spell.first(), "last": by_spell.last(), "value": known.groupby(spells).first()})
     return found[found["last"] - found["first"] >= least].reset_index(drop=True)
 
 

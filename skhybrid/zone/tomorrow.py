@@ -109,8 +109,8 @@ def _setpoints(
         )
     absent = [] if "" in by_zone else [zone for zone in run if zone not in by_zone]
     if absent:
-        own = " ".join(f"--setpoint {zone}:21,24" for zone in absent)
-        raise ValueError(f"no set-point is given for {listed(absent)}; give one for all, or {own}.")
+        options = " ".join(f"--setpoint {zone}:21,24" for zone in absent)
+        raise ValueError(f"no set-point is given for {listed(absent)}; give one for all, or {options}.")
     own = {zone: by_zone[zone if zone in by_zone else ""] for zone in run}
     bands = [held.band(index, settings.holidays).add_suffix(f"_{zone}") for zone, held in own.items()]
     return pd.concat(bands, axis=1)
