@@ -233,6 +233,18 @@ def test_rows_finer_than_the_step_count_when_it_is_whole(log, client, folder):
     assert kept.index[-1] - kept.index[0] <= pd.Timedelta(hours=26)  # the rest is kept at the step
 
 
+@pytest.mark.parametrize(("step", "taken"), [("15min", [0, 0, 0, 1] * 2), ("1h", [0, 2, 1])])
+def test_rows_that_come_one_by_one_count_once_their_step_is_known(step, taken, log, client, folder):
+    """The first of them alone may be a whole hour or a part of it."""
+    rows = log.iloc[24 * DAYS :].resample(step).interpolate().iloc[: len(taken)]
+    assert [
+        client.post("/rows", json=as_json(rows.iloc[i : i + 1])).json()["new_steps"] for i in range(len(rows))
+    ] == taken
+    with open_archive(folder / "archive.sqlite") as archive:
+        first = archive.log(EVEN).loc[rows.index[0]]
+    assert first["q_sol"] == pytest.approx(rows["q_sol"].loc[: rows.index[0] + pd.Timedelta("59min")].mean())
+
+
 def test_rows_without_weather_to_come_are_kept_and_the_answer_says_so(log, folder):
     client = client_of(folder, schedule=SCHEDULE)
     found = client.post("/rows", json=as_json(log.iloc[24 * DAYS : 24 * DAYS + 3])).json()
@@ -251,7 +263,7 @@ def test_rows_without_weather_to_come_are_kept_and_the_answer_says_so(log, folde
 
 
 def test_rows_without_an_input_are_named_in_the_answer(log, client):
-    rows = log.iloc[24 * DAYS : 24 * DAYS + 1].assign(Q_hvac=np.nan)
+    rows = log.iloc[24 * DAYS : 24 * DAYS + 2].assign(Q_hvac=np.nan)
     found = client.post("/rows", json=as_json(rows)).json()
     assert found["new_steps"] == 0
     assert any(f"no values of 'Q_hvac' since {rows.index[0]}" in text for text in found["remarks"])

@@ -13,6 +13,7 @@ import pandas as pd
 from .._ranges import check_range
 from .._table import refuse_infinite_columns, role_of
 from ..logs.conversion import TIMES, Channel, is_energy
+from ..logs.even_steps import typical_step, usual_step
 from ..logs.zone_csv import to_left_label
 from ..study.data import on_even_steps, plant_heat, read_by_role
 from ..study.settings import Settings
@@ -21,7 +22,7 @@ from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 _TAIL = pd.Timedelta(days=1)  # of posted rows, which are kept as they came: later ones may fall into the same step
 _KEPT = pd.Timedelta(days=63)  # of the log, more than a new fit reads
 _CLOCK_AHEAD = pd.Timedelta(days=1)  # by which a sender's clock, or its time zone, may be ahead
-_SEED = 3  # even rows before the first posted one, which tell the step where one row is posted alone
+_SEED = 3  # even rows before the first posted one, from which on values are interpolated or held
 
 
 def read_posted(
@@ -100,7 +101,7 @@ def keep_posted(
     archive.keep_log(rows.iloc[n_measured:], AHEAD)
     posted = _local(archive.log(POSTED), tz)
     if len(posted):
-        found = _on_steps(even, posted, settings, held)
+        found = _on_steps(even, posted, _row_step(posted, rows), settings, held)
         even = found.combine_first(even)  # where nothing was found now, the value of an earlier post stays
         archive.keep_log(even[even.index.isin(found.index)], EVEN)
         archive.forget_log(EVEN, posted.index[-1] - _KEPT)
@@ -118,8 +119,17 @@ def keep_posted(
     return pd.concat([even, ahead]).rename_axis("time"), len(rows) - n_measured
 
 
-def _on_steps(even: pd.DataFrame, posted: pd.DataFrame, settings: Settings, held: Sequence[str]) -> pd.DataFrame:
-    """Posted rows at even steps, up to the last step that they fill."""
+def _row_step(posted: pd.DataFrame, rows: pd.DataFrame) -> pd.Timedelta | None:
+    """The usual distance of posted rows, of one row that of the ``rows`` it came with; None where that is one alone."""
+    if len(posted) > 1:
+        return usual_step(posted)
+    return typical_step(pd.DatetimeIndex(rows.index)) if len(rows) > 1 else None
+
+
+def _on_steps(
+    even: pd.DataFrame, posted: pd.DataFrame, row: pd.Timedelta | None, settings: Settings, held: Sequence[str]
+) -> pd.DataFrame:
+    """Posted rows, one per ``row``, at even steps, up to the last step that they fill; none where that is not known."""
     if settings.label == "right":
         posted = to_left_label(posted) if len(posted) > 1 else posted.iloc[:0]
     if posted.empty:
@@ -130,8 +140,10 @@ def _on_steps(even: pd.DataFrame, posted: pd.DataFrame, settings: Settings, held
         raise ValueError(
             "the archive has no rows of the log yet; run skhybrid zone tick once, or post two weeks of it."
         )
+    if row is None:  # it may be a part of a step, or a whole one
+        return posted.iloc[:0]
     found, report = on_even_steps(rows, settings, held)
-    found = found[found.index <= posted.index[-1] + report.source_step - report.step]
+    found = found[found.index <= posted.index[-1] + row - report.step]
     return found[found.index > before.index[-1]] if len(before) else found
 
 
