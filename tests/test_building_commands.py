@@ -119,6 +119,9 @@ def test_one_plant_is_one_zone():
     report = LogReport(pd.DataFrame(np.random.default_rng(0).uniform(0.1, 0.9, (48, 4)), index, names))
     assert not report.zones
     assert "Q_hvac" in report.roles
+    wanted = "name the column of the room temperature ('kitchen_temp_C' or 'hall_temp_C'?) as T_za, or log it."
+    assert wanted in report.next_steps
+    assert "rooms that share a plant are one zone; rooms with a plant each have T_za_kitchen, ..." in report.next_steps
 
 
 # ------------------------------------------------------------------------------------------------------ the whole path

@@ -14,6 +14,7 @@ from .conversion import row_hours
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant shows little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
 _LEAST_SPREAD = 1.0  # range of a room's temperature [K] that shows its time constants
+_MOST_NAMED = 4  # columns that may be a temperature which is missing
 _LEAST_WEATHER = 5.0  # range of the outdoor temperature [K] that shows the loss
 
 
@@ -44,11 +45,17 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").reindex(columns=columns).rename_axis("role")
 
 
-def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequence[str] = ("T_za",)) -> Abilities:
+def abilities(
+    moved: pd.DataFrame,
+    n_days: int,
+    unsure: set[str],
+    rooms: Sequence[str] = ("T_za",),
+    unplaced: Sequence[str] = (),
+) -> Abilities:
     """Judge what a log can tell from ``moved``, the table of :func:`excitation`.
 
     ``unsure`` are roles of stages and powers whose scale is not certain; ``rooms`` are the roles of the rooms'
-    temperatures, of which the first is judged.
+    temperatures, of which the first is judged, and ``unplaced`` columns of temperatures without a role.
     """
     can: list[str] = []
     cannot: list[str] = []
@@ -58,7 +65,10 @@ def abilities(moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequenc
     for role, what in (*((room, "room") for room in rooms), ("T_oa", "outdoor")):
         if role not in have:
             cannot.append(f"anything: there is no {what} temperature ({role}).")
-            steps.append(f"name the column of the {what} temperature as {role}, or log it.")
+            perhaps = f" ({' or '.join(map(repr, unplaced[:_MOST_NAMED]))}?)" if unplaced else ""
+            steps.append(f"name the column of the {what} temperature{perhaps} as {role}, or log it.")
+            if what == "room" and len(unplaced) > 1 and plants:
+                steps.append("rooms that share a plant are one zone; rooms with a plant each have T_za_kitchen, ...")
     if {rooms[0], "T_oa"} <= have:
         scaled = any(role not in unsure and moved["hours run"].get(role, 0.0) > 0.0 for role in plants)
         _building(moved, n_days, can, cannot, rooms[0], scaled)

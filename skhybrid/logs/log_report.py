@@ -19,7 +19,7 @@ from .counters import is_counter
 from .even_steps import regularize, usual_step
 from .log_findings import Finding, clock_findings, counter_findings, gaps_of, guessed_label, sensor_findings
 from .log_report_html import report_html
-from .naming import NAMED_BY_ROLE, Guess, assign_roles, unit_in_name
+from .naming import NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
 from .unit_names import ENERGY
 from .zone_names import zone_guesses, zone_roles, zones_of
@@ -129,9 +129,9 @@ class LogReport:
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
         stages = {c.role for c in channels if c.role.startswith("u_")}
         unsure |= set() if measured or stages & self._scaled else stages  # one scale fixes those of all
-        return abilities(
-            self.excitation, sum(self.days.values()), unsure, [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
-        )
+        rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
+        unplaced = [name for name, guess in self._guesses.items() if guess.reason == UNPLACED]
+        return abilities(self.excitation, sum(self.days.values()), unsure, rooms, unplaced)
 
     @property
     def roles(self) -> dict[str, str]:

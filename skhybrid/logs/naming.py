@@ -35,6 +35,7 @@ _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
 )
+UNPLACED = "a temperature, but its name does not say of what"
 _POWER = r"power|leistung|vermogen|puissance|potenza|thermal|hvac|energy|energie|delivered|heat meter|warmtemeter|load"
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|energ"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
@@ -101,7 +102,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
             return Guess("T_oa", 3, "its name is that of the outdoor temperature")
         if room:
             return Guess("T_za", 3, "its name is that of a room's temperature")
-        return Guess(None, 1, "a temperature, but its name does not say of what")
+        return Guess(None, 1, UNPLACED)
     if of == "irradiance":
         return Guess("q_sol", 3, "its name or unit is that of irradiance")
     electric = bool(re.search(_ELECTRICITY, words))
