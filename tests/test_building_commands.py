@@ -19,7 +19,7 @@ from skhybrid.persistence import load_model, save_model
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
-from skhybrid.zone import ZoneModel, day_ahead
+from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _summary
 from skhybrid.zone.tomorrow import rows_ahead, schedules_of
 
@@ -337,3 +337,50 @@ def test_set_points_of_one_zone_are_the_last_given():
     both = schedules_of(("hall:6:00=21,22:00=17", "20,26"), ["hall", "study"])
     assert both["hall"].heat == {360: 21.0, 1320: 17.0}
     assert both[""].cool == {0: 26.0}
+
+
+# ------------------------------------------------------------------------------------------------------- a dead meter
+def _ahead(log, now, silent_from=None):
+    """A log up to a row, and the weather of the day after it; from a row on without the heat of the hall."""
+    rows = log[: now + 24].copy()
+    rows.loc[rows.index[now:], rows.columns.difference(["T_out_degC", "ghi_kW_m2"])] = np.nan
+    if silent_from is not None:
+        rows.loc[rows.index[silent_from:], "Q_hall_kW"] = np.nan
+    return rows
+
+
+def test_a_dead_heat_meter_costs_its_room_alone(log, tmp_path):
+    (tmp_path / "house.toml").write_text(CONFIG)
+    log[:N_KNOWN].to_csv(tmp_path / "log.csv")
+    house = ZoneFolder.init(tmp_path / "house", tmp_path / "log.csv", tmp_path / "house.toml")
+    schedule = {"": Schedule.of_text("21"), "hall": Schedule.of_text("18")}
+    _ahead(log, N_KNOWN + 24, silent_from=N_KNOWN + 16).to_csv(tmp_path / "log.csv")
+    done = house.tick(tmp_path / "log.csv", schedule=schedule)
+    assert (done.learned, done.n_new) == ("", 16)  # up to twelve hours are waited for
+    now = N_KNOWN + 48
+    _ahead(log, now, silent_from=N_KNOWN + 16).to_csv(tmp_path / "log.csv")
+    done = house.tick(tmp_path / "log.csv", schedule=schedule)
+    assert done.learned == "the heat of 'hall' is logged no more"
+    assert "hall was learned without its heat, since 'Q_hall_kW' had no values: its load is not known" in done.remarks
+    found = done.forecast.frame
+    assert found.index[0] == log.index[now]
+    assert {"T_za_kitchen", "T_za_hall", "Q_hvac_kitchen"} <= set(found)
+    assert "Q_hvac_hall" not in found
+    assert house.load().not_learned == {"hall": ["Q_hvac_hall"]}
+    without = settings_from(tomllib.loads(CONFIG.replace('Q_hvac_hall = "Q_hall_kW"', "")))
+    names = {column: role for role, column in without.columns.items()}
+    rows = _ahead(log, now).rename(columns=names)[list(names.values())]
+    expected = day_ahead(ZoneModel.fit(without, rows), rows, schedule=Schedule.of_text("21")).frame
+    pd.testing.assert_frame_equal(found[list(expected)], expected, check_freq=False, rtol=1e-6)
+    _ahead(log, now + 24, silent_from=N_KNOWN + 16).to_csv(tmp_path / "log.csv")
+    done = house.tick(tmp_path / "log.csv", schedule=schedule)
+    assert (done.learned, done.n_new) == ("", 24)
+    _ahead(log, now + 24).to_csv(tmp_path / "log.csv")  # the meter is back
+    assert house.tick(tmp_path / "log.csv", schedule=schedule).learned == ""
+
+
+def test_where_all_heat_is_missing_a_building_is_refused(log):
+    rows = log.rename(columns={column: role for role, column in tomllib.loads(CONFIG)["columns"].items()})
+    rows = rows.assign(Q_hvac_kitchen=np.nan, Q_hvac_hall=np.nan)
+    with pytest.raises(ValueError, match=r"0\.0 days in a row with all of T_oa"):
+        ZoneModel.fit(settings_from(tomllib.loads(CONFIG)), rows)

@@ -189,6 +189,9 @@ def _jump(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
 def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planned: bool) -> list[str]:
     """Remarks on this forecast for its user."""
     out = []
+    for one, roles in zone.not_learned.items():
+        names = listed(zone.settings.columns[role] for role in roles)
+        out.append(f"{one} was learned without its heat, since {names} had no values: its load is not known")
     if not planned and not zone.thermostat_learned:
         out.append(f"the thermostat is an ideal one and the load has no interval: {zone.why_ideal}")
     known = like_index(zone.known_until, pd.DatetimeIndex(history.index))

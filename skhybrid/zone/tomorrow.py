@@ -14,6 +14,7 @@ from ..logs.even_steps import resample_column
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
 from ..study.zone_part import roles_of
+from .dead_meters import not_learned
 
 Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone, with "" for all others
 
@@ -102,7 +103,8 @@ def _setpoints(
         return found.band(index, settings.holidays)
     by_zone = {"": found} if isinstance(found, Schedule) else found
     run = [zone for zone in settings.zones if any(map(is_plant, roles_of(plant, settings, zone)))]
-    wrong = [zone for zone in by_zone if zone and zone not in run]
+    silent = not_learned(settings, plant)  # of which the model has no heat
+    wrong = [zone for zone in by_zone if zone and zone not in (*run, *silent)]
     if wrong:
         raise ValueError(
             f"--setpoint names {wrong[0]!r}, which the model does not heat or cool; name one of {listed(run)}."

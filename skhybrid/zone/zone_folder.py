@@ -10,14 +10,15 @@ from typing import Any, NamedTuple, Self
 import pandas as pd
 
 from .._files import atomic_path
-from .._table import is_plant
+from .._table import is_plant, listed
 from ..exceptions import ModelFileError
 from ..study import propose_settings, read_log, read_settings
 from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
+from .dead_meters import dead_meters
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .outages import like_index, stretches, up_to_measured
+from .outages import complete_rows, like_index, stretches, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .tomorrow import Schedules
 from .zone_model import ZoneModel
@@ -271,6 +272,10 @@ def _read_past(log: str | PathLike[str], settings: Settings) -> pd.DataFrame:
 
 def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
+    dead = {z: r for z, r in dead_meters(frame, zone.settings).items() if z not in zone.not_learned}
+    if dead:
+        alive = frame.drop(columns=[role for roles in dead.values() for role in roles])
+        return len(zone.new_rows(alive)), f"the heat of {listed(dead)} is logged no more"
     new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
     if why := zone.outage(frame):
         return len(new), why
@@ -307,7 +312,8 @@ def _learn(
 def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
     """A model of the rows after the last gap of a log."""
     step = pd.Timedelta(zone.settings.step)
-    rows = stretches(zone.complete(frame), step)[-1]
+    alive = frame.drop(columns=[role for roles in dead_meters(frame, zone.settings).values() for role in roles])
+    rows = stretches(complete_rows(alive, zone.settings.roles_of("T_za")), step)[-1]
     needed = min(_REFIT_DAYS, zone.predictor.training_.n_rows * step)
     if len(rows) * step < needed:
         raise ValueError(

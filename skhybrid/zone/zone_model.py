@@ -21,6 +21,7 @@ from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.zone_part import roles_of, rows_of, settings_of
+from .dead_meters import not_learned, without_dead_meters
 from .outages import BRIDGED, Unread, bridged, complete_rows, like_index, stretches, up_to_measured
 
 _LEAST_DAYS = 3
@@ -58,6 +59,7 @@ class ZoneModel:
         ValueError
             If no three days of the log have all inputs and a temperature.
         """
+        frame = without_dead_meters(frame, settings)
         rows = complete_rows(with_facades(frame, settings), settings.roles_of("T_za"))
         step = pd.Timedelta(settings.step)
         if len(rows):
@@ -228,7 +230,16 @@ class ZoneModel:
         ----------
         frame : DataFrame, one column per role
         """
-        return complete_rows(with_facades(frame, self.settings), self.settings.roles_of("T_za"))
+        return complete_rows(with_facades(self._read(frame), self.settings), self.settings.roles_of("T_za"))
+
+    def _read(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """A log without the heat that the model was learned without."""
+        return frame.drop(columns=[r for roles in self.not_learned.values() for r in roles], errors="ignore")
+
+    @property
+    def not_learned(self) -> dict[str, list[str]]:
+        """Roles of heat that a zone was learned without, by zone: their meters had no values."""
+        return not_learned(self.settings, self.covered())
 
     def unread(self, frame: pd.DataFrame) -> Unread | None:
         """The rows at the end of a log that have a temperature but not all inputs; None where there are none.
@@ -238,7 +249,7 @@ class ZoneModel:
         frame : DataFrame, one column per role
         """
         measured = self.settings.roles_of("T_za")
-        return Unread.of(up_to_measured(frame, measured).drop(columns=measured), self.settings.columns)
+        return Unread.of(up_to_measured(self._read(frame), measured).drop(columns=measured), self.settings.columns)
 
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows.

@@ -1,0 +1,54 @@
+"""Rooms of a building whose heat is logged no more: they are learned without it, and the others go on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from .._table import is_plant, listed
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
+from ..study.settings import Settings
+from ..study.zone_part import roles_of
+from .outages import BRIDGED, up_to_measured
+
+
+def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """A log without the heat of rooms that ends more than twelve hours before the temperatures, which is warned of."""
+    dead = dead_meters(frame, settings)
+    for zone, roles in dead.items():
+        names = listed(settings.columns.get(role, role) for role in roles)
+        warn_user(
+            f"zone {zone!r} is learned without its heat, since {names} ended long before the temperatures: its "
+            "temperature is forecast as if it were heated and cooled as usual, and its load is not known.",
+            SkhybridWarning,
+        )
+    return frame.drop(columns=[role for roles in dead.values() for role in roles])
+
+
+def dead_meters(frame: pd.DataFrame, settings: Settings) -> dict[str, list[str]]:
+    """Roles of heat that end more than twelve hours before the temperatures, by zone; none where all of them do."""
+    rows = up_to_measured(frame, settings.roles_of("T_za"))
+    own = {zone: _own_plant(map(str, rows), settings, zone) for zone in settings.zones}
+    found = {zone: [role for role in roles if _ends_early(rows[role])] for zone, roles in own.items()}
+    if [roles for roles in found.values() if roles] == [roles for roles in own.values() if roles]:
+        return {}
+    return {zone: roles for zone, roles in found.items() if roles}
+
+
+def not_learned(settings: Settings, learned: Any) -> dict[str, list[str]]:
+    """Roles of heat in the settings that are not among those ``learned``, by zone."""
+    own = {zone: _own_plant(settings.columns, settings, zone) for zone in settings.zones}
+    found = {zone: [role for role in roles if role not in learned] for zone, roles in own.items()}
+    return {zone: roles for zone, roles in found.items() if roles}
+
+
+def _own_plant(roles: Any, settings: Settings, zone: str) -> list[str]:
+    """Roles of heat that a zone has for itself."""
+    return [role for own, role in roles_of(roles, settings, zone).items() if is_plant(own) and own != role]
+
+
+def _ends_early(values: pd.Series) -> bool:
+    last = values.last_valid_index()
+    return bool(len(values)) and (last is None or values.index[-1] - last > BRIDGED)
