@@ -65,11 +65,15 @@ def read_index(
 
 def assumed_clock(index: pd.Index, step: pd.Timedelta) -> pd.DatetimeIndex:
     """Local times of rows without stamps; the numbers of consecutive rows tell how far into the week they begin."""
-    first, week = 0, pd.Timedelta("7D").as_unit("ns").value
-    if len(index) and pd.api.types.is_integer_dtype(index) and index[-1] - index[0] == len(index) - 1:
-        first = int(index[0])
+    first, week = first_row_number(index), pd.Timedelta("7D").as_unit("ns").value
     begin = pd.Timedelta(first * step.as_unit("ns").value % week, unit="ns").as_unit(step.unit)
     return pd.DatetimeIndex(ASSUMED_START + begin + np.arange(len(index)) * step)
+
+
+def first_row_number(index: pd.Index) -> int:
+    """Number of the first of some rows; 0 where their index does not number consecutive rows."""
+    numbered = len(index) and pd.api.types.is_integer_dtype(index) and index[-1] - index[0] == len(index) - 1
+    return int(index[0]) if numbered else 0
 
 
 def zone_name(tz: tzinfo | None) -> str | None:

@@ -180,6 +180,14 @@ def test_stamps_in_any_zone_and_naive_ones_with_a_zone_agree(sky):
     np.testing.assert_allclose(array[:, 2:], facades, atol=1e-12)
 
 
+def test_later_rows_without_stamps_go_on_from_the_start(sky):
+    """They began at the start again, under the sun of another hour."""
+    rows, facades = sky.reset_index(drop=True), FacadeIrradiance(**CHICAGO, start=sky.index[0], sampling_time="15min")
+    whole = facades.fit_transform(rows)
+    pd.testing.assert_frame_equal(facades.fit(rows[:96]).transform(rows[150:]), whole[150:])
+    pd.testing.assert_frame_equal(clone(facades).fit_transform(rows[50:150]), whole[50:150])
+
+
 @pytest.mark.parametrize(
     ("settings", "change", "message"),
     [

@@ -142,6 +142,26 @@ def test_history_is_never_filled(log, column):
     assert GapFiller().fit_transform(log)[column].isna().sum() == 1
 
 
+def test_history_and_set_points_of_other_names_are_told_by_columns(log):
+    """A line through a gap of the measured temperature reads what comes after it."""
+    columns = {"T_za": "indoor", "T_heat_set": "wanted", "zeta": None}
+    log = log.rename(columns={"T_za": "indoor"}).assign(wanted=np.where(np.arange(12) < 6, 17.0, 21.0))
+    gap = log.copy()
+    gap.iloc[5] = np.nan
+    found = GapFiller(columns=columns).fit_transform(gap)
+    np.testing.assert_array_equal(found.isna().sum(), [0, 0, 0, 1, 0])
+    assert found["wanted"].iloc[5] == 17.0
+    of_array = GapFiller(sampling_time="15min", columns={"T_za": 3, "T_heat_set": 4}).fit_transform(gap.to_numpy())
+    np.testing.assert_array_equal(of_array, found)
+
+
+def test_a_column_that_is_not_there_is_named(log):
+    with pytest.raises(ValueError, match="columns= gives 'T_za' the column 'indoor', but X has 'T_oa', 'q_sol'"):
+        GapFiller(columns={"T_za": "indoor"}).fit(log)
+    with pytest.raises(ValueError, match="columns= names the role 'indoor'"):
+        GapFiller(columns={"indoor": "T_za"}).fit(log)
+
+
 def test_gaps_at_the_ends_stay(log):
     log.iloc[[0, -1], 0] = np.nan
     assert GapFiller().fit_transform(log)["T_oa"].isna().tolist() == [True] + [False] * 10 + [True]

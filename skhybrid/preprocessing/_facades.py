@@ -12,7 +12,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from .._ranges import check_range
 from .._table import numeric, role_of
-from .._time import read_index
+from .._time import first_row_number, read_index
 from ._frames import TableTransformer, position_of, roles_by_position
 from ._sun import Place, on_planes
 
@@ -42,7 +42,8 @@ class FacadeIrradiance(TableTransformer):
     glazing : bool
         Whether to include the transmission of a pane at the angle of incidence, relative to normal incidence.
     start : timestamp-like, optional
-        Stamp of the first row of a table without time stamps; such a table is refused if it is not given.
+        Stamp of row 0 of a table without time stamps; such a table is refused if it is not given.  An integer index
+        numbers the rows, those of an array begin at 0.
     sampling_time : timedelta-like, optional
         Step of a table without time stamps or with one row; default is the step of ``fit``.
 
@@ -197,10 +198,10 @@ class FacadeIrradiance(TableTransformer):
         if self.start is None:
             raise ValueError(
                 "X has no time stamps, but the position of the sun depends on them; give it a DatetimeIndex, or pass "
-                "the stamp of its first row as start=."
+                "the stamp of its row 0 as start=."
             )
         step = read_index(index, self.sampling_time, known)[0]
-        first = _in_utc(pd.DatetimeIndex([self.start]), self.timezone)[0]
+        first = _in_utc(pd.DatetimeIndex([self.start]), self.timezone)[0] + first_row_number(index) * step
         return pd.date_range(first, periods=len(index), freq=step), step
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 
-from .._table import is_history, is_set_point, numeric
+from .._table import checked_columns, is_history, is_set_point, listed, numeric
 from .._time import duration_from_zero, read_index
-from ._frames import TableTransformer
+from ._frames import TableTransformer, position_of, roles_by_position
 
 
 class GapFiller(OneToOneFeatureMixin, TableTransformer):
@@ -22,10 +23,15 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
         Longest gap to fill: the number of missing rows times the step.
     sampling_time : timedelta-like, optional
         Step of a table without time stamps, which is refused without it.
+    columns : mapping of role to column, optional
+        As of the estimator: the columns of history, and of set-points, that have other names, such as
+        ``{"T_za": "indoor"}``.
 
     Attributes
     ----------
     max_gap_ : Timedelta
+    roles_ : dict of int to str
+        Role of each column, by its position; the name of one without a role.
     n_features_in_, feature_names_in_ : int, ndarray of str
 
     Notes
@@ -44,23 +50,33 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     [1.0, 2.0, 3.0]
     """
 
-    def __init__(self, max_gap: Any = "1h", sampling_time: Any = None) -> None:
+    def __init__(
+        self, max_gap: Any = "1h", sampling_time: Any = None, columns: Mapping[str, Any] | None = None
+    ) -> None:
         self.max_gap = max_gap
         self.sampling_time = sampling_time
+        self.columns = columns
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         self.max_gap_ = duration_from_zero(self.max_gap, "max_gap")
+        names = list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
+        self.roles_ = {j: str(name) for j, name in enumerate(names)}
+        for role, column in checked_columns(self.columns).items():
+            position = position_of(column, names)
+            if position is None and column is not None:
+                raise ValueError(f"columns= gives {role!r} the column {column!r}, but X has {listed(names)}.")
+            if position is not None:
+                self.roles_[position] = role
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
-        if not isinstance(table, pd.DataFrame):
-            hours = self._row_hours(table)
-            return np.column_stack([fill_gaps(column, hours, self.max_gap_, hold=False) for column in table.T])
-        hours = stamp_hours(table.index) if isinstance(table.index, pd.DatetimeIndex) else self._row_hours(table)
-        filled = table.copy()
-        chosen = [c for c in table if not is_history(c) and pd.api.types.is_numeric_dtype(table[c])]
-        for column in chosen:
-            filled[column] = fill_gaps(numeric(table[column]), hours, self.max_gap_, hold=is_set_point(column))
-        return filled
+        frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
+        hours = stamp_hours(frame.index) if isinstance(frame.index, pd.DatetimeIndex) else self._row_hours(table)
+        filled = frame.copy()
+        for j, role in self.roles_.items():
+            if not is_history(role) and pd.api.types.is_numeric_dtype(frame.dtypes.iloc[j]):
+                values = fill_gaps(numeric(frame.iloc[:, j]), hours, self.max_gap_, hold=is_set_point(role))
+                filled.isetitem(j, values)
+        return filled if isinstance(table, pd.DataFrame) else filled.to_numpy()
 
     def _row_hours(self, table: pd.DataFrame | np.ndarray) -> np.ndarray:
         frame = table if isinstance(table, pd.DataFrame) else None

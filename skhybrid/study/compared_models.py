@@ -175,7 +175,7 @@ def make_gray_box(settings: Settings, name: str | None = None) -> Any:
         network = replace(get_network(network), solar={})
     common: dict[str, Any] = {"network": network, "random_state": settings.random_state}
     if settings.site:  # an identification cannot tell five window areas apart
-        common["columns"] = {f"q_sol_{name}": None for name in FACADES}
+        common["columns"] = dict.fromkeys(FACADES)
     common |= {"horizon": settings.horizon} if name is not None else {}
     check_keys("estimator", given, made.get_params(deep=False))
     return made.set_params(**{**common, **{k: _tupled(v) for k, v in given.items()}})

@@ -17,14 +17,13 @@ from ..logs.conversion import Channel, channels_of, roles_without_label, to_role
 from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import standstills, unit_switch, without_standstills
 from ..logs.zone_csv import to_left_label
-from ..preprocessing import FacadeIrradiance
+from ..preprocessing import COMPASS, FacadeIrradiance
 from .plant import Performance
 from .settings import Settings
 
 SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 NO_ROWS = "no row of the log has all inputs and a temperature; skhybrid check shows which are missing."
-#: azimuth of the facades of a site [deg clockwise from north]
-FACADES = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
+FACADES = tuple(f"q_sol_{name}" for name in COMPASS)  # columns of the facades of a site
 TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
 _FAHRENHEIT, _KELVIN = 45.0, 200.0  # set-points without a unit are in degF, or in K, if their median is above
@@ -257,8 +256,7 @@ def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The rows with the irradiance on the facades of the site, where the settings have one."""
     if not settings.site or "q_sol" not in frame or any(str(c).startswith("q_sol_") for c in frame):
         return frame
-    facades = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"], facades=FACADES)
-    return facades.fit_transform(frame)
+    return FacadeIrradiance(settings.site["latitude"], settings.site["longitude"]).fit_transform(frame)
 
 
 def standstill(temperature: pd.Series) -> str | None:

@@ -30,8 +30,7 @@ def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
 def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:
     """The gray box of the settings, fitted on the last weeks of a log."""
     rows = _last_weeks(complete_rows(frame))
-    columns = [c for c in rows if str(c) not in (f"q_sol_{name}" for name in FACADES)]
-    return make_gray_box(settings).fit(rows[columns], rows["T_za"])
+    return make_gray_box(settings).fit(rows.drop(columns=[*FACADES], errors="ignore"), rows["T_za"])
 
 
 def _last_weeks(rows: pd.DataFrame) -> pd.DataFrame:
