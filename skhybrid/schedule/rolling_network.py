@@ -160,13 +160,14 @@ class RollingNetwork:
                 continue
             day = max(0, -(-(self.row - self.begin) // self._per_day))
             morning = self.begin + day * self._per_day
+            is_due = morning in self.refits(morning)
             self._take(rows, min(origin, morning))
             if self.row == morning + 1:
-                self._begin_day(rows, day)
+                self._begin_day(rows, day, is_due)
 
-    def _begin_day(self, rows: NumberedSegment, day: int) -> None:
+    def _begin_day(self, rows: NumberedSegment, day: int, is_due: bool) -> None:
         """Refit where it is due, and keep the coefficients that the day's forecasts are judged by."""
-        if self.adapt == "full" and day and day % _REFIT_DAYS == 0:
+        if is_due:
             self._previous, self._previous_since = self._network, self._since
             self._network, self._since = _refit_network(self.fit, self._network.psi, rows, self.row), self.row - 1
         oldest = day - 1 - self._longest // self._per_day

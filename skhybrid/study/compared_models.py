@@ -18,8 +18,8 @@ from ..hybrid import HybridPredictor, TwoStagePredictor
 from ..hybrid.schedule_predictor import DEFAULT_NETWORK
 from ..thermal import RCNetwork, get_network
 from .data import FACADES
+from .keys import check_keys
 from .settings import ESTIMATORS, SCHEDULE, Settings
-from .thermostat import check_keys
 
 HYBRID = "hybrid"  # label of the model whose forecast is shown
 YESTERDAY = "yesterday"  # label of the simplest rule

@@ -19,9 +19,10 @@ from .._time import positive_duration
 from ..hybrid.building.zone_columns import neighbours_of
 from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
+from .keys import check_keys
 from .plant import Performance
 from .tariff import Tariff
-from .thermostat import Schedule, check_keys
+from .thermostat import Schedule
 
 SCHEDULE = "schedule"  # `[forecaster] model` of the default HybridPredictor, the schedule model
 #: `[estimator] name` -> class of the identification

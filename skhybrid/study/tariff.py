@@ -8,8 +8,9 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from .keys import check_keys
 from .plant import Performance
-from .thermostat import at_minute, by_clock, check_keys, free_days, minutes
+from .thermostat import at_minute, by_clock, free_days, minutes
 
 _KINDS = ("price", "weekend", "currency")
 

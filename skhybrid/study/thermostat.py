@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -13,6 +12,7 @@ import pandas as pd
 from .._holidays import read_holidays
 from .._table import SETPOINT_ROLES
 from .._time import wall_clock
+from .keys import check_keys
 
 _CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)")
 _KINDS = ("heat", "cool", "weekend")
@@ -97,15 +97,6 @@ def _of_text(side: str) -> Any:
         return {clock: float(value) for clock, value in (part.split("=") for part in side.split(","))}
     except ValueError:
         raise ValueError(f"--setpoint {side!r} is not a set-point such as 21, or 6:00=21,22:00=17.") from None
-
-
-def check_keys(table: str, given: Iterable[str], known: Collection[str]) -> None:
-    """Refuse a key that a table of the configuration does not have; ``table`` is "" at its top."""
-    for key in given:
-        if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}."
-            raise ValueError(f"unknown key {key!r}{f' in [{table}]' if table else ''}; {hint}")
 
 
 def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None = None) -> dict[int, float]:

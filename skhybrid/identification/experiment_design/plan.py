@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..._arguments import is_number
+from ..._arguments import check_integer, is_number
 from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
 from ..._ranges import check_range
@@ -187,12 +187,11 @@ def plan_experiment(
     for name, wanted in perturbations.items():
         levels = _levels(name, wanted)
         cases += [_Case(name, h, _perturbed(usual, levels, allowed, h, log)) for h in perturbed]
-    if not (np.isfinite(target) and target > 0):
+    if not (is_number(target) and target > 0):
         raise ValueError(f"target={target!r} must be a positive relative error, such as 0.1 for 10 %.")
     if hysteresis is not None and not (is_number(hysteresis) and hysteresis >= 0):
         raise ValueError(f"hysteresis={hysteresis!r} must be 0 K or more, or None for a plant that modulates.")
-    if n_draws < 1:
-        raise ValueError(f"n_draws={n_draws!r} must be at least 1.")
+    check_integer("n_draws", n_draws)
     free = tuple(name for name in zone.order if name not in known)
     if not free:
         raise ValueError("known= names every parameter, so nothing is left to identify; leave out what is to be found.")
