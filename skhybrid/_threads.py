@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache, wraps
+from threading import Lock
 from typing import Any, TypeVar, cast
 
 from threadpoolctl import ThreadpoolController
@@ -16,12 +17,35 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+class _OneBlasThread:
+    """A limit of the whole process, which the first method sets that begins, in any thread, and the last one lifts."""
+
+    def __init__(self) -> None:
+        self._lock, self._running = Lock(), 0
+        self._limit: Any = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._running:
+                self._limit = _controller().limit(limits=1, user_api="blas")
+            self._running += 1
+
+    def __exit__(self, *error: object) -> None:
+        with self._lock:
+            self._running -= 1
+            if not self._running:
+                self._limit.restore_original_limits()
+
+
+_one_blas_thread = _OneBlasThread()
+
+
 def one_blas_thread(method: _Method) -> _Method:
     """Run a method with one BLAS thread: faster for small matrices, and its last bits depend on no thread count."""
 
     @wraps(method)
     def limited(*args: Any, **kwargs: Any) -> Any:
-        with _controller().limit(limits=1, user_api="blas"):
+        with _one_blas_thread:
             return method(*args, **kwargs)
 
     return cast(_Method, limited)

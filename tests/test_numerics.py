@@ -6,14 +6,17 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import warnings
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.linalg import expm, solve_discrete_are
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from skhybrid import ARXRegressor, GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
+from skhybrid._threads import one_blas_thread
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.filtering import Model, discretize, filter_channels, kalman_filter, one_step_sensitivities
@@ -213,6 +216,36 @@ def elsewhere(complete: bool, **environment: str) -> dict[str, np.ndarray]:
     command = [sys.executable, __file__, "complete" if complete else "part"]
     run = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
     return {name: np.array(values) for name, values in json.loads(run.stdout).items()}
+
+
+def test_calls_that_overlap_in_threads_have_one_blas_thread_each_and_leave_as_many_as_there_were():
+    """The first to end gave the others as many as before it, and the last one left the process with one."""
+    first_in, second_in, first_out = (threading.Event() for _ in range(3))
+    seen = {}
+
+    def blas_threads():
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    @one_blas_thread
+    def first():
+        first_in.set()
+        second_in.wait(60)
+
+    @one_blas_thread
+    def second():
+        second_in.set()
+        first_out.wait(60)
+        seen["second"] = blas_threads()
+
+    with threadpool_limits(2, user_api="blas"):
+        before = blas_threads()
+        other = threading.Thread(target=lambda: first_in.wait(60) and second())
+        other.start()
+        first()
+        first_out.set()
+        other.join()
+        seen["after"] = blas_threads()
+    assert seen == {"second": {1}, "after": before}
 
 
 @pytest.mark.slow
