@@ -35,6 +35,9 @@ class _OneBlasThread:
             self._running -= 1
             if not self._running:
                 self._limit.restore_original_limits()
+            for library in _controller().lib_controllers:
+                # since threadpoolctl 3.8 only one thread may set the number, until it gives that up
+                getattr(library, "clear_controlling_thread", lambda: None)()
 
 
 _one_blas_thread = _OneBlasThread()
