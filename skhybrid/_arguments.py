@@ -13,10 +13,18 @@ from sklearn.utils import check_random_state
 _LARGEST = sys.float_info.max
 
 
-def check_integer(name: str, value: Any, least: int = 1) -> None:
-    """Refuse a value that is no integer, or less than the least one."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ValueError(f"{name}={value!r} must be an integer of at least {least}.")
+def check_integer(name: str, value: Any, least: int = 1, most: int | None = None) -> None:
+    """Refuse a value that is no integer, less than the least one or, if there is one, more than the most."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least or (most is not None and value > most):
+        span = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise ValueError(f"{name}={value!r} must be an integer {span}.")
+
+
+def check_bool(name: str, value: Any) -> None:
+    """Refuse a value that is neither True nor False: any word would count as True."""
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name}={value!r} must be True or False.")
 
 
 def is_number(value: Any) -> bool:
@@ -29,6 +37,12 @@ def check_rate(name: str, value: Any) -> None:
     """Refuse a value that is no finite number above 0."""
     if not (is_number(value) and value > 0):
         raise ValueError(f"{name}={value!r} is outside (0, inf).")
+
+
+def check_level(level: Any, least: float = 0.0) -> None:
+    """Refuse a probability that is no number between the least one and 1."""
+    if not (is_number(level) and least < level < 1.0):
+        raise ValueError(f"level={level!r} is not between {least:g} and 1; give a share, such as 0.9 for 90 %.")
 
 
 def as_mapping(name: str, given: Any, content: str) -> dict[Any, Any]:

@@ -163,7 +163,7 @@ def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame
     found = {}
     for column in columns:
         if (n := int((frame.columns == column).sum())) != 1:
-            raise ValueError(f"{name} has {n} columns {column!r}; give one.")
+            raise ValueError(f"{name} has {n or 'no'} column{'s' * (n > 1)} {column!r}; give one.")
         values = numeric(frame[column], f"column {column!r} of {name}")
         refuse_huge(values, f"column {column!r} of {name}")
         found[column] = values

@@ -28,7 +28,8 @@ def refuse_order(given: pd.Index, index: pd.Index) -> None:
         if alike and (given == index).all():  # the same instants in two time zones
             return
         raise ValueError(
-            f"X and y have different time stamps (X from {index[0]}, y from {given[0]}); align them first."
+            f"X and y have different time stamps (X from {index[0]} to {index[-1]}, y from {given[0]} to {given[-1]}); "
+            "align them first."
         )
     ordered = pd.api.types.is_numeric_dtype(given) or isinstance(given, pd.DatetimeIndex)
     if ordered and not given.is_monotonic_increasing:

@@ -427,7 +427,9 @@ def test_diagnostics_print_one_screen_and_html(fitted, gappy):
     assert 0.5 < found.share_outside <= 1.0
 
 
-def test_too_little_is_refused():
+def test_too_little_is_refused(fitted, gappy):
+    with pytest.raises(ValueError, match="output=1 must be an integer from 0 to 0"):
+        diagnose(fitted["OD"], gappy[0], output=1)
     with pytest.raises(ValueError, match="2 values, too few, say nothing"):
         autocorrelation([1.0, 2.0, np.nan], 1)
     with pytest.raises(ValueError, match="the rows have no time stamps"):

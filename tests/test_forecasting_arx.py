@@ -187,6 +187,8 @@ def test_no_horizon_simulates_from_the_first_row():
     [
         ({"adapt": "full"}, "adapt='full' is not known; use None or 'refit'"),
         ({"n_lags": 0}, "n_lags=0 must be an integer of at least 1"),
+        ({"calendar": "no"}, "calendar='no' must be True or False"),
+        ({"intervals": None}, "intervals=None must be True or False"),
         ({"alpha": 0.0}, r"alpha=0.0 is outside \(0, inf\)"),
         ({"alpha": np.inf}, r"alpha=inf is outside \(0, inf\)"),
         ({"alpha": "low"}, r"alpha='low' is outside \(0, inf\)"),

@@ -353,6 +353,7 @@ def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once()
         ({"residual_of": "arima"}, r"residual_of='arima' is not known; use one of None, 'profile'"),
         ({"time_encoding": "fourier"}, "time_encoding='fourier' is not known"),
         ({"hidden_size": 0}, "hidden_size=0 must be an integer of at least 1"),
+        ({"refit": "no"}, "refit='no' must be True or False"),
         ({"dropout": 1.0}, r"dropout=1.0 is outside \[0, 1\)"),
         ({"validation_fraction": None}, r"validation_fraction=None is outside \[0, 1\)"),
         ({"validation_fraction": 0}, r"validation_fraction=0 leaves no rows .* residual_of='ridge' to use"),

@@ -82,7 +82,7 @@ FOUND = {
     Call("OutputDisturbanceID.fit_transform", target="None"): "requires y to be passed",
     Call("DisturbanceForecaster, regressor.fit", Table(step="1ns")): "steps are of a second or more",
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
-    Call("diagnose", arguments=(("level", "word"),)): "must be a probability",
+    Call("diagnose", arguments=(("level", "word"),)): "is not between 0 and 1",
     Call("backtest", arguments=(("origin_step", "word"),)): "origin_step=",
     Call("split_log", Table(spoilt=(Spoilt("T_za", "inf", "last"),))): "column 'T_za' contains inf in 1 row",
     Call("FacadeIrradiance.transform", Table(spoilt=(Spoilt("q_sol", "inf", "all"),))): "'q_sol' contains inf in",
@@ -115,11 +115,11 @@ FOUND = {
     Call("autocorrelation", Table(spoilt=(Spoilt("T_za", "1e300", "last"),))): "beyond 1e100",
     Call("score_intervals", arguments=(("by", "word"),)): "is not a column of the back-test",
     Call("score_intervals", Table(container="text")): "has no interval",
-    Call("score_backtest", Table(columns=("T_oa", "q_sol"))): "0 columns 'y_true'",
+    Call("score_backtest", Table(columns=("T_oa", "q_sol"))): "no column 'y_true'",
     Call("DriftMonitor.watch", Table(columns=("T_oa", "q_sol"))): "2 steps",
     Call("DriftMonitor.watch", Table(container="masked array")): "give a DataFrame",
     Call("DriftMonitor.fit", Table(columns=())): "no columns",
-    Call("diagnose_residuals", Table(columns=("T_oa",))): "0 columns 'innovation'",
+    Call("diagnose_residuals", Table(columns=("T_oa",))): "no column 'innovation'",
 }
 
 

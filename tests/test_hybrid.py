@@ -496,6 +496,7 @@ def test_pickle(hybrid, office):
     [
         ({"disturbance": "both"}, "disturbance='both'"),
         ({"adapt": "daily"}, "adapt='daily'"),
+        ({"intervals": "no"}, "intervals='no' must be True or False"),
         ({"horizon": "50min"}, "horizon='50min' is not a positive multiple"),
         ({"known": 6.0}, "known=6.0 must be a mapping of parameters to values"),
         ({"known": {"Q_h": None}}, "known= gives Q_h no value; give a number, or leave it out"),

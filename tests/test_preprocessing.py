@@ -184,6 +184,13 @@ def test_stamps_out_of_order_are_refused(log):
         GapFiller().fit_transform(log)
 
 
+def test_units_that_are_none_are_refused(log):
+    with pytest.raises(ValueError, match=r"units=\['degF'\] must be a mapping of columns to units"):
+        UnitConverter(["degF"]).fit(log)
+    with pytest.raises(ValueError, match=r"gives 'T_oa' the unit \['degF'\], which is not one of"):
+        UnitConverter({"T_oa": ["degF"]}).fit(log)
+
+
 def test_a_column_with_two_units_is_refused(log):
     with pytest.raises(ValueError, match="names the column 'T_oa' twice"):
         UnitConverter({"T_oa": "degF", 0: "K"}).fit(log)

@@ -101,6 +101,17 @@ def test_an_identification_responds_as_its_state_space():
     pd.testing.assert_frame_equal(frequency_response(model), frequency_response(made))
 
 
+@pytest.mark.parametrize("respond", [frequency_response, step_response])
+def test_an_output_that_is_not_measured_is_refused(respond, office):
+    for output in (1, -1, "za"):
+        with pytest.raises(ValueError, match=f"output={output!r} must be an integer from 0 to 0"):
+            respond(office, output=output)
+
+
+def test_one_period_needs_no_list(office):
+    pd.testing.assert_frame_equal(frequency_response(office, "1D"), frequency_response(office, ["1D"]))
+
+
 def test_what_has_no_response_is_refused():
     with pytest.raises(ValueError, match="theta lacks R_zo, A_win"):
         make_state_space("1R1C", {"C_za": 1.0}, roles=["T_oa", "q_sol"])

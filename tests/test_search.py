@@ -360,6 +360,7 @@ def test_a_progress_bar_tells_rate_and_time_left(office, estimator, capsys):
         ({"halving": (5, 1)}, "halving"),
         ({"halving": True}, "halving"),
         ({"halving": (5, 3, 3)}, "halving"),
+        ({"retry_failed": "no"}, "retry_failed='no' must be True or False"),
         ({"chunk_size": 0}, "chunk_size=0 must be an integer of at least 1"),
         ({"error_score": "oops"}, "error_score='oops' must be a number, such as NaN, or 'raise'"),
         ({"refit": "zz"}, "refit='zz' is no metric of scoring=None; give True, False or a callable"),

@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import check_integer, check_rate
+from .._arguments import check_bool, check_integer, check_rate
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
@@ -214,6 +214,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"objective={self.objective!r} is not known; use 'one_step' or 'multi_step'.")
         for name in ("n_lags", "n_input_lags"):
             check_integer(name, getattr(self, name))
+        for name in ("intervals", "calendar"):
+            check_bool(name, getattr(self, name))
         if self.alpha is None:
             return
         check_rate("alpha", self.alpha)

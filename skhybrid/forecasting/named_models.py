@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .._arguments import check_integer, check_rate, is_number
+from .._arguments import check_bool, check_integer, check_rate, is_number
 from .._table import ZoneTable
 from .baselines import LastWeek, NoDisturbance, Persistence, WeeklyProfile
 from .cases import ACTIVATIONS, NETWORKS, SIZES, resolve_case
@@ -89,6 +89,7 @@ def _check_numbers(forecaster: Any) -> None:
         if not (is_number(value) and 0.0 <= value < 1.0):
             raise ValueError(f"{name}={value!r} is outside [0, 1).")
     check_rate("learning_rate", forecaster.learning_rate)
+    check_bool("refit", forecaster.refit)
     if is_network(forecaster.model) and forecaster.residual_of is not None and forecaster.validation_fraction == 0.0:
         raise ValueError(
             f"validation_fraction=0 leaves no rows that say how much of the correction to residual_of="

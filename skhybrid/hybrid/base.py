@@ -11,6 +11,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import check_bool
 from .._summary import TrainingRecord, network_tables
 from .._table import (
     HISTORY_ROLES,
@@ -91,6 +92,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             has several measured nodes.
         """
         self._check_adapt()
+        check_bool("intervals", self.intervals)
         checked_columns(self._reading()["columns"])
         scheme = self._make_scheme()
         network = scheme.network

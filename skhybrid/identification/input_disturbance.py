@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-import numpy as np
-
+from .._arguments import is_number
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import store_arguments
@@ -55,7 +54,7 @@ class InputDisturbanceID(LeastSquaresIdentifier):
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> InputRandomWalk:
         sd = self.measurement_sd
-        if sd is not None and not (isinstance(sd, int | float | np.number) and 0.0 < sd < np.inf):
+        if sd is not None and not (is_number(sd) and sd > 0):
             raise ValueError(f"measurement_sd={sd!r} must be a positive number [K].")
         return InputRandomWalk(self.measurement_sd)
 

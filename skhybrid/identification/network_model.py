@@ -125,7 +125,8 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
             ``"input"``: heat on the disturbed node [kW] (paper Eq. 9); ``"output"``: what the measured
             temperature has beyond the simulated one [K] (paper Eq. 13).
         smooth : bool
-            False: from rows up to each row, as a forecast may use it; True: from all rows, for ``"input"`` only.
+            False: from rows up to each row, as a forecast may use it; True: from all rows, for ``"input"`` only, as the
+            other kind is measured less simulated.
 
         Returns
         -------
@@ -133,8 +134,10 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
             Where a network has several disturbed (measured) nodes, a DataFrame with one column ``zeta_<node>`` each.
         """
         check_is_fitted(self)
-        table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
         names = self._zeta_names(kind)
+        if smooth and kind == "output":
+            raise ValueError('smooth=True does nothing with kind="output"; leave one of them out.')
+        table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
         frame = pd.DataFrame(self._zeta(table, kind, smooth), index=table.index, columns=names)
         return frame[names[0]] if len(names) == 1 else frame
 

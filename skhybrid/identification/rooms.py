@@ -10,7 +10,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import clone
 
-from .._table import checked_columns, listed
+from .._table import checked_columns, listed, refuse_order
 from ..thermal import RCNetwork, get_network, room_network
 from .base import NetworkIdentifier
 from .experiment import temperatures_by_role
@@ -76,6 +76,7 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
     names = dict(zip(network.measured_names, network.history_roles, strict=True))
     if not isinstance(y, pd.DataFrame):
         raise ValueError(f"y must be a DataFrame; give one with the columns {listed(names.values())}.")
+    refuse_order(y.index, X.index)
     measured = temperatures_by_role(y, names)
     between = measured.interpolate(limit_direction="both")
     jobs = [

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from .._arguments import is_number
+from .._arguments import check_level
 from .._warnings import first_sentence
 from ..identification import Diagnostics
 from .assessment import assess
@@ -144,8 +144,7 @@ def compare_models(
     candidates = _named(estimators)
     if purpose not in ("parameters", "forecast"):
         raise ValueError(f"purpose={purpose!r} is neither 'parameters' nor 'forecast'.")
-    if not (is_number(level) and 0.0 < level < 1.0):
-        raise ValueError(f"level={level!r} is not between 0 and 1.")
+    check_level(level)
     if isinstance(cv, str) or not (cv is None or hasattr(cv, "split")):
         raise ValueError(f"cv={cv!r} must be a splitter into consecutive rows, such as RollingOriginSplit().")
     splitter = default_split(X, horizon) if cv is None else cv
@@ -170,6 +169,8 @@ def compare_models(
 
 def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
     """Candidates by name: the given one, or class and network."""
+    if hasattr(estimators, "fit"):
+        raise ValueError(f"estimators is one {type(estimators).__name__}; give a list of those to compare.")
     given = dict(estimators) if isinstance(estimators, Mapping) else dict(enumerate(estimators))
     if not given:
         raise ValueError("there is no estimator to compare: pass at least one.")

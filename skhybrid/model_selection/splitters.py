@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils.validation import _num_samples
 
+from .._arguments import check_bool
 from .._time import even_step, positive_duration, read_duration, rows_of, wall_clock
 
 _DAY = pd.Timedelta("1D")
@@ -80,8 +81,7 @@ class RollingOriginSplit(BaseCrossValidator):
             If X is too short, a length is not a positive multiple of the sampling time, ``n_splits`` is not a positive
             integer, or ``expanding`` neither True nor False.
         """
-        if not isinstance(self.expanding, bool | np.bool_):
-            raise ValueError(f"expanding={self.expanding!r} must be True or False.")
+        check_bool("expanding", self.expanding)
         train, test, gap, step = self._lengths(X)
         row = _row_by_clock(X)
         for number in self._used_splits(X):

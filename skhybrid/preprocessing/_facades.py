@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
+from .._arguments import as_mapping, check_bool
 from .._ranges import check_range
 from .._table import numeric, role_of
 from .._time import first_row_number, read_index
@@ -158,10 +159,11 @@ class FacadeIrradiance(TableTransformer):
                 raise ValueError(f"{name}={value!r} must be a number of degrees from {-bound:g} to {bound:g}.")
         if not isinstance(self.albedo, Real) or not 0.0 <= float(self.albedo) <= 1.0:
             raise ValueError(f"albedo={self.albedo!r} must be a number from 0 to 1.")
+        check_bool("glazing", self.glazing)
 
     def _find_columns(self, names: list[Any]) -> dict[str, int]:
         """Find the positions of the irradiance columns."""
-        chosen: dict[str, Any] = dict(self.columns or {})
+        chosen = as_mapping("columns", self.columns, "'q_sol' to a column, such as {'q_sol': 'ghi'}")
         others = [role for role in chosen if role != "q_sol"]
         if others:
             raise ValueError(f"columns= names {others[0]!r}, but only 'q_sol' is read; use dni= and dhi=.")
@@ -201,7 +203,11 @@ class FacadeIrradiance(TableTransformer):
                 "the stamp of its row 0 as start=."
             )
         step = read_index(index, self.sampling_time, known)[0]
-        first = _in_utc(pd.DatetimeIndex([self.start]), self.timezone)[0] + first_row_number(index) * step
+        try:
+            start = pd.DatetimeIndex([self.start])
+        except (TypeError, ValueError):
+            raise ValueError(f"start={self.start!r} is not a time stamp, such as '2024-03-01 00:00'.") from None
+        first = _in_utc(start, self.timezone)[0] + first_row_number(index) * step
         return pd.date_range(first, periods=len(index), freq=step), step
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import as_mapping
 from .._table import numeric
 from ._frames import TableTransformer, position_of, read_input, roles_by_position
 
@@ -49,7 +50,7 @@ KIND_OF_PREFIX = (("T_", "temperature"), ("q_sol", "irradiance"), ("u_", "fracti
 
 def conversion_of(unit: str, column: object) -> Conversion:
     """Conversion of a column logged in ``unit``, which must be known and suit the column's role."""
-    if unit not in UNITS:
+    if not isinstance(unit, str) or unit not in UNITS:
         near = difflib.get_close_matches(str(unit), UNITS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else "."
         raise ValueError(f"units= gives {column!r} the unit {unit!r}, which is not one of {', '.join(UNITS)}{hint}")
@@ -108,7 +109,7 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         names = list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
         self.conversions_: dict[int, Conversion] = {}
-        for column, unit in (self.units or {}).items():
+        for column, unit in as_mapping("units", self.units, "columns to units, such as {'T_oa': 'degF'}").items():
             position = position_of(column, names)
             if position is None:
                 shown = ", ".join(repr(str(name)) for name in names)

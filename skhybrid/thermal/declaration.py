@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from .._arguments import as_mapping
 from .parameters import Parameter, make_parameter
 
 #: where heat goes: a node, or nodes with the name of the fraction that each gets (None: the remainder)
@@ -14,6 +15,13 @@ Shares = tuple[tuple[str, str | None], ...]
 Part = tuple[str | None, Shares]  # an area or capacity of its own (None: the role's usual one), and where its heat goes
 
 ROLE_PREFIXES = {"solar": ("q_sol",), "heated": ("u_", "Q_")}  # prefixes of the roles of each kind of heat
+#: fields that must be mappings, of what
+_MAPPINGS = {
+    "capacitances": "nodes to parameters, such as {'za': 'C_za'}",
+    "resistors": "parameters to two ends, such as {'R_zo': ('za', 'T_oa')}",
+    "bounds": "parameters to (lower, upper), such as {'C_za': (0.1, 40.0)}",
+    "zones": "zones to their nodes, such as {'hall': ('za_hall', 'w_hall')}",
+}
 SOURCE_PARAMETERS = ("A_win", "Q_")  # prefixes of the parameters of sources
 _ROUNDING = 1e-9  # of a sum of shares
 
@@ -50,10 +58,14 @@ class Declaration:
     zones: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("capacitances", "resistors", "solar", "heated", "bounds", "zones"):
+        for name, content in _MAPPINGS.items():
+            as_mapping(f"network {self.name}: {name}", getattr(self, name), content)
+        for name in (*_MAPPINGS, "solar", "heated"):
             object.__setattr__(self, name, _copied(getattr(self, name)))
         for name in ("measured", "disturbed", "solar", "heated"):
             given = getattr(self, name)
+            if not isinstance(given, Iterable):
+                raise ValueError(f"network {self.name}: {name}={given!r} must be the name of a node, or several.")
             if not isinstance(given, str | Mapping):
                 nodes = tuple(given)
                 object.__setattr__(self, name, nodes[0] if len(nodes) == 1 else nodes)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..._arguments import check_integer
 from ..._time import positive_duration, read_duration, rows_covering, spell
 from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
@@ -88,6 +89,7 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     ``C (exp(2 pi i step / period) I - A)^-1 B + D``: exact for inputs sampled at the step and held over it.
     """
     model = as_state_space(model)
+    check_integer("output", output, 0, len(model.C) - 1)
     chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
     z = np.exp(2j * np.pi * (model.sampling_time / chosen).to_numpy(dtype=np.float64))
     states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128)[None])
@@ -102,7 +104,8 @@ def default_periods(model: StateSpace) -> pd.TimedeltaIndex:
 
 
 def _read_periods(periods: Any, step: pd.Timedelta) -> pd.TimedeltaIndex:
-    chosen = pd.TimedeltaIndex([read_duration(p, "periods") for p in periods], name="period").as_unit("ns")
+    given = [periods] if isinstance(periods, str | pd.Timedelta) else periods
+    chosen = pd.TimedeltaIndex([read_duration(p, "periods") for p in given], name="period").as_unit("ns")
     if len(chosen) and chosen.min() < 2 * step:
         raise ValueError(
             f"the period {chosen.min()} is shorter than two steps of the model ({spell(2 * step)}), which says nothing "
@@ -128,6 +131,7 @@ def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.D
         Index ``time`` (Timedelta) since the step, columns the inputs; K per unit of the input.
     """
     model = as_state_space(model)
+    check_integer("output", output, 0, len(model.C) - 1)
     n_steps, inputs = rows_covering(duration, model.sampling_time, "duration"), range(len(model.input_names))
     start = np.zeros(len(model.A))
     paths = [simulate_path(model.A, np.tile(model.B[:, j], (n_steps, 1)), start) @ model.C[output] for j in inputs]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pandas as pd
 from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
+from ..._arguments import check_integer, check_level
 from ..._table import float_columns
 from ..._time import positive_duration, rows_covering, spell
 from .findings import ErrorPattern
@@ -124,6 +124,7 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     table = estimator._read_X(X)
     found = estimator.innovations(table)
     half = found.shape[1] // 2  # one column per output, then their standard deviations
+    check_integer("output", output, 0, half - 1)
     errors = found.iloc[:, [output, half + output]].set_axis(["innovation", "std"], axis=1)
     roles = estimator.network_.inputs(tuple(sorted(table.inputs)))
     inputs = pd.DataFrame({role: table.inputs[role] for role in roles}, index=errors.index)
@@ -169,8 +170,7 @@ def diagnose_residuals(
         If a column is missing, the step is unknown, a row is no whole number of steps after the first, or fewer than
         three rows have an error.
     """
-    if not isinstance(level, Real) or not 0.0 < level < 1.0:
-        raise ValueError(f"level={level!r} must be a probability between 0 and 1.")
+    check_level(level)
     innovations = float_columns(innovations, ("innovation", "std"), "innovations")
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):

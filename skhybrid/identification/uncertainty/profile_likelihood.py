@@ -11,6 +11,7 @@ import pandas as pd
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
+from ..._arguments import check_level
 from ...thermal import Parameter
 from .constrained_problem import ConstrainedProblem, free_point
 
@@ -144,8 +145,7 @@ def profile_likelihood(
     >>> bool(profile.lower < profile.best < profile.upper)
     True
     """
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"level={level!r} is not between 0 and 1; give 0.9 for an interval of 90 %.")
+    check_level(level)
     tried = list(values) if values is not None else []
     constrained = ConstrainedProblem.of(estimator, X, y)
     known = _checked(constrained, parameter, tried)

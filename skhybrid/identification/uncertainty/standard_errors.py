@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from ..._arguments import check_level
 from ..._time import rows_per_day
 from ...thermal import Parameter
 
@@ -76,8 +77,7 @@ def theta_intervals(
     parameters: Sequence[Parameter], theta: pd.Series, std: pd.Series, n_days: int, level: float
 ) -> pd.DataFrame:
     """Ends of every parameter's interval: columns ``lower`` and ``upper``."""
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"level={level!r} is not between 0 and 1; give 0.9 for intervals of 90 %.")
+    check_level(level)
     reach = float(student.ppf(0.5 + level / 2, max(n_days - 1, 1))) * std
     ends = {p.name: _ends(p, float(theta[p.name]), float(reach[p.name])) for p in parameters}
     return pd.DataFrame(ends, index=["lower", "upper"], dtype=np.float64).T

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..._arguments import is_number
+from ..._arguments import check_level
 from ...forecasting import ModelCase
 from ..search.design_matrix import IDENTITY
 from .pattern_expressiveness import PatternExpressiveness
@@ -111,8 +111,7 @@ def select_case(
     ValueError
         If a column is missing, no row has a case, or no case has two sizes.
     """
-    if not (is_number(level) and 0.5 < level < 1.0):
-        raise ValueError(f"level={level!r} is not between 0.5 and 1.")
+    check_level(level, 0.5)
     table = finished(results, IDENTITY).reset_index(drop=True)
     is_case = table["case"].notna()
     candidates = table[is_case]

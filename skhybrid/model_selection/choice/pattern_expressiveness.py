@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator
 
-from ..._arguments import check_integer, check_rate, is_number
+from ..._arguments import check_bool, check_integer, check_level, check_rate
 from ..._transaction import unchanged_on_failure
 from ...forecasting import ModelCase
 from ...identification.uncertainty import posterior
@@ -142,13 +142,11 @@ class PatternExpressiveness(BaseEstimator):
 
     def _check_parameters(self) -> None:
         posterior.check_sampling(self.draws, self.tune, self.chains)
-        if not (is_number(self.level) and 0.0 < self.level < 1.0):
-            raise ValueError(f"level={self.level!r} is not between 0 and 1.")
+        check_level(self.level)
         check_rate("prior_scale", self.prior_scale)
         if self.best_sizes is not None:
             check_integer("best_sizes", self.best_sizes)
-        if not isinstance(self.log, bool | np.bool_):
-            raise ValueError(f"log={self.log!r} must be True or False.")
+        check_bool("log", self.log)
 
     def _groups(self, table: pd.DataFrame, terms: RegressionTerms) -> np.ndarray | None:
         """Number of the group of each row, or None without groups."""

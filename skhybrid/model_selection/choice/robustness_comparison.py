@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from ..._arguments import draw_seed, is_number
+from ..._arguments import check_level, draw_seed
 from ..._table import listed
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user
@@ -101,8 +101,7 @@ class RobustnessComparison(BaseEstimator):
         RuntimeError
             If the chains disagree, have too few effective draws, or diverge even with small steps.
         """
-        if not (is_number(self.level) and 0.5 < self.level < 1.0):
-            raise ValueError(f"level={self.level!r} is not between 0.5 and 1.")
+        check_level(self.level, 0.5)
         posterior.check_sampling(self.draws, self.tune, self.chains)
         errors = _errors_by_case(results, [self.by] if isinstance(self.by, str) else list(self.by))
         spreads = _spreads(errors)

@@ -17,7 +17,7 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
-from ..._arguments import check_integer
+from ..._arguments import check_bool, check_integer
 from ..._transaction import unchanged_on_failure
 from ..._warnings import first_sentence
 from ...forecasting.extras import require_networks
@@ -176,6 +176,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
     def _check_settings(self) -> None:
         check_integer("chunk_size", self.chunk_size)
+        check_bool("retry_failed", self.retry_failed)
         given = self.error_score
         if not (isinstance(given, Real) and not isinstance(given, bool)) and given != "raise":
             raise ValueError(f"error_score={given!r} must be a number, such as NaN, or 'raise'.")
