@@ -184,6 +184,15 @@ def test_intervals_read_no_temperature_after_their_origin(office, models):
     np.testing.assert_array_equal(model.predict_quantiles(changed, weather_error="high")[:n], whole[:n])
 
 
+@pytest.mark.parametrize("name", ["arx", "hybrid"])
+def test_intervals_read_no_weather_after_the_horizon(office, models, name):
+    """A sunny day within the week after it, as a back-test has it, was taken for the clear sky."""
+    X, end = _rows(office)[0], 100 + 96 + 1
+    sunny = X.assign(q_sol=X["q_sol"].where(np.arange(len(X)) < end, X["q_sol"] + 0.5))
+    found = [models[name].predict_quantiles_from(rows, [100], weather_error="high") for rows in (X, sunny)]
+    np.testing.assert_array_equal(*found)
+
+
 def test_other_regressors_are_refused(office, models):
     X, y = _rows(office)
     with pytest.raises(ValueError, match="weather_error needs"):

@@ -199,8 +199,9 @@ class QuantileForecastMixin(RollingForecastMixin):
 
     def _weather_changes(self, table: ZoneTable, origin: int, n_leads: int, weather: WeatherError) -> np.ndarray:
         """(n_draws, n_leads) what drawn weathers change in the forecast from one origin."""
-        draws = (weather.forecast(table, origin, n_leads, draw) for draw in range(1, _SPREAD_DRAWS + 1))
-        plain, *drawn = (self._unadapted(rows, np.array([origin]), n_leads)[0] for rows in (table, *draws))
+        known = table.rows(slice(origin + 1 + n_leads)).replace(n_history=table.n_history)  # as in a forecast
+        draws = (weather.forecast(known, origin, n_leads, draw) for draw in range(1, _SPREAD_DRAWS + 1))
+        plain, *drawn = (self._unadapted(rows, np.array([origin]), n_leads)[0] for rows in (known, *draws))
         return np.abs(np.array(drawn) - plain)
 
     def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
