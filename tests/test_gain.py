@@ -30,14 +30,17 @@ N_TRAIN = 12 * DAY
 COVERED = 0.95
 
 
-def office_of(seed, climate="oakland", n_days=26):
-    """A log with the heat measured, and the response of the office to a kW [K/kW] by row."""
-    office = make_office(n_days, climate, sampling_time="30min", random_state=seed)
+def office_of(seed, climate="oakland", n_days=26, step=0.5):
+    """A log with the heat measured, and the response of the office to a kW [K/kW] by row, over a day."""
+    office = make_office(n_days, climate, sampling_time=pd.Timedelta(step, "h"), random_state=seed)
     theta = office.theta
     X = office.X.assign(Q_hvac=theta["Q_h"] * office.X["u_heat"] + theta["Q_c"] * office.X["u_cool"])
     C, inside, outside = np.array([theta["C_w"], theta["C_za"]]), 1.0 / theta["R_zw"], 1.0 / theta["R_zo"]
     A = np.array([[-inside, inside], [inside, -inside - outside]]) / C[:, None]
-    steps = [np.linalg.solve(A, (expm(A * 0.5 * k) - np.eye(2)) @ [0.0, 1.0 / C[1]])[1] for k in range(1, DAY + 1)]
+    steps = [
+        np.linalg.solve(A, (expm(A * step * k) - np.eye(2)) @ [0.0, 1.0 / C[1]])[1]
+        for k in range(1, round(24.0 / step) + 1)
+    ]
     return X.drop(columns=["u_heat", "u_cool"]), np.array(steps)
 
 
@@ -181,6 +184,29 @@ def test_the_network_takes_the_gain_that_jumps_show(plan, log):
     np.testing.assert_allclose(step_gain(network(plan), DAY)[[1, 7, 23]], truth[[1, 7, 23]], rtol=0.25)
 
 
+def test_the_usual_response_gives_way_where_the_rows_contradict_it():
+    """By the hour, jumps cannot tell the office from rooms with the usual response; other rows can, and refits too."""
+    X, truth = office_of(0, n_days=26, step=1.0)
+    train, later = X[: 14 * 24], X[14 * 24 :]
+    model = SchedulePredictor(purpose="plan", intervals=False).fit(train, train["T_za"])
+    fit, rows = network(model), [0, 3, 11, 23]
+    assert is_usual(fit.problem.pull.observed, 1.0)
+    np.testing.assert_allclose(step_gain(fit, 24)[rows], truth[rows], rtol=0.3)
+    model.update(later).forecast(None, later[:2].drop(columns="T_za").shift(freq="12D"))
+    psi = model._scheme._running["full"].network.psi
+    assert not np.array_equal(psi, fit.psi)
+    np.testing.assert_allclose(step_gain(replace(fit, psi=psi), 24)[rows], truth[rows], rtol=0.3)
+
+
+def test_rows_that_agree_keep_the_usual_response():
+    usual = 1.0 + 0.24 * np.log(2.0 * np.arange(1, DAY + 1))
+    X, _ = heated(
+        lambda hour, row: 2.0 * (np.random.default_rng(1).random(len(row) // 12 + 1)[row // 12] > 0.5), truth=usual
+    )
+    fit = network(SchedulePredictor(purpose="plan", adapt=None, intervals=False).fit(X, X["T_za"]))
+    assert fit.problem.pull.usual
+
+
 # -------------------------------------------------------------------------------------------------------- the blend
 def response(model, X, rows):
     """Response [K/kW] of the forecast of rows to a kW in all of them."""
@@ -282,9 +308,10 @@ def test_the_stated_error_covers_the_truth():
     assert np.mean(inside) >= COVERED
 
 
-def heated(heat, n_days=20):
-    """A zone that answers heat, given by hour and row, as the office does, and that response [K/kW]."""
-    X, truth = office_of(1, n_days=n_days)
+def heated(heat, n_days=20, truth=None):
+    """A zone that answers heat, given by hour and row, as the office does or by ``truth``, and that response [K/kW]."""
+    X, office = office_of(1, n_days=n_days)
+    truth = office if truth is None else truth
     Q = heat(X.index.hour.to_numpy(), np.arange(len(X)))
     impulse = np.append(truth[0], np.diff(np.append(truth, np.full(400, truth[-1]))))
     T = 21.0 + 0.2 * (X["T_oa"] - X["T_oa"].mean()) + np.append(0.0, np.convolve(Q, impulse)[: len(Q) - 1])
