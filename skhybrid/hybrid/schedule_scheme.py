@@ -156,7 +156,7 @@ class ScheduleScheme(Scheme):
         """Relative standard error of the network's gain, by lead."""
         if self._plant is None:
             raise AttributeError("the training has no plant, so that there is no gain_std_.")
-        return gain_errors(self._physics.fit_, self._record, self.rows.training.step, self.purpose)
+        return gain_errors(self._physics.fit_, self._record, self.rows.training.step)
 
     @cached_property
     def zeta_(self) -> pd.Series:

@@ -18,7 +18,7 @@ from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .network_prior import NetworkPrior, NetworkSums
 from .segment import Segment, make_segment
-from .step_gain import GainPull, is_delayed
+from .step_gain import GainPull, is_delayed, is_usual
 
 _COARSE = slice(2, None, 4)  # leads of a sample on which the grid is scored
 #: grid of the network's scale and of its time constants, as multiples of the rough guess
@@ -161,7 +161,7 @@ def fit_leads(
     scale = scale if scale > 1e-6 else 1.0
     if prior is not None:
         return _fit_under(prior, table, scored, reference, scale)
-    if pull is not None and pull.usual:
+    if pull is not None and is_usual(pull.observed, step) is None:
         pull = _without_contradiction(FilterModel.of(plan.network, step, scale), scored, pull)
     fit, loss = _fit_at_scale(table, scored, reference, scale, _SCALES, pull)
     undetermined = _undetermined(fit, loss, table, T)

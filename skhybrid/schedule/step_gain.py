@@ -29,7 +29,7 @@ KNOWN_HEAT = -1  # in place of the index of a channel
 #: usual step response of a room whose air is heated, 1 + 0.24 ln(t / 15 min) relative to 15 min: EnergyPlus, 14 step
 #: tests in seven zones of three buildings; hours at which it is read, and the spread of its logarithm
 _HOURS, _PER_LOG, _SHAPE_SPREAD = np.array([0.25, 1.0, 4.0, 12.0, 24.0]), 0.24, 0.1
-_UNUSUAL = 0.2  # difference of logarithms from which jumps say that a response is another one
+_NEAR, _FAR = 0.2, 0.3  # differences of logarithms up to which jumps say that a response is usual, from which it is not
 
 
 class ObservedGain(NamedTuple):
@@ -125,15 +125,18 @@ def _usual(hours: np.ndarray) -> np.ndarray:
     return np.log(np.maximum(1.0 + _PER_LOG * np.log(hours / _HOURS[0]), _PER_LOG))
 
 
-def is_usual(gains: tuple[ObservedGain, ...], step: float) -> bool:
-    """Whether jumps say that the response begins as is usual in rooms whose air is heated."""
+def is_usual(gains: tuple[ObservedGain, ...], step: float) -> bool | None:
+    """Whether jumps say that the response begins as is usual in rooms whose air is heated; None where it may."""
     found = _by_lead(gains)
     if found is None:
         return False
     first, second = found
-    error = float(np.hypot(first.error / first.gain, second.error / second.gain))
+    error = 2.0 * float(np.hypot(first.error / first.gain, second.error / second.gain))
     usual = float(np.diff(_usual(step * np.array(JUMP_LEADS)))[0])
-    return bool(abs(np.log(second.gain / first.gain) - usual) < _UNUSUAL + 2.0 * error)
+    away = abs(float(np.log(second.gain / first.gain)) - usual)
+    if away - error > _FAR:
+        return False
+    return True if away + error < _NEAR else None
 
 
 def is_delayed(gains: tuple[ObservedGain, ...]) -> bool:
@@ -182,7 +185,7 @@ class GainPull(NamedTuple):
     def of(cls, segment: Segment, step: float) -> Self:
         """Pull toward what the jumps in these rows say."""
         observed = observed_gains(segment)
-        return cls(observed, is_usual(observed, step), step)
+        return cls(observed, is_usual(observed, step) is not False, step)
 
     @property
     def n_rows(self) -> int:

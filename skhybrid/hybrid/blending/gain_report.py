@@ -16,8 +16,9 @@ from .members import Member
 from .rolling_blend import BlendRecord
 
 _LEADS = ("1h", "4h", "12h", "24h")  # beside that of one row
-#: relative error beyond what the data determine, by the purpose of the fit: found in 11 step tests of EnergyPlus rooms
-BEYOND_DATA = {"forecast": 0.5, "plan": 0.25}
+#: relative error beyond what the data determine, and where jumps of the heat tell the gain to a fit for planning: found
+#: in 11 step tests of EnergyPlus rooms
+_BEYOND_DATA, _BEYOND_JUMPS = 0.5, 0.25
 _DISAGREE = 2.0  # ratio of two members' gains
 
 
@@ -53,10 +54,11 @@ def gain_table(
     return pd.DataFrame(gains, index, names).assign(blend=blend)
 
 
-def gain_errors(fit: LeadFit, record: BlendRecord, step: pd.Timedelta, purpose: str) -> pd.Series:
+def gain_errors(fit: LeadFit, record: BlendRecord, step: pd.Timedelta) -> pd.Series:
     """Relative standard error of the network's gain, by lead."""
-    rows = rows_of_leads(record, step)
-    error = np.hypot(step_gain_error(fit, rows), BEYOND_DATA[purpose])
+    rows, pull = rows_of_leads(record, step), fit.problem.pull
+    beyond = _BEYOND_JUMPS if pull is not None and pull.observed else _BEYOND_DATA
+    error = np.hypot(step_gain_error(fit, rows), beyond)
     return pd.Series(error, pd.Index(rows * step, name="lead"), name="gain_std")
 
 
