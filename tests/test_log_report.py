@@ -12,6 +12,9 @@ from skhybrid.logs import LogReport, RawLog, to_left_label
 from skhybrid.logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from skhybrid.logs.log_findings import (
     _skipped_hours,
+    counter_findings,
+    gap_findings,
+    gaps_of,
     sensor_findings,
     standstills,
     unit_switch,
@@ -362,6 +365,33 @@ def test_what_counts_as_a_finding():
         resting = full.where((np.arange(200) < 50) | (np.arange(200) > 50 + hours_at_rest), 19.0)
         assert len(standstills("T_za", resting)) == n_found
     assert standstills("T_za", pd.Series(19.0, index[[0, 1, 198, 199]])).empty  # equal before and after an outage
+
+
+def test_a_row_far_from_all_others_is_named():
+    index = pd.date_range("2024-01-01", periods=200, freq="1h")
+    for stamp in ("2042-03-05", "1970-01-01"):
+        stamps = index.insert(0, pd.Timestamp(stamp)).sort_values()
+        note, found = gap_findings(gaps_of(stamps, pd.Timedelta("1h")), stamps)
+        assert note.level == "note"
+        assert found.level == "warning"
+        assert f"1 row from {stamp} 00:00:00 on" in found.text
+    halves = index[:100].append(index[:100] + pd.Timedelta("400D"))
+    assert [one.level for one in gap_findings(gaps_of(halves, pd.Timedelta("1h")), halves)] == ["note"]
+
+
+def test_a_counter_that_is_set_to_zero_is_named():
+    readings = pd.Series(np.arange(100.0), pd.date_range("2024-01-01", periods=100, freq="1h"))
+    assert list(counter_findings("meter", readings)) == []
+    (found,) = counter_findings("meter", readings.where(np.arange(100) < 60, readings - 60.0))
+    assert "the counter falls at 2024-01-03 12:00:00: it was set to zero" in found.text
+
+
+@pytest.mark.parametrize(("spikes", "unit"), [(1, "degC"), (2, "degC"), (200, "degF")])
+def test_a_spike_of_a_sensor_does_not_make_a_column_one_of_fahrenheit(spikes, unit):
+    index = pd.date_range("2024-01-01", periods=400, freq="1h")
+    frame = pd.DataFrame({"T_za": 20.0 + np.arange(400) % 5, "T_oa": 10.0 + np.arange(400) % 7}, index)
+    frame.iloc[100 : 100 + spikes, 1] = 85.0
+    assert LogReport(frame).columns.loc["T_oa", "unit"] == unit
 
 
 def test_channels_are_those_of_the_format_unless_given():

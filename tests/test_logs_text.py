@@ -345,7 +345,8 @@ HEAD = "time,T,x\n"
     [
         ("", {}, "'log.csv' is empty"),
         ("\x00\x01\x02\x00\x07", {}, "the format of 'log.csv' is none of Home Assistant, ecobee"),
-        (HEAD, {}, "no cell that is a time stamp in its first 1 lines"),
+        ("\n \n\n", {}, "'log.csv' is empty"),
+        (HEAD, {}, "'log.csv' has one line only, and no row with a time stamp below it"),
         ("a b\nc d\n", {}, "no rows of two or more cells; pass its separator, such as sep=';'"),
         ("T,x\n1,2\n3,4\n", {}, "no cell that is a time stamp"),
         (
@@ -387,6 +388,8 @@ def test_one_sentence_for_a_bad_file(write, text, options, message):
 def test_missing_file(tmp_path):
     with pytest.raises(FileNotFoundError, match="there is no file"):
         read_log(tmp_path / "none.csv")
+    with pytest.raises(FileNotFoundError, match="is a folder; give a file in it"):
+        read_log(tmp_path)
 
 
 def test_a_named_column_of_points_must_be_there():

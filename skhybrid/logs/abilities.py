@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant
+from .._warnings import several
 from .conversion import row_hours
 
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant shows little
@@ -101,7 +102,9 @@ def abilities(
 def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str], room: str, scaled: bool) -> None:
     spread = moved["highest"] - moved["lowest"]
     if n_days < _FEW_DAYS:
-        cannot.append(f"a day's course: {n_days} days are too few; three are the least, two weeks are good.")
+        cannot.append(
+            f"a day's course: {several(n_days, 'day')} of rows are too few; three are the least, two weeks are good."
+        )
     else:
         better = "" if n_days >= _ENOUGH_DAYS else " (two weeks would be better)"
         can.append(f"a day-ahead forecast of the temperature, from {n_days} days{better}.")

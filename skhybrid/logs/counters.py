@@ -49,6 +49,13 @@ def counter_jumps(readings: pd.Series) -> pd.DatetimeIndex:
     return pd.DatetimeIndex(known.index[begins | np.append(False, replaced[:-1])])
 
 
+def counter_resets(readings: pd.Series) -> pd.DatetimeIndex:
+    """Stamps at which a counter [kWh] falls and goes on from there."""
+    known = readings.dropna()
+    good = known[~_jumps(known)[0]]
+    return pd.DatetimeIndex(good.index[np.append(False, np.diff(good.to_numpy(dtype=np.float64)) < 0.0)])
+
+
 def _jumps(known: pd.Series) -> tuple[np.ndarray, np.ndarray]:
     """Whether each reading has failed, and whether the rise from it to the next good one is that to another meter."""
     values = known.to_numpy(dtype=np.float64)

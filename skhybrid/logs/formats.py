@@ -23,6 +23,7 @@ from .readers import (
 )
 from .text_files import existing, head_of
 
+_BLANK = 1 << 16  # bytes without any character, after which a file is taken as empty
 #: the module of each format, which offers ``looks_like(path, head)`` and ``read(path, ...)``; the first that fits is
 #: taken, so that special formats come before general ones
 FORMATS: dict[str, ModuleType] = {
@@ -90,8 +91,9 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
 
 def format_of(path: Path) -> str:
     """The name of the first format that a file looks like."""
-    if not path.stat().st_size:
-        raise ValueError(f"{path.name!r} is empty.")
+    with path.open("rb") as file:
+        if not file.read(_BLANK).strip():
+            raise ValueError(f"{path.name!r} is empty.")
     head = head_of(path)
     for name, module in FORMATS.items():
         if module.looks_like(path, head):

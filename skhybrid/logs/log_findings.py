@@ -10,11 +10,12 @@ import pandas as pd
 
 from .._ranges import range_of
 from .._warnings import several
-from .counters import counter_jumps
+from .counters import counter_jumps, counter_resets
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
 _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
+_LONELY = 0.01  # rows far from all others, relative to these, whose stamps may be wrong
 _MOST_NAMED = 5  # findings of one kind that are listed
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 
@@ -69,6 +70,19 @@ def gaps_of(index: pd.DatetimeIndex, step: pd.Timedelta) -> pd.DataFrame:
     return pd.DataFrame({"last": before, "next": after, "hours": (after - before) / pd.Timedelta("1h")})
 
 
+def gap_findings(gaps: pd.DataFrame, index: pd.DatetimeIndex) -> Iterator[Finding]:
+    """Remarks on the gaps of the rows, and on a few rows that are further from the others than these are long."""
+    if gaps.empty:
+        return
+    widest = gaps.iloc[int(gaps["hours"].to_numpy().argmax())]
+    text = f"{several(len(gaps), 'gap')}; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
+    yield Finding("note", "clock", text)
+    few, others = sorted((index[index <= widest["last"]], index[index > widest["last"]]), key=len)
+    if len(few) <= _LONELY * len(others) and widest["next"] - widest["last"] > others.max() - others.min():
+        text = f"{several(len(few), 'row')} from {few.min()} on, {widest['hours'] / 24.0:.0f} days from all others"
+        yield Finding("warning", "clock", f"{text}: are these stamps right?")
+
+
 def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | None = None) -> Iterator[Finding]:
     """Remarks on one column in its contract unit; ``even`` are its values at even steps, where it is held."""
     known = values.dropna()
@@ -93,6 +107,13 @@ def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
         more = f" and at {len(at) - 1} more; these rows are" if len(at) > 1 else "; that row is"
         text = f"the counter jumps at {at[0]}{more} left out: was the meter replaced, or did a reading fail?"
         yield Finding("warning", name, text)
+    at = counter_resets(readings)
+    if len(at):
+        more = f", and {len(at) - 1} more" if len(at) > 1 else ""
+        text = (
+            f"the counter falls at {at[0]}{more}: it was set to zero, or replaced; the heat just before is not known."
+        )
+        yield Finding("note", name, text)
 
 
 def _jumping(name: str, known: pd.Series, least: float) -> Iterator[Finding]:

@@ -17,7 +17,15 @@ from .abilities import Abilities, abilities, excitation
 from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
-from .log_findings import Finding, clock_findings, counter_findings, gaps_of, guessed_label, sensor_findings
+from .log_findings import (
+    Finding,
+    clock_findings,
+    counter_findings,
+    gap_findings,
+    gaps_of,
+    guessed_label,
+    sensor_findings,
+)
 from .log_report_html import report_html
 from .naming import NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
@@ -250,9 +258,9 @@ class LogReport:
         if role.startswith("Q_") and is_counter(values):
             self._assumed[role] = "values only rise: a counter in kWh is assumed"
             return "kWh", factor
-        kind = range_of(role)
         middle = float(np.median(known))
-        if role.startswith("T_") and (middle > 42.0 or (role == "T_oa" and high > kind.usual_highest)):
+        lasting = float(pd.Series(known).rolling(5, center=True, min_periods=1).median().max())  # no spike of a sensor
+        if role.startswith("T_") and (middle > 42.0 or (role == "T_oa" and lasting > range_of(role).usual_highest)):
             unit = "K" if low > 200.0 else "degF"
             self._assumed[role] = f"values from {low:.0f} to {high:.0f} are those of {unit}"
             return unit, factor
@@ -309,10 +317,7 @@ class LogReport:
 
     def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
         found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
-        if len(self.gaps):
-            widest = self.gaps.iloc[int(self.gaps["hours"].to_numpy().argmax())]
-            text = f"{several(len(self.gaps), 'gap')}; the longest lasts {widest['hours']:.1f} h from {widest['last']}."
-            found.append(Finding("note", "clock", text))
+        found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
         for channel in channels:
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
                 found.append(
@@ -351,7 +356,7 @@ def _refuse_short(frame: pd.DataFrame) -> None:
     if not isinstance(frame, pd.DataFrame) or not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("the log has no time stamps; give a DataFrame with a DatetimeIndex, or use read_log.")
     if len(frame.index.unique()) < 2:
-        raise ValueError(f"the log has {len(frame)} rows with distinct stamps; two are the least.")
+        raise ValueError(f"the log has {several(len(frame.index.unique()), 'distinct stamp')}; two are the least.")
 
 
 def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, int]:

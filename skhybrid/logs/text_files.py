@@ -21,6 +21,8 @@ _MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BO
 def existing(path: str | PathLike[str]) -> tuple[Path, str]:
     """A file that exists, and its name as messages show it."""
     file = Path(path)
+    if file.is_dir():
+        raise FileNotFoundError(f"{str(file)!r} is a folder; give a file in it.")
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {str(file)!r}.")
     return file, repr(file.name)

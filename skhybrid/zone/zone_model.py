@@ -67,8 +67,8 @@ class ZoneModel:
         if len(rows) * step < pd.Timedelta(days=_LEAST_DAYS):
             found = len(rows) * step / pd.Timedelta("1D")
             raise ValueError(
-                f"the log has {found:.1f} days in a row with all of {', '.join(map(str, rows))}; a model "
-                f"needs {_LEAST_DAYS} (skhybrid check shows which column is missing where)."
+                f"the log has {found:.1f} days in a row, of the {days} before {frame.index[-1]}, with all of "
+                f"{', '.join(map(str, rows))}; {_LEAST_DAYS} are needed (skhybrid check shows what is missing where)."
             )
         predictor = make_models(settings)[0].estimator
         if settings.zones:

@@ -103,6 +103,8 @@ def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -
         raise ValueError(f"{where} has no rows of two or more cells; pass its separator, such as sep=';'.")
     rows = split_lines(lines, sep)
     layout = find_layout(rows)
+    if layout is None and len(rows) == 1:
+        raise ValueError(f"{where} has one line only, and no row with a time stamp below it.")
     if layout is None:
         raise ValueError(
             f"{where} has no cell that is a time stamp in its first {len(rows)} lines; write them as 2024-01-31 13:45."
