@@ -361,6 +361,12 @@ def test_what_counts_as_a_finding():
     assert list(sensor_findings("T_za", "room", full)) == []
     (found,) = sensor_findings("T_za", "room", full.mask(np.arange(200) % 20 == 0))
     assert found.text == "5 % of the rows have no value."
+    for last, n_found in ((52, 0), (53, 1)):  # three hours are filled, four are not
+        texts = [
+            one.text for one in sensor_findings("T_oa", "out", full.mask((index >= index[50]) & (index <= index[last])))
+        ]
+        assert texts == n_found * [f"no value from {index[50]} to {index[last]}; gaps of more than 3 h are not filled."]
+    assert list(sensor_findings("T_oa", "out", full.mask(index > index[-5]))) == []  # rows ahead
     for hours_at_rest, n_found in ((23, 0), (24, 1)):
         resting = full.where((np.arange(200) < 50) | (np.arange(200) > 50 + hours_at_rest), 19.0)
         assert len(standstills("T_za", resting)) == n_found

@@ -103,7 +103,7 @@ def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str
     spread = moved["highest"] - moved["lowest"]
     if n_days < _FEW_DAYS:
         cannot.append(
-            f"a day's course: {several(n_days, 'day')} of rows are too few; three are the least, two weeks are good."
+            f"a day's course: the log has {several(n_days, 'whole day')}; three are the least, two weeks are good."
         )
     else:
         better = "" if n_days >= _ENOUGH_DAYS else " (two weeks would be better)"

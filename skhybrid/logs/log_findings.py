@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import range_of
+from .._time import SHORTEST_GAP
 from .._warnings import several
 from .counters import counter_jumps, counter_resets
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
 _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
+_ABSENT = 0.02  # share of rows without a value, from which on it is named
 _LONELY = 0.01  # rows far from all others, relative to these, whose stamps may be wrong
 _MOST_NAMED = 5  # findings of one kind that are listed
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
@@ -89,15 +91,27 @@ def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | N
     if known.empty:
         yield Finding("error" if role in ("T_za", "T_oa") else "warning", name, "no row has a number.")
         return
-    absent = float((values if even is None else even).isna().mean())
-    if absent > 0.02:
-        yield Finding("note", name, f"{100 * absent:.0f} % of the rows have no value.")
+    missing = (values if even is None else even).isna()
+    if missing.mean() > _ABSENT:
+        yield Finding("note", name, f"{100 * missing.mean():.0f} % of the rows have no value.")
+    elif len(longest := _longest_run(missing[missing.index <= known.index.max()])):  # rows ahead need no value
+        span = f"from {longest[0]} to {longest[-1]}"
+        yield Finding("note", name, f"no value {span}; gaps of more than 3 h are not filled.")
     yield from _beyond(role, name, known)
     yield from _standing_still(role, name, known)
     if role in _JUMP:
         yield from _jumping(name, known, _JUMP[role])
     if role.startswith("q_sol"):
         yield from _sun_clock(name, known)
+
+
+def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:
+    """Stamps of the longest run of missing rows, empty where none lasts long enough to break a log in two."""
+    index = pd.DatetimeIndex(missing.index)
+    runs = index[missing.to_numpy()].groupby((~missing).cumsum()[missing.to_numpy()].to_numpy())
+    longest = max(runs.values(), key=len, default=index[:0])
+    usual = index.to_series().diff().median()
+    return longest if len(longest) and longest[-1] - longest[0] + usual > SHORTEST_GAP else index[:0]
 
 
 def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
