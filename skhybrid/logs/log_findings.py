@@ -107,9 +107,10 @@ def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | N
 
 def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:
     """Stamps of the longest run of missing rows, empty where none lasts long enough to break a log in two."""
-    index = pd.DatetimeIndex(missing.index)
-    runs = index[missing.to_numpy()].groupby((~missing).cumsum()[missing.to_numpy()].to_numpy())
-    longest = max(runs.values(), key=len, default=index[:0])
+    index, gone = pd.DatetimeIndex(missing.index), missing.to_numpy()
+    n_known = np.cumsum(~gone)  # the same in all rows of a run
+    runs = np.bincount(n_known[gone], minlength=1)
+    longest = index[gone & (n_known == runs.argmax())]
     usual = index.to_series().diff().median()
     return longest if len(longest) and longest[-1] - longest[0] + usual > SHORTEST_GAP else index[:0]
 
