@@ -151,6 +151,23 @@ def test_a_row_that_is_measured_in_the_future_is_refused_with_its_stamp(log, zon
         ZoneFolder.init(tmp_path / "hall", tmp_path / "log.csv", zone.config)
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda T: 1.8 * T + 32.0, r"T_za of the log is \d\d K from what the archive has of the same rows"),
+        (
+            lambda T: T.where(np.arange(len(T)) < 24 * (DAYS - 1), T.iloc[24 * (DAYS - 1) - 1]),
+            "T_za stays at .* from 2018-09-25 23:00:00-06:00 to 2018-09-27 23:00:00-06:00, .* is the sensor stuck",
+        ),
+    ],
+)
+def test_a_log_in_another_unit_or_of_a_stuck_sensor_is_refused(change, words, log, zone, tmp_path):
+    before = tables(zone), zone.model.read_bytes()
+    with pytest.raises(ValueError, match=words):
+        zone.tick(write(log.assign(T_za=change(log["T_za"])), tmp_path / "log.csv", DAYS + 1), schedule=SCHEDULE)
+    assert (tables(zone), zone.model.read_bytes()) == before
+
+
 # --------------------------------------------------------------------------------------------------------------- kills
 def _die(*_, **__):
     os.kill(os.getpid(), signal.SIGKILL)

@@ -11,6 +11,7 @@ import pandas as pd
 
 from .._table import is_history, is_instant, is_set_point, numeric
 from .._time import duration_from_zero, positive_duration, spell
+from .._warnings import several
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
@@ -154,7 +155,7 @@ def _check_frame(frame: pd.DataFrame) -> None:
     if not isinstance(frame, pd.DataFrame) or not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("regularize needs a DataFrame with a DatetimeIndex; read_zone_csv returns one.")
     if len(frame) < 2:
-        raise ValueError(f"regularize needs at least two rows, found {len(frame)}.")
+        raise ValueError(f"a log of {several(len(frame), 'row')} has no step; two rows are the least.")
     if frame.index.hasnans:
         raise ValueError(
             f"the index contains NaT at row {int(np.argmax(frame.index.isna()))}; every row needs a time stamp."

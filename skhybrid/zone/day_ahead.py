@@ -19,7 +19,7 @@ from ..study.doubts import day_beyond
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
-from .outages import BRIDGED, like_index
+from .outages import BRIDGED, like_index, refuse_stuck
 from .tomorrow import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
@@ -80,6 +80,7 @@ def day_ahead(
     if unread is not None and unread.last - origin > BRIDGED:
         raise ValueError(f"{unread}; see that they are logged again, or fit a model without them.")
     measured = settings.roles_of("T_za")
+    refuse_stuck(frame, measured, origin)
     later = _not_past(frame[frame.index > origin], measured)
     given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
     inputs = [str(role) for role in inputs_of(history) if role not in (*measured, *settings.setpoints)]

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, listed
-from ..logs.log_findings import without_standstills
+from ..logs.log_findings import standstills, without_standstills
 from ..study.data import SETPOINT
 
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
@@ -71,6 +71,19 @@ def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame
     frame = frame.assign(**{role: without_standstills(frame[role]) for role in measured}, **held)
     known = np.flatnonzero(frame[measured].notna().any(axis=1).to_numpy())
     return frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
+
+
+def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timestamp) -> None:
+    """Refuse a log that ends with temperatures of a sensor that stands still, so that its last known row is old."""
+    for role in measured:
+        last = frame[role].last_valid_index()
+        found = standstills("T_za", frame[role])
+        if last is not None and last > origin and len(found) and found["last"].iloc[-1] == last:
+            begin, value = found["first"].iloc[-1], found["value"].iloc[-1]
+            raise ValueError(
+                f"{role} stays at {value:.4g} degC from {begin} to {last}, which no room does: is the sensor stuck? "
+                f"A forecast can start from {origin} only; mend the sensor, or leave its rows out."
+            )
 
 
 def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:

@@ -26,6 +26,7 @@ from .zone_state import measured_rows, status_of
 
 _REFIT_AFTER = pd.Timedelta(days=28)
 _REFIT_DAYS = pd.Timedelta(days=14)  # without a gap, that a new fit needs; fewer where the model knows fewer
+_OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor is corrected by [K]
 #: settings that a model does not depend on
 _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
@@ -156,6 +157,8 @@ class ZoneFolder:
             self._remove_leftovers()
             zone, settings = self.load(), read_settings(self.config)
             frame = _read_past(log, settings)
+            if _of_model(settings) == _of_model(zone.settings):
+                _refuse_other(frame, archive, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
@@ -268,6 +271,20 @@ def _read_past(log: str | PathLike[str], settings: Settings) -> pd.DataFrame:
     frame, _ = read_log(log, settings)
     refuse_future(up_to_measured(frame, settings.roles_of("T_za")), "the stamps at the end of the log")
     return frame
+
+
+def _refuse_other(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> None:
+    """Refuse a log whose temperatures are others than those that the archive has of the same rows."""
+    known = archive.measured(frame.index[0])
+    if known.empty or (known.index.tz is None) != (pd.DatetimeIndex(frame.index).tz is None):
+        return
+    for role in settings.roles_of("T_za"):
+        away = float((frame[role] - known[role]).abs().median()) if role in known else 0.0
+        if away > _OTHER:
+            raise ValueError(
+                f"{role} of the log is {away:.0f} K from what the archive has of the same rows: has its column or its "
+                "unit changed? Correct the log, or say in zone.toml how it is read now."
+            )
 
 
 def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:
