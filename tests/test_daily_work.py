@@ -442,6 +442,7 @@ def test_what_a_user_is_told_of_weather_that_training_did_not_have():
     zone = SimpleNamespace(
         settings=settings_from({"columns": COLUMNS}),
         thermostat_learned=True,
+        not_learned={},
         covered=lambda: {"T_oa": (0.0, 10.0), "u_heat": (0.0, 1.0)},
         scaled=True,
         learned_until=pd.Timestamp("2024-01-01"),

@@ -84,6 +84,20 @@ def test_a_short_gap_of_an_input_is_filled_as_readers_of_logs_do(tmp_path):
     pd.testing.assert_frame_equal(zone_jobs._filled(holed, made.estimator), filled)
 
 
+@pytest.mark.parametrize("clock", [None, "Europe/Amsterdam"])
+def test_rows_that_are_absent_for_a_short_time_stop_no_zone(clock, tmp_path):
+    whole = upto(8 * DAY, DAY).tz_localize(clock).rename_axis("time")
+    places = [30, 31, 7 * DAY + 4]
+    missing = whole.copy()
+    missing.iloc[places] = np.nan
+    found = []
+    for number, given in enumerate((whole.drop(whole.index[places]), missing)):
+        made = ZoneFleet(ARX, store=tmp_path / str(number)).fit({"a": given[given.index < whole.index[7 * DAY]]})
+        found.append(made.tick({"a": given}))
+        assert made.errors_ == {}
+    pd.testing.assert_frame_equal(*found, check_freq=False)
+
+
 def test_a_long_gap_of_an_input_is_refused_with_its_column_and_stamp(fleet):
     X = upto(8 * DAY, DAY)
     X.loc[X.index[7 * DAY + 5 : 7 * DAY + 9], "T_oa"] = np.nan

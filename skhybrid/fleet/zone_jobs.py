@@ -26,7 +26,7 @@ def fit_zone(
     zone: str, store: str, paths: Sequence[str], estimator: Any, fallback: Any, last: Any = None
 ) -> str | None:
     """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
-    X, y = _training_rows(_rows(paths[0], estimator), estimator, last)
+    X, y = _training_rows(_filled(_restored(read_rows(paths[0])), estimator), estimator, last)
     mark, models = fingerprint(X, y), ModelStore(store)
     why, days = None, []
     if models.has(zone):
@@ -92,7 +92,7 @@ def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
     if models.journal(zone).facts["updated"] == mark:
         return
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_filled(rows, model), journal.scored.index), model)
+    X, y = _with_target(_in_clock(_filled(_restored(rows), model), journal.scored.index), model)
     if not hasattr(model, "update"):  # which would refuse them itself
         _refuse_known(journal, X)
     _take_in(model, journal, X, y, mark)
@@ -111,7 +111,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
     models = ModelStore(store)
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_rows(paths[0], model), journal.scored.index), model)
+    X, y = _with_target(_in_clock(_filled(_restored(read_rows(paths[0])), model), journal.scored.index), model)
     if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
         raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
     known = _in_clock_of(journal.facts["until"], X.index)
@@ -209,6 +209,24 @@ def _rows(path: str, model: Any) -> pd.DataFrame:
     return _filled(read_rows(path), model)
 
 
+def _restored(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows with those that are absent for up to three hours, as missing ones."""
+    index = rows.index
+    if not isinstance(index, pd.DatetimeIndex) or len(index) < 3 or not index.is_monotonic_increasing:
+        return rows
+    ticks = index.as_unit("ns").asi8
+    jumps = np.diff(ticks)
+    step = int(np.median(jumps))
+    if not (jumps > 0).all():  # for the model to refuse
+        return rows
+    short = (jumps > step) & (jumps <= step + SHORTEST_GAP.value) & (jumps % step == 0)
+    absent = [np.arange(t + step, t + jump, step) for t, jump in zip(ticks[:-1][short], jumps[short], strict=True)]
+    if not absent:
+        return rows
+    stamps = pd.DatetimeIndex(np.concatenate(absent).astype("datetime64[ns]"), tz="UTC").tz_convert(index.tz)
+    return rows.reindex(index.union(stamps.as_unit(index.unit)).rename(index.name))
+
+
 def _filled(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows with short gaps of inputs filled, as readers of logs do; longer ones are for the model to refuse."""
     if not isinstance(rows.index, pd.DatetimeIndex) or not rows.columns.is_unique:
@@ -239,7 +257,9 @@ def _training_rows(rows: pd.DataFrame, estimator: Any, last: Any) -> tuple[pd.Da
     known = np.flatnonzero(y.notna().to_numpy())
     if TARGET not in rows and len(known):
         X, y = X.iloc[: known[-1] + 1], y.iloc[: known[-1] + 1]
-    if last is not None and isinstance(X.index, pd.DatetimeIndex) and len(X):
+    if X.empty:
+        raise ValueError("there are no rows; write those of the zone, or leave it out.")
+    if last is not None and isinstance(X.index, pd.DatetimeIndex):
         chosen = X.index > X.index[-1] - positive_duration(last, "last")
         X, y = X[chosen], y[chosen]
     return X, y

@@ -76,9 +76,9 @@ def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame
 def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timestamp) -> None:
     """Refuse a log that ends with temperatures of a sensor that stands still, so that its last known row is old."""
     for role in measured:
-        last = frame[role].last_valid_index()
-        found = standstills("T_za", frame[role])
-        if last is not None and last > origin and len(found) and found["last"].iloc[-1] == last:
+        known, found = frame[role].dropna(), standstills("T_za", frame[role])
+        last = pd.DatetimeIndex(known.index).max()
+        if len(found) and found["last"].iloc[-1] == last > origin:
             begin, value = found["first"].iloc[-1], found["value"].iloc[-1]
             raise ValueError(
                 f"{role} stays at {value:.4g} degC from {begin} to {last}, which no room does: is the sensor stuck? "

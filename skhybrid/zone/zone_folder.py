@@ -276,7 +276,8 @@ def _read_past(log: str | PathLike[str], settings: Settings) -> pd.DataFrame:
 def _refuse_other(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> None:
     """Refuse a log whose temperatures are others than those that the archive has of the same rows."""
     known = archive.measured(frame.index[0])
-    if known.empty or (known.index.tz is None) != (pd.DatetimeIndex(frame.index).tz is None):
+    clocks = {pd.DatetimeIndex(rows.index).tz is None for rows in (known, frame)}
+    if known.empty or len(clocks) == 2:
         return
     for role in settings.roles_of("T_za"):
         away = float((frame[role] - known[role]).abs().median()) if role in known else 0.0

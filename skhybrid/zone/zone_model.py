@@ -68,7 +68,7 @@ class ZoneModel:
             found = len(rows) * step / pd.Timedelta("1D")
             raise ValueError(
                 f"the log has {found:.1f} days in a row, of the {days} before {frame.index[-1]}, with all of "
-                f"{', '.join(map(str, rows))}; {_LEAST_DAYS} are needed (skhybrid check shows what is missing where)."
+                f"{', '.join(map(str, rows))}; a model needs {_LEAST_DAYS} (see skhybrid check)."
             )
         predictor = make_models(settings)[0].estimator
         if settings.zones:
