@@ -15,7 +15,7 @@ from skhybrid.cli.forecast import _text
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.persistence import load_metadata, load_model, save_model
 from skhybrid.study import read_log, read_settings
-from skhybrid.study.data import plant_heat
+from skhybrid.study.data import plant_heat, read_even_log
 from skhybrid.study.plant import Performance
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
@@ -296,8 +296,12 @@ def test_columns_of_a_right_labelled_log_keep_their_own_time(tmp_path):
     assert (frame.index[1:][np.diff(frame["T_cool_set"]) != 0.0] == index[96:-96][row[96:-96] % 32 == 9]).all()
 
 
-def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused(tmp_path):
-    """Until the first posted change the last known value is in force, not a line between the two."""
+@pytest.mark.parametrize("hours", [36, 4, 0.25])
+def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused(hours, tmp_path):
+    """Until the first posted change the last known value is in force, not a line between the two.
+
+    A few rows do not show what is logged by change, and may hold no change.
+    """
     index = pd.date_range("2024-01-01", periods=6 * 96, freq="15min", name="time")
     known, row = index <= "2024-01-05 12:00", np.arange(len(index))
     stage = pd.Series((row // 10) % 3 == 1, index).astype(float)
@@ -305,15 +309,19 @@ def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused
     points["stage"] = stage[stage.diff() != 0.0]
     rows = pd.concat([p.rename("value").to_frame().assign(point=name) for name, p in points.items()]).sort_index()
     before = rows.index.isin(index[known])
-    for name, chosen in (("past", before), ("posted", ~before)):
-        rows[chosen].to_csv(tmp_path / f"{name}.csv")
+    rows[before].to_csv(tmp_path / "past.csv")
     settings = settings_from({"columns": {"T_za": "room", "T_oa": "out", "u_heat": "stage"}, "step": "15min"})
-    past, _ = read_log(tmp_path / "past.csv", settings)
+    past, _, held = read_even_log(tmp_path / "past.csv", settings)
+    posted = rows[~before]
     with open_archive(tmp_path / "archive.sqlite") as archive, archive.transaction():
-        keep_log(archive, past, past.index[-1])
-        given, held = read_posted(tmp_path / "posted.csv", settings)
-        found, _ = keep_posted(archive, given, settings, held)
-    np.testing.assert_array_equal(found["u_heat"], stage)
+        keep_log(archive, past, past.index[-1], held if hours < 36 else None)
+        for _, piece in posted.groupby((posted.index - posted.index[0]) // pd.Timedelta(hours=hours)):
+            piece.to_csv(tmp_path / "posted.csv")
+            given, held = read_posted(tmp_path / "posted.csv", settings, archive.held())
+            found, _ = keep_posted(archive, given, settings, held)
+    for role, name in settings.columns.items():
+        np.testing.assert_allclose(found[role], stage if role == "u_heat" else points[name], err_msg=role)
+    posted.to_csv(tmp_path / "posted.csv")
     with pytest.raises(ValueError, match="u_heat is logged by change"):
         read_posted(tmp_path / "posted.csv", replace(settings, label="right"))
 

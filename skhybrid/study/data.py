@@ -80,6 +80,11 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     FileNotFoundError, ValueError
         If the file does not exist or cannot be read with these settings.
     """
+    return read_even_log(path, settings)[:2]
+
+
+def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str, list[str]]:
+    """As :func:`read_log`, and the roles that are logged by change."""
     log = read_by_role(path, settings)
     frame = log.frame
     if settings.label == "right":
@@ -90,7 +95,7 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
-    return plant_heat(frame, settings), str(report)
+    return plant_heat(frame, settings), str(report), log.held
 
 
 class LogByRole(NamedTuple):

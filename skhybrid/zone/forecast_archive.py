@@ -31,6 +31,7 @@ _TABLES = (
     _table("forecast", ("origin", "time"), _FORECAST),
     _table("measured", ("time",), _MEASURED),
     _table("log", ("kind", "role", "time"), ("value",)),
+    _table("held", ("role",), ()),
 )
 _FINISHED = """
 SELECT f.*, {measured} FROM forecast f LEFT JOIN measured m USING (time)
@@ -142,6 +143,16 @@ class ForecastArchive:
             index="time", columns="role", values="value"
         )
         return table.set_axis(_stamps(table.index), axis=0).rename_axis(columns=None)
+
+    def keep_held(self, roles: Sequence[str]) -> None:
+        """Keep which roles of the log are logged by change."""
+        self._database.execute("DELETE FROM held")
+        self._database.executemany("INSERT INTO held VALUES (?)", [(role,) for role in ("", *roles)])
+
+    def held(self) -> list[str] | None:
+        """The roles that are logged by change; None where no log has told."""
+        found = [role for (role,) in self._database.execute("SELECT role FROM held")]
+        return [role for role in found if role] if found else None
 
     def forget_log(self, kind: int, before: pd.Timestamp) -> None:
         """Remove the rows of one kind before a stamp."""

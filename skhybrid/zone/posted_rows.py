@@ -15,10 +15,11 @@ from .._table import refuse_infinite_columns, role_of
 from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.zone_csv import to_left_label
-from ..study.data import on_even_steps, plant_heat, read_by_role
+from ..study.data import on_even_steps, plant_heat, read_by_role, read_raw_log
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
+_METERS = ("Q_heat", "Q_cool")  # of which Q_hvac is the sum
 _TAIL = pd.Timedelta(days=1)  # of posted rows, which are kept as they came: later ones may fall into the same step
 _KEPT = pd.Timedelta(days=63)  # of the log, more than a new fit reads
 _CLOCK_AHEAD = pd.Timedelta(days=1)  # by which a sender's clock, or its time zone, may be ahead
@@ -26,24 +27,28 @@ _SEED = 3  # even rows before the first posted one, from which on values are int
 
 
 def read_posted(
-    path: str | PathLike[str], settings: Settings, *, plain: bool = False
+    path: str | PathLike[str], settings: Settings, known: Sequence[str] | None = None, *, plain: bool = False
 ) -> tuple[pd.DataFrame, list[str]]:
     """Rows of a file by role, at their own stamps, and the roles that are logged by change.
 
-    ``plain``: a CSV with commas and ``time``, whatever the log is.  A ValueError says what cannot be read by the
-    settings, or which value is beyond physics.
+    ``known`` are those of the log, which a few rows do not show; without a change they need no value.  ``plain``: a
+    CSV with commas and ``time``, whatever the log is.  A ValueError says what cannot be read by the settings, or which
+    value is beyond physics.
     """
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
-    log = read_by_role(path, settings)
+    log = read_by_role(path, _with_changes(path, settings, known or ()))
     for channel in log.channels:
         _refuse_sums(channel)
-    if log.held and settings.label == "right":
+    held = log.held if known is None else list(known)
+    if held and settings.label == "right":
         raise ValueError(
-            f"{log.held[0]} is logged by change, which the posted rows of a right-labelled log do not determine; let "
+            f"{held[0]} is logged by change, which the posted rows of a right-labelled log do not determine; let "
             "skhybrid zone tick read the log."
         )
-    frame = plant_heat(on_even_steps(log.frame, settings, log.held)[0] if log.held else log.frame, settings)
+    meters = set(_METERS).intersection(held)
+    even = bool(held) if known is None else bool(meters)  # meters that are logged by change share no stamps
+    frame = plant_heat(on_even_steps(log.frame, settings, held)[0] if even else log.frame, settings)
     refuse_infinite_columns(frame)
     for role in frame:
         if role_of(str(role)) is not None:
@@ -51,8 +56,16 @@ def read_posted(
     frame = frame.sort_index(kind="stable").dropna(how="all")
     if frame.empty:
         raise ValueError("no posted row has a value; the columns are those of zone.toml.")
-    meters = ["Q_hvac"] if {"Q_heat", "Q_cool"}.intersection(log.held) else []
-    return frame[~frame.index.duplicated(keep="last")], [*log.held, *meters]
+    return frame[~frame.index.duplicated(keep="last")], [*held, *(["Q_hvac"] if meters else [])]
+
+
+def _with_changes(path: str | PathLike[str], settings: Settings, known: Sequence[str]) -> Settings:
+    """The settings without the roles of ``known`` that did not change; of two meters both are needed for their sum."""
+    free = set(known) - set(_METERS)
+    if not free:
+        return settings
+    present = read_raw_log(path, settings).frame.columns
+    return replace(settings, columns={r: c for r, c in settings.columns.items() if r not in free or c in present})
 
 
 def _refuse_sums(channel: Channel) -> None:
@@ -64,8 +77,12 @@ def _refuse_sums(channel: Channel) -> None:
         )
 
 
-def keep_log(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestamp) -> None:
-    """Keep the rows of a log at even steps, up to an origin and ahead of it."""
+def keep_log(
+    archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestamp, held: Sequence[str] | None = None
+) -> None:
+    """Keep the rows of a log at even steps, up to an origin and ahead of it, and the roles logged by change."""
+    if held is not None:
+        archive.keep_held(held)
     archive.keep_log(frame[frame.index > origin - _KEPT].loc[:origin], EVEN)
     archive.keep_log(frame[frame.index > origin], AHEAD)
     archive.forget_log(EVEN, origin - _KEPT)
@@ -86,9 +103,7 @@ def keep_posted(
     posted temperature are weather and plans.  A ValueError says that only one of rows and kept log has a time zone, or
     that a measurement lies in the future.
     """
-    measured = [role for role in settings.roles_of("T_za") if role in rows]
-    known = np.flatnonzero(rows[measured].notna().any(axis=1).to_numpy())
-    n_measured = int(known[-1]) + 1 if len(known) else 0
+    n_measured = _n_measured(rows, settings, held)
     refuse_future(rows.iloc[:n_measured], "the sender's clock")
     tz = pd.DatetimeIndex(rows.index).tz
     even = _local(archive.log(EVEN), tz)
@@ -101,7 +116,7 @@ def keep_posted(
     archive.keep_log(rows.iloc[n_measured:], AHEAD)
     posted = _local(archive.log(POSTED), tz)
     if len(posted):
-        found = _on_steps(even, posted, _row_step(posted, rows), settings, held)
+        found = _on_steps(even, posted, _row_step(posted, rows, held), settings, held)
         even = found.combine_first(even)  # where nothing was found now, the value of an earlier post stays
         archive.keep_log(even[even.index.isin(found.index)], EVEN)
         archive.forget_log(EVEN, posted.index[-1] - _KEPT)
@@ -119,8 +134,20 @@ def keep_posted(
     return pd.concat([even, ahead]).rename_axis("time"), len(rows) - n_measured
 
 
-def _row_step(posted: pd.DataFrame, rows: pd.DataFrame) -> pd.Timedelta | None:
-    """The usual distance of posted rows, of one row that of the ``rows`` it came with; None where that is one alone."""
+def _n_measured(rows: pd.DataFrame, settings: Settings, held: Sequence[str]) -> int:
+    """Number of rows up to the last measured one: with a temperature, or with a change of a held role until now."""
+    known = rows.reindex(columns=settings.roles_of("T_za")).notna().any(axis=1).to_numpy()
+    now = pd.Timestamp.now(pd.DatetimeIndex(rows.index).tz)
+    known = known | (rows.reindex(columns=list(held)).notna().any(axis=1).to_numpy() & (rows.index <= now))
+    return int(np.flatnonzero(known)[-1]) + 1 if known.any() else 0
+
+
+def _row_step(posted: pd.DataFrame, rows: pd.DataFrame, held: Sequence[str]) -> pd.Timedelta | None:
+    """The usual distance of posted rows, of one row that of the ``rows`` it came with; None where that is one alone.
+
+    Rows of ``held`` roles alone do not count.
+    """
+    posted, rows = (part.drop(columns=list(held), errors="ignore").dropna(how="all") for part in (posted, rows))
     if len(posted) > 1:
         return usual_step(posted)
     return typical_step(pd.DatetimeIndex(rows.index)) if len(rows) > 1 else None

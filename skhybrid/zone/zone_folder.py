@@ -12,7 +12,8 @@ import pandas as pd
 from .._files import atomic_path
 from .._table import is_plant, listed
 from ..exceptions import ModelFileError
-from ..study import propose_settings, read_log, read_settings
+from ..study import propose_settings, read_settings
+from ..study.data import read_even_log
 from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
@@ -102,11 +103,11 @@ class ZoneFolder:
                 with atomic_path(folder.config) as made:
                     made.write_text(text, encoding="utf-8")
             settings = read_settings(folder.config)
-            frame = _read_past(log, settings)
+            frame, held = _read_past(log, settings)
             zone = ZoneModel.fit(settings, frame)
             origin = zone.history(frame).index[-1]
             archive.add_measured(measured_rows(frame, settings, origin), settings.zones)
-            keep_log(archive, frame, origin)
+            keep_log(archive, frame, origin, held)
             zone.save(folder.model)
         return folder
 
@@ -156,13 +157,13 @@ class ZoneFolder:
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
             zone, settings = self.load(), read_settings(self.config)
-            frame = _read_past(log, settings)
+            frame, held = _read_past(log, settings)
             if _of_model(settings) == _of_model(zone.settings):
                 _refuse_other(frame, archive, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
-            keep_log(archive, frame, origin)
+            keep_log(archive, frame, origin, held)
             self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
         return Tick(found, n_new, why, (*remarks, *found.remarks))
 
@@ -198,7 +199,7 @@ class ZoneFolder:
         with open_archive(self.archive) as archive, archive.transaction():
             self._remove_leftovers()
             zone, settings = self.load(), read_settings(self.config)
-            given, held = read_posted(rows, settings, plain=plain)
+            given, held = read_posted(rows, settings, archive.held(), plain=plain)
             frame, n_ahead = keep_posted(archive, given, settings, held)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = None
@@ -266,11 +267,11 @@ class ZoneFolder:
                 left.unlink(missing_ok=True)
 
 
-def _read_past(log: str | PathLike[str], settings: Settings) -> pd.DataFrame:
-    """The rows of a log, in which nothing may be measured in the future."""
-    frame, _ = read_log(log, settings)
+def _read_past(log: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    """The rows of a log, in which nothing may be measured in the future, and the roles that are logged by change."""
+    frame, _, held = read_even_log(log, settings)
     refuse_future(up_to_measured(frame, settings.roles_of("T_za")), "the stamps at the end of the log")
-    return frame
+    return frame, held
 
 
 def _refuse_other(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> None:
