@@ -318,6 +318,17 @@ def test_a_wrong_row_is_refused_and_changes_nothing(change, words, log, client, 
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+def test_rows_in_another_unit_than_the_log_are_refused(log, client, folder):
+    before = (folder / "archive.sqlite").read_bytes()
+    rows = log.iloc[24 * DAYS : 24 * DAYS + 6]
+    answer = client.post("/rows", json=as_json(rows.assign(T_za=1.8 * rows["T_za"] + 32.0)))
+    assert answer.status_code == 422
+    assert (
+        f"T_za changes its unit at {rows.index[0]}, degC on one side and degF on the other" in answer.json()["detail"]
+    )
+    assert (folder / "archive.sqlite").read_bytes() == before
+
+
 def test_energies_per_row_are_left_to_the_log(log, client, folder):
     text = (folder / "zone.toml").read_text()
     (folder / "zone.toml").write_text(text + '\n[units]\nQ_hvac = "kWh"\n')

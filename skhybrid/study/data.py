@@ -119,7 +119,7 @@ def read_by_role(path: str | PathLike[str], settings: Settings) -> LogByRole:
     raw = read_raw_log(path, settings)
     channels = channels_of(raw, columns, settings.units, settings.scale)
     frame = to_roles(raw, _with_setpoint_units(channels, raw))
-    _refuse_mixed_units(frame)
+    refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
     held = [c.role for c in channels if c.name in raw.held]
@@ -134,7 +134,7 @@ def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
     return read_any_log(path, settings.format, **options)
 
 
-def _refuse_mixed_units(frame: pd.DataFrame) -> None:
+def refuse_mixed_units(frame: pd.DataFrame) -> None:
     """Refuse a temperature that is in degC on one side of a stamp and in degF on the other."""
     for role in frame:
         switch = unit_switch(frame[role].dropna()) if str(role).startswith("T_") else None

@@ -15,7 +15,7 @@ from .._table import refuse_infinite_columns, role_of
 from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.zone_csv import to_left_label
-from ..study.data import on_even_steps, plant_heat, read_by_role, read_raw_log
+from ..study.data import on_even_steps, plant_heat, read_by_role, read_raw_log, refuse_mixed_units
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
@@ -118,6 +118,7 @@ def keep_posted(
     if len(posted):
         found = _on_steps(even, posted, _row_step(posted, rows, held), settings, held)
         even = found.combine_first(even)  # where nothing was found now, the value of an earlier post stays
+        refuse_mixed_units(even)
         archive.keep_log(even[even.index.isin(found.index)], EVEN)
         archive.forget_log(EVEN, posted.index[-1] - _KEPT)
         whole = found.index[found.index <= posted.index[-1] - _TAIL]
