@@ -47,6 +47,7 @@ from ._columns import unmasked as unmasked
 from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import UNLIMITED as UNLIMITED
+from ._target import is_target as is_target
 from ._target import read_max_missing as read_max_missing
 from ._target import refuse_missing, refuse_other_quantity, refuse_target_among
 from ._target import refuse_order as refuse_order

@@ -88,18 +88,23 @@ def _cause(known: np.ndarray, wanted: np.ndarray, role: str) -> str:
 
 def refuse_target_among(inputs: Mapping[str, np.ndarray], y: np.ndarray, *, columns: Mapping[str, int] | None) -> None:
     """Refuse an input (n,) that is y (n,); in an array, of which ``columns`` are the positions, scaled or not."""
-    seen = np.isfinite(y)
-    wanted = y[seen]
-    if len(wanted) < _ENOUGH_ROWS or len(np.unique(wanted)) < _ENOUGH_VALUES:
-        return
     for role, values in inputs.items():
-        if _scaled(values[seen], wanted) if columns else np.array_equal(values[seen], wanted):
+        if is_target(values, y, scaled=columns is not None):
             where = f"column {columns[role]} of X, taken as {role!r}," if columns else f"column {role!r} of X"
             remedy = f"columns={{'T_za': {columns[role]}}}" if columns else f"columns={{'T_za': {role!r}}}"
             raise ValueError(
                 f"{where} is y itself, scaled or not, which no forecast knows ahead; keep the names of the columns "
                 f"in the steps before (.set_output(transform='pandas')), or pass {remedy}."
             )
+
+
+def is_target(values: np.ndarray, y: np.ndarray, *, scaled: bool) -> bool:
+    """Whether values (n,) are y (n,), or ``scaled`` a multiple of it and an offset, wherever both are known."""
+    both = np.isfinite(values) & np.isfinite(y)
+    known, wanted = values[both], y[both]
+    if len(wanted) < _ENOUGH_ROWS or not (scaled or np.array_equal(known, wanted)):
+        return False
+    return len(np.unique(wanted)) >= _ENOUGH_VALUES and (not scaled or _scaled(known, wanted))
 
 
 def _scaled(values: np.ndarray, wanted: np.ndarray) -> bool:

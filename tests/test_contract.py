@@ -411,7 +411,7 @@ def test_bad_targets(office):
     with pytest.raises(ValueError, match="X has 384 rows, y 383"):
         gray_box(office, y=office.y.to_numpy()[:-1])
     shifted = office.y.shift(1, freq="15min")
-    with pytest.raises(ValueError, match=r"X from 2023-07-08 00:00:00, y from 2023-07-08 00:15:00.*align"):
+    with pytest.raises(ValueError, match=r"X from 2023-07-08 00:00:00 to .*, y from 2023-07-08 00:15:00 to .*align"):
         gray_box(office, y=shifted)
     with pytest.raises(ValueError, match="Complex data"):
         gray_box(office, y=office.y.to_numpy() + 1j)

@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 from sklearn.pipeline import Pipeline
 
-from .._table import is_history, listed, numeric
+from .._table import is_history, is_target, listed, numeric
 
-_ENOUGH_ROWS, _ENOUGH_VALUES = 24, 5  # from which on it is no coincidence that a column is y
 _ROUNDING = 1e-9  # by which two predictions from the same numbers may differ
 
 
@@ -83,23 +82,12 @@ def _measured(X: Any, y: np.ndarray) -> list[int]:
         return [
             j
             for j, name in enumerate(X.columns)
-            if numbers[j] and (is_history(name) or _is_target(numeric(X.iloc[:, j]), y, scaled=False))
+            if numbers[j] and (is_history(name) or is_target(numeric(X.iloc[:, j]), y, scaled=False))
         ]
     array = np.asarray(X)
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         return []
-    return [j for j, values in enumerate(array.T) if _is_target(values.astype(np.float64), y, scaled=True)]
-
-
-def _is_target(values: np.ndarray, y: np.ndarray, *, scaled: bool) -> bool:
-    """Whether values (n,) are y (n,) wherever both are known."""
-    both = np.isfinite(values) & np.isfinite(y)
-    known, wanted = values[both], y[both]
-    if len(wanted) < _ENOUGH_ROWS or len(np.unique(wanted)) < _ENOUGH_VALUES or np.ptp(known) == 0:
-        return False
-    if scaled:
-        return bool(abs(np.corrcoef(known, wanted)[0, 1]) > 1.0 - _ROUNDING)
-    return np.array_equal(known, wanted)
+    return [j for j, values in enumerate(array.T) if is_target(values.astype(np.float64), y, scaled=True)]
 
 
 def _changed_after(X: Any, columns: Sequence[int], origin: int) -> Any:

@@ -8,8 +8,8 @@ in ``docs/explanation/schedule_model.rst``.
 
 from .fit import LeadFit, fit_leads
 from .gain_error import LITTLE_ERROR, days_to_determine, step_gain, step_gain_error
-from .heat_response import HeatResponse
 from .network_prior import NetworkPrior, NetworkSums
+from .network_response import NetworkResponse
 from .online_network import OriginState
 from .plant_model import bends_at, linear_network, plant_gain
 from .rolling_network import ErrorHistory, RollingNetwork
@@ -20,9 +20,9 @@ from .segment import NumberedSegment, Segment, make_segment
 __all__ = [
     "LITTLE_ERROR",
     "ErrorHistory",
-    "HeatResponse",
     "LeadFit",
     "NetworkPrior",
+    "NetworkResponse",
     "NetworkSums",
     "NumberedSegment",
     "OriginState",

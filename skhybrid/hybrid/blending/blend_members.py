@@ -9,9 +9,9 @@ import numpy as np
 
 from ..._table import ZoneTable, is_plant
 from ...forecasting.arx_prior import ZoneEvidence, ZoneSums
-from ...schedule import HeatResponse, LeadFit
+from ...schedule import LeadFit, NetworkResponse
 from .members import ARXMember, DailyProfileMember, Member
-from .without_heat import WithoutHeat
+from .without_response import WithoutResponse
 
 _LAGS = 24  # temperatures that the black box regresses on
 #: share of the simple rule where no error is known, after a day of training and from two weeks on; and the same where
@@ -46,8 +46,8 @@ def members_beside_network(
         roles = fit.undetermined if fit.blocks.any() else ()
     if not roles:
         return others
-    response = HeatResponse.of(fit, roles, training)
-    return [WithoutHeat(member, response) for member in others]
+    response = NetworkResponse.of(fit, roles, training)
+    return [WithoutResponse(member, response) for member in others]
 
 
 def evidence_of(fit: LeadFit, others: Sequence[Member]) -> ZoneEvidence:

@@ -17,7 +17,7 @@ from ..scheme import RecentErrors
 from .blend import PULL, blend_weights, by_lead, faded, moments
 from .members import Member
 from .numbered_table import NumberedTable
-from .without_heat import RollingWithoutHeat
+from .without_response import RollingWithoutResponse
 
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'
 #: training weeks and the paper's office; shares regressed on each building's own errors did worse
@@ -88,7 +88,7 @@ class RollingBlend:
         # all stop before and at a refit, so that it does not matter in how many calls the rows come
         for row in sorted({*refits, *(refit - 1 for refit in refits), origin}):
             for rolling, view in zip(self._rolling, views, strict=True):
-                if isinstance(rolling, RollingWithoutHeat):
+                if isinstance(rolling, RollingWithoutResponse):
                     rolling.follow(self.network)
                 rolling.advance(view, row)
         before, self.row = max(self.row, self._begin), origin

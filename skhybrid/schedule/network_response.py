@@ -17,7 +17,7 @@ from .plant_model import emitting, into_heated, plant_gain, plant_inputs
 
 
 @dataclass(frozen=True)
-class HeatResponse:
+class NetworkResponse:
     """A network at some parameters, at rest, under the heat of plants and boundary temperatures less their means."""
 
     fit: LeadFit  # without rows and what was learned from them
@@ -31,7 +31,7 @@ class HeatResponse:
         nothing = np.empty((0, 0))
         bare = replace(fit.without_rows(), gram=nothing, blocks=np.empty(0, dtype=np.int64), left_out=nothing)
         made = cls(bare, frozenset(roles), _at_rest(fit, fit.psi, fit.coef), np.zeros(1))
-        return replace(made, mean=made.heat(training).mean(axis=0))
+        return replace(made, mean=made.drive(training).mean(axis=0))
 
     def at(self, psi: np.ndarray, coef: np.ndarray) -> Self:
         """The response of the same network at other parameters."""
@@ -41,7 +41,7 @@ class HeatResponse:
     def _boundaries(self) -> list[str]:
         return [role for role in self.fit.plan.network.boundaries if role in self.roles]
 
-    def heat(self, table: ZoneTable) -> np.ndarray:
+    def drive(self, table: ZoneTable) -> np.ndarray:
         """(N, 2 + nb) heat [kW], known, which an emitter may delay, and of fitted capacities, and temperatures [degC].
 
         Each is less its mean in the training.
@@ -61,19 +61,19 @@ class HeatResponse:
         """Inputs without those that are responded to."""
         return {role: v for role, v in inputs.items() if role not in self.roles}
 
-    def simulate(self, heat: np.ndarray, state: np.ndarray | None = None) -> np.ndarray:
-        """(N + 1, n + 1) states from ``state`` on under :meth:`heat`, by default from rest."""
+    def simulate(self, drive: np.ndarray, state: np.ndarray | None = None) -> np.ndarray:
+        """(N + 1, n + 1) states from ``state`` on under :meth:`drive`, by default from rest."""
         A, effect = emitting(self.fit, self.rest)
         begin = np.zeros(len(A)) if state is None else state
         of_boundaries = plant_inputs(self.fit, self.rest, self._boundaries)
         effects = np.column_stack([effect, into_heated(self.fit, self.rest), of_boundaries])
-        return np.asarray(simulate_path(A, heat @ effects.T, begin))
+        return np.asarray(simulate_path(A, drive @ effects.T, begin))
 
     def step(self, n_leads: int) -> np.ndarray:
         """(n_leads,) temperature after 1, 2 ... rows of 1 kW of known heat [K/kW]."""
-        heat = np.zeros((n_leads, len(self.mean)))
-        heat[:, 0] = 1.0
-        return self.output(self.simulate(heat))[1:]
+        drive = np.zeros((n_leads, len(self.mean)))
+        drive[:, 0] = 1.0
+        return self.output(self.simulate(drive))[1:]
 
     def output(self, states: np.ndarray) -> np.ndarray:
         """Temperature of the zone [K] in states (..., n + 1)."""

@@ -12,22 +12,22 @@ from ..._table import ZoneTable
 from ..._time import rows_per_day
 from ...control import Plan
 from ...filtering import ForecastSample
-from ...schedule import HeatResponse, RollingNetwork
+from ...schedule import NetworkResponse, RollingNetwork
 from .members import Member, RollingMember
 from .numbered_table import NumberedTable
 
 
-class RowsAndHeat(NamedTuple):
-    """Rows without the columns of the response, and what drives it, ``HeatResponse.heat`` (n_rows, 2 + nb)."""
+class RowsAndDrive(NamedTuple):
+    """Rows without the columns of the response, and what drives it, ``NetworkResponse.drive`` (n_rows, 2 + nb)."""
 
     rows: NumberedTable
-    heat: np.ndarray
+    drive: np.ndarray
 
 
-class WithoutHeat:
+class WithoutResponse:
     """A member whose response to plants and neighbours is that of the fitted network."""
 
-    def __init__(self, member: Member, response: HeatResponse) -> None:
+    def __init__(self, member: Member, response: NetworkResponse) -> None:
         self._member, self._response = member, response
         self.names, self.is_rule, self.needs_days = member.names, member.is_rule, member.needs_days
 
@@ -38,7 +38,7 @@ class WithoutHeat:
     def _reduced(self, training: ZoneTable) -> ZoneTable:
         """The training as the member knows it."""
         response = self._response
-        s = response.output(response.simulate(response.heat(training)))[:-1]
+        s = response.output(response.simulate(response.drive(training)))[:-1]
         T = training.history["T_za"] - s
         return response.without_roles(training).replace(history={"T_za": T})
 
@@ -50,30 +50,30 @@ class WithoutHeat:
             return self._member.step_gain(self._reduced(training), plant, n_leads)
         return self._response.step(n_leads)
 
-    def view(self, rows: NumberedTable) -> RowsAndHeat:
+    def view(self, rows: NumberedTable) -> RowsAndDrive:
         response = self._response
         before = None if rows.before is None else response.without_inputs(rows.before)
         without = rows._replace(table=response.without_roles(rows.table), before=before, whole=None)
-        return RowsAndHeat(without, response.heat(rows.table))
+        return RowsAndDrive(without, response.drive(rows.table))
 
-    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingWithoutHeat:
+    def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingWithoutResponse:
         rolling, per_week = self._member.start(rows, sample, adapt), 7 * rows_per_day(rows.table.step)
-        return RollingWithoutHeat(self._response, self._member.view, rolling, per_week)
+        return RollingWithoutResponse(self._response, self._member.view, rolling, per_week)
 
 
-class RollingWithoutHeat:
+class RollingWithoutResponse:
     """The member as it goes through rows from row 0 on."""
 
     def __init__(
-        self, response: HeatResponse, view: Callable[[NumberedTable], Any], rolling: RollingMember, per_week: int
+        self, response: NetworkResponse, view: Callable[[NumberedTable], Any], rolling: RollingMember, per_week: int
     ) -> None:
         self._response, self._view_of, self._rolling, self._per_week = response, view, rolling, per_week
         self._row = 0  # the last row that it went through
         # what drove the rows before it, and the response [K]
-        self._heat, self._past = np.empty((0, len(response.mean))), np.empty(0)
-        self._states = response.simulate(self._heat)  # of the network from that row on
+        self._drive, self._past = np.empty((0, len(response.mean))), np.empty(0)
+        self._states = response.simulate(self._drive)  # of the network from that row on
         self._shift = 0.0  # taken off a later network's response, so that its level stays [K]
-        self._rows: RowsAndHeat | None = None  # as last seen
+        self._rows: RowsAndDrive | None = None  # as last seen
         self._view: Any = None
         self._first = 0  # row of the first state
 
@@ -87,7 +87,7 @@ class RollingWithoutHeat:
             return
         self._settle()
         self._response = self._response.at(network.psi, network.coefs()[0])
-        states = self._response.simulate(self._heat)
+        states = self._response.simulate(self._drive)
         past, recent = self._response.output(states[:-1]), slice(-self._per_week, None)
         self._shift = float(np.mean(past[recent] - self._past[recent])) if len(past) else 0.0
         self._past, self._states, self._rows = past - self._shift, states[-1:], None
@@ -97,36 +97,36 @@ class RollingWithoutHeat:
         n = self._row - self._first
         if n and self._rows is not None:
             begin = self._first - self._rows.rows.first
-            self._heat = np.concatenate([self._heat, self._rows.heat[begin : begin + n]])
+            self._drive = np.concatenate([self._drive, self._rows.drive[begin : begin + n]])
             self._past = np.append(self._past, self._output(self._states[:n]))
         self._states, self._first = self._states[n:], self._row
 
     def _output(self, states: np.ndarray) -> np.ndarray:
         return self._response.output(states) - self._shift
 
-    def _take(self, rows: RowsAndHeat) -> Any:
+    def _take(self, rows: RowsAndDrive) -> Any:
         """The rows as the member takes them; those after the last one may differ from those seen before."""
         if rows is not self._rows:
             self._settle()
             first = rows.rows.first
-            self._states = self._response.simulate(rows.heat[self._row - first :], self._states[0])
+            self._states = self._response.simulate(rows.drive[self._row - first :], self._states[0])
             response = np.append(self._past, self._output(self._states[:-1]))[first:]
             self._rows, self._view = rows, self._view_of(rows.rows._replace(T=rows.rows.T - response))
         return self._view
 
-    def advance(self, view: RowsAndHeat, origin: int) -> None:
+    def advance(self, view: RowsAndDrive, origin: int) -> None:
         self._rolling.advance(self._take(view), origin)
         self._row = origin
 
-    def forecast(self, view: RowsAndHeat, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
+    def forecast(self, view: RowsAndDrive, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
         paths, zeta = self._rolling.forecast(self._take(view), n_leads, clipped)
         return paths + self._ahead(view, n_leads), zeta
 
-    def _ahead(self, view: RowsAndHeat, n_leads: int) -> np.ndarray:
-        """(n_leads,) response after the last row [K]; after the last known heat it is held."""
+    def _ahead(self, view: RowsAndDrive, n_leads: int) -> np.ndarray:
+        """(n_leads,) response after the last row [K]; after the last known row it is held."""
         states = self._states[self._row - self._first + 1 :][:n_leads]
         if len(states) < n_leads:
-            held = np.tile(view.heat[-1], (n_leads - len(states), 1))
+            held = np.tile(view.drive[-1], (n_leads - len(states), 1))
             states = np.concatenate([states, self._response.simulate(held, self._states[-1])[1:]])
         return self._output(states)
 
