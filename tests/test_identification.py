@@ -456,12 +456,9 @@ def test_bad_settings_are_refused(settings, message, office):
         OutputDisturbanceID(**{"n_starts": 1, **settings}).fit(office.X[:200], office.y[:200])
 
 
-def test_smoothing_and_levels_that_say_nothing_are_refused(fitted, office):
-    model = fitted[GrayBoxRC]
-    with pytest.raises(ValueError, match='smooth=True does nothing with kind="output"'):
-        model.estimate_disturbance(office.X, kind="output", smooth=True)
+def test_levels_and_noise_that_are_no_numbers_are_refused(fitted, office):
     with pytest.raises(ValueError, match="level='high' is not between 0 and 1; give a share"):
-        model.theta_interval("high")
+        fitted[GrayBoxRC].theta_interval("high")
     with pytest.raises(ValueError, match="measurement_sd=True must be a positive number"):
         InputDisturbanceID(measurement_sd=True).fit(office.X[:200], office.y[:200])
 

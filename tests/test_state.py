@@ -139,7 +139,7 @@ CALLS = {
     "forecast": lambda model, X, y: model.forecast(None, X),
     "drift": lambda model, X, y: model.drift(X),
     "simulate": lambda model, X, y: model.simulate(X),
-    "estimate_disturbance": lambda model, X, y: model.estimate_disturbance(X, smooth=True),
+    "estimate_disturbance": lambda model, X, y: model.estimate_disturbance(X, kind="output", smooth=True),
     "transform": lambda model, X, y: model.transform(X),
 }
 LEARNING = ("fit", "partial_fit", "update")

@@ -134,10 +134,8 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
             Where a network has several disturbed (measured) nodes, a DataFrame with one column ``zeta_<node>`` each.
         """
         check_is_fitted(self)
-        names = self._zeta_names(kind)
-        if smooth and kind == "output":
-            raise ValueError('smooth=True does nothing with kind="output"; leave one of them out.')
         table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
+        names = self._zeta_names(kind)
         frame = pd.DataFrame(self._zeta(table, kind, smooth), index=table.index, columns=names)
         return frame[names[0]] if len(names) == 1 else frame
 
