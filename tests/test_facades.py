@@ -13,9 +13,10 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from skhybrid import GrayBoxRC, persistence
 from skhybrid.datasets import load_small_office
 from skhybrid.preprocessing import FacadeIrradiance, UnitConverter
+from skhybrid.study import data
 
+FACADES = list(data.FACADES)  # a study knows them by name
 CHICAGO = {"latitude": 41.98, "longitude": -87.92}
-FACADES = ["q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north"]
 ROWS_ARE_TIME_STEPS = "without time stamps, the position of the sun follows from the position of the row in the table"
 
 

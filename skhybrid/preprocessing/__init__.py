@@ -1,6 +1,5 @@
 """Transformers for a Pipeline: unit conversion, gap filling and irradiance on facades."""
 
-from ._facades import COMPASS as COMPASS
 from ._facades import FacadeIrradiance
 from ._gaps import GapFiller
 from ._units import UnitConverter

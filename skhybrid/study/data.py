@@ -17,13 +17,13 @@ from ..logs.conversion import Channel, channels_of, roles_without_label, to_role
 from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import standstills, unit_switch, without_standstills
 from ..logs.zone_csv import to_left_label
-from ..preprocessing import COMPASS, FacadeIrradiance
+from ..preprocessing import FacadeIrradiance
 from .plant import Performance
 from .settings import Settings
 
 SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 NO_ROWS = "no row of the log has all inputs and a temperature; skhybrid check shows which are missing."
-FACADES = tuple(f"q_sol_{name}" for name in COMPASS)  # columns of the facades of a site
+FACADES = ("q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north")  # columns of the facades of a site
 TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
 _FAHRENHEIT, _KELVIN = 45.0, 200.0  # set-points without a unit are in degF, or in K, if their median is above
