@@ -8,6 +8,7 @@ import pytest
 
 from skhybrid.logs import read_log
 from skhybrid.logs.cell_numbers import NumberColumn
+from skhybrid.logs.conversion import channels_of, to_roles
 from skhybrid.logs.readers.change_of_value import chosen_columns
 from skhybrid.logs.stamp_cells import _day_first_by_order
 
@@ -335,6 +336,16 @@ def test_wide_log_of_changes(write):
     assert read_log(write(text), held=False).held == frozenset()
     with pytest.raises(ValueError, match="held= names 'fen', which is not a channel"):
         read_log(write(text), held=["fen"])
+
+
+def test_a_switch_among_temperatures_has_no_value(write):
+    """The sensor is off; for a stage off is 0."""
+    rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{h % 2}\n" for h in range(20))
+    log = read_log(write("time,room,stage\n" + rows + "2024-01-01 20:00,off,off\n2024-01-01 21:00,True,on\n"))
+    found = to_roles(log, channels_of(log, {"T_za": "room", "u_heat": "stage"}))
+    assert found["T_za"].isna().tolist() == 20 * [False] + 2 * [True]
+    assert found["u_heat"].iloc[-2:].tolist() == [0.0, 1.0]
+    assert "'room': 2 cells such as 'True' read as 1 or 0, and as missing in a temperature" in log.notes
 
 
 HEAD = "time,T,x\n"

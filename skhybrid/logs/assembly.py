@@ -209,6 +209,11 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
             kept[name] = channel
             if n:
                 pieces.notes.append(f"{name!r}: {several(n, 'cell')} such as {word!r} taken as missing")
+            if 0 < channel.n_switches < channel.n_numbers / 2:
+                pieces.notes.append(
+                    f"{name!r}: {several(channel.n_switches, 'cell')} such as {channel.switch!r} read as 1 or 0, and "
+                    "as missing in a temperature"
+                )
             if channel.thousands:
                 pieces.notes.append(
                     f"{name!r}: cells such as {channel.thousands!r} are read as thousands; if they are decimals, pass "
@@ -249,7 +254,8 @@ def _finish(
     notes = tuple(_counted(pieces.notes))
     if held and not frame.index.is_unique:
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
-    return RawLog(frame, pieces.format, units=units, held=held, notes=notes)
+    switches = frozenset(str(name) for name, channel in channels.items() if channel.n_switches)
+    return RawLog(frame, pieces.format, units=units, held=held, switches=switches, notes=notes)
 
 
 def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:

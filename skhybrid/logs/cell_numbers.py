@@ -63,6 +63,7 @@ class NumberColumn:
     n_cells: int = 0
     n_numbers: int = 0
     n_switches: int = 0
+    switch: str = ""  # a word that was read as 1 or 0
     words: Counter[str] = field(default_factory=Counter)
     units: Counter[str] = field(default_factory=Counter)
     thousands: str = ""  # a cell such as 1,234 that was read as more than a thousand
@@ -118,7 +119,7 @@ class NumberColumn:
     def _one(self, word: str, n: int, decimal: str) -> float:
         """The value of a cell that is not a plain number, ``n`` of which were found."""
         if (switch := _SWITCHES.get(word.lower())) is not None:
-            self.n_switches += n
+            self.n_switches, self.switch = self.n_switches + n, word
             return switch
         number = number_in(word, decimal)
         if number is not None:

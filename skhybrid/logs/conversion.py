@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import listed, role_of
+from .._table import is_instant, listed, role_of
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
 from .raw_log import RawLog
@@ -88,6 +88,8 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
 
 def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
+    if is_instant(channel.role) and channel.name in raw.switches:
+        series = series.where(~series.isin((0.0, 1.0)))
     if (counter := counter_of(raw, channel)) is not None:
         values = power_of_counter(counter)
     elif channel.role.startswith("Q_") and unit in ENERGY:

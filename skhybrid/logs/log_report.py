@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -109,7 +110,7 @@ class LogReport:
         self.label = label or raw.label
         self._assumed: dict[str, str] = {}
         self._scaled = set(scaled)
-        ordered = RawLog(raw.frame.sort_index(kind="stable"), raw.format, raw.units, raw.roles, raw.scale)
+        ordered = replace(raw, frame=raw.frame.sort_index(kind="stable"))
         stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
         rooms = {} if columns or raw.roles else zone_roles(stated)
         self._guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)

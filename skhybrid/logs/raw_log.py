@@ -34,6 +34,8 @@ class RawLog:
         Whether a stamp begins or ends the interval of its row; None where the format does not say.
     notes : tuple of str
         Sentences on what was found or left out, for the report on the log.
+    switches : frozenset of str
+        Channels with words such as on and off, which are 1 and 0; a temperature has no value there.
     """
 
     frame: pd.DataFrame
@@ -44,3 +46,4 @@ class RawLog:
     held: frozenset[str] = frozenset()
     label: str | None = None
     notes: tuple[str, ...] = ()
+    switches: frozenset[str] = frozenset()
