@@ -61,7 +61,8 @@ class TextTable(NamedTuple):
                     yield piece
         except (pd.errors.ParserError, pd.errors.ParserWarning, IndexError) as error:
             # IndexError where the first row is too wide
-            raise ValueError(f"{where} cannot be read as CSV ({str(error).strip()}).") from error
+            cause = str(error).strip().rpartition("error: ")[2]  # without the words of the parser
+            raise ValueError(f"{where} cannot be read as CSV ({cause}); correct that line.") from error
         except (EOFError, OSError) as error:
             raise ValueError(f"{where} cannot be read to its end ({error}); copy it again.") from error
 
