@@ -84,6 +84,7 @@ def frame():
         ("Cooling energy", "Q_cool", None),
         ("Heat counter [m3]", "u_heat", None),
         ("Room thermometer", None, None),
+        ("temperature_2m (°C)", "T_oa", "degC"),
     ],
 )
 def test_names_in_the_languages_of_buildings(name, role, unit):

@@ -18,7 +18,7 @@ _ROOM = (
 )
 _OUT = (
     r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
-    r"buiten|exter|dehors|estern|umgebung|ambient"
+    r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient"
 )
 _SET = (
     r"\b(set|sp|soll|stp|target|wanted|desired|setting)\b|set ?point|set ?temp|sollwert|solltemp|consigne|consigna|"

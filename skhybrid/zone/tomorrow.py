@@ -122,11 +122,13 @@ def _weather(
     given: pd.DataFrame | None, roles: list[str], index: pd.DatetimeIndex, origin: pd.Timestamp
 ) -> pd.DataFrame:
     """Weather at the rows ahead: temperatures by interpolation, irradiance with the energy of each interval."""
+    known = [] if given is None else list(given.columns[given.notna().sum() > 1])
     for role in roles:
-        if given is None or role not in given or given[role].notna().sum() < 2:
+        if role not in known:
+            only = f" (only {listed(known)})" if known else ""
             raise ValueError(
-                f"{role} is not known for the rows ahead, after {origin}; give tomorrow's weather with --weather, or "
-                "rows ahead in the log."
+                f"{role} is not known for the rows ahead, after {origin}{only}; give tomorrow's weather with "
+                "--weather, or rows ahead in the log."
             )
     assert given is not None
     out = {}
