@@ -63,13 +63,11 @@ def abilities(
     steps: list[str] = []
     have = set(moved.index)
     plants = list(filter(is_plant, moved.index))
-    for role, what in (*((room, "room") for room in rooms), ("T_oa", "outdoor")):
+    for role in (*rooms, "T_oa"):
         if role not in have:
+            what = "outdoor" if role == "T_oa" else "room"
             cannot.append(f"anything: there is no {what} temperature ({role}).")
-            perhaps = f" ({' or '.join(map(repr, unplaced[:_MOST_NAMED]))}?)" if unplaced else ""
-            steps.append(f"name the column of the {what} temperature{perhaps} as {role}, or log it.")
-            if what == "room" and len(unplaced) > 1 and plants:
-                steps.append("rooms that share a plant are one zone; rooms with a plant each have T_za_kitchen, ...")
+            steps += _to_name(role, what, unplaced, bool(plants))
     if {rooms[0], "T_oa"} <= have:
         scaled = any(role not in unsure and moved["hours run"].get(role, 0.0) > 0.0 for role in plants)
         _building(moved, n_days, can, cannot, rooms[0], scaled)
@@ -97,6 +95,15 @@ def abilities(
         cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
         steps.append("log the set-points, with which the thermostat is learned.")
     return Abilities(can, cannot, steps)
+
+
+def _to_name(role: str, what: str, unplaced: Sequence[str], plant: bool) -> list[str]:
+    """Steps to a temperature that is missing."""
+    perhaps = f" ({' or '.join(map(repr, unplaced[:_MOST_NAMED]))}?)" if unplaced else ""
+    steps = [f"name the column of the {what} temperature{perhaps} as {role}, or log it."]
+    if what == "room" and plant and len(unplaced) > 1:
+        steps.append("rooms that share a plant are one zone; rooms with a plant each have T_za_kitchen, ...")
+    return steps
 
 
 def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str], room: str, scaled: bool) -> None:
