@@ -14,7 +14,7 @@ from skhybrid.cli import main
 from skhybrid.cli.forecast import _text
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.persistence import load_metadata, load_model, save_model
-from skhybrid.study import read_log, read_settings
+from skhybrid.study import read_log, read_settings, run_study, split_log
 from skhybrid.study.data import plant_heat, read_even_log
 from skhybrid.study.plant import Performance
 from skhybrid.study.settings import settings_from
@@ -238,11 +238,28 @@ def test_update_and_forecast_from_the_command_line(folder, tmp_path, capsys):
 def test_empty_heat_ahead_is_not_yesterday(folder, tmp_path):
     settings = read_settings(folder / "zone.toml")
     frame, _ = read_log(folder / "whole.csv", settings)
-    from skhybrid.study import split_log
-
     frame.iloc[-96:, frame.columns.get_indexer(["T_za", "Q_hvac"])] = np.nan
     with pytest.raises(ValueError, match="Q_hvac is empty in the rows ahead"):
         split_log(frame, settings)
+
+
+@pytest.mark.parametrize(("back", "says"), [(40, "T_oa is missing at"), (97, "an input is missing before it")])
+def test_a_next_day_that_cannot_be_forecast_is_refused_before_the_fits(folder, back, says):
+    """It was refused at the very end of a study, after minutes of fits; a back-test needs no next day."""
+    settings = read_settings(folder / "zone.toml")
+    frame, _ = read_log(folder / "whole.csv", settings)
+
+    def stop(*step):
+        raise InterruptedError
+
+    frame.iloc[-96:, frame.columns.get_loc("T_za")] = np.nan
+    frame = frame.assign(T_heat_set=20.0)
+    frame.iloc[-30, frame.columns.get_loc("T_heat_set")] = np.nan
+    with pytest.raises(InterruptedError):
+        run_study(settings, split_log(frame, settings), stop)
+    frame.iloc[-back, frame.columns.get_loc("T_oa")] = np.nan
+    with pytest.raises(ValueError, match=f"the next day begins at .*, and {says}"):
+        run_study(settings, split_log(frame, settings), stop)
 
 
 def test_set_points_in_the_unit_of_the_room(folder, tmp_path):

@@ -19,7 +19,7 @@ from .data import StudyData
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
-from .run import Progress, counted, each_once
+from .run import Progress, counted, each_once, refuse_holes
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
 from .verdict import CARE, NOT, USABLE, Verdict
@@ -98,8 +98,9 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
     """Fit a building and simple models of its zones, back-test them at the same origins, forecast the next day.
 
     ``progress`` is called with (number, total, text) before every step.  A ValueError says that the building cannot be
-    fitted or tested; a simple model that fails is left out, with a warning.
+    fitted or tested, or misses an input of the next day; a simple model that fails is left out, with a warning.
     """
+    refuse_holes(data, settings)
     begun = time.perf_counter()
     remarks = list(data.remarks)
     say = counted(progress, N_STEPS + 2)

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, is_plant
+from .._table import SETPOINT_ROLES, ZoneTable, is_plant
 from .._warnings import without_class
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
-from .data import StudyData
+from .data import StudyData, inputs_of
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
@@ -122,9 +122,10 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     Raises
     ------
     ValueError
-        If the hybrid or the identification cannot be fitted or tested; any other model that fails is left out, with a
-        warning.
+        If an input of the next day is missing, or the hybrid or the identification cannot be fitted or tested; any
+        other model that fails is left out, with a warning.
     """
+    refuse_holes(data, settings)
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -284,6 +285,15 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
     plant = [s for s in identification.network_.sources(rows.columns) if is_plant(s.role)]
     parts = [rows[s.role] * (1.0 if s.parameter is None else theta[s.parameter]) for s in plant]
     return sum(parts[1:], parts[0]) if parts else None
+
+
+def refuse_holes(data: StudyData, settings: Settings) -> None:
+    """Refuse a next day that cannot be forecast, before models are fitted for minutes; set-points may be missing."""
+    ahead = inputs_of(data.future, settings.roles_of("T_za"))
+    holed = [one for name, one in ahead.items() if one.isna().any() and not str(name).startswith(SETPOINT_ROLES)]
+    if holed or data.history.empty:
+        what = f"{holed[0].name} is missing at {holed[0].isna().idxmax()}" if holed else "an input is missing before it"
+        raise ValueError(f"the next day begins at {ahead.index[0]}, and {what}; fill it in or end the log earlier.")
 
 
 def _next_day(model: Any, identification: Any, data: StudyData, with_intervals: bool) -> pd.DataFrame:
