@@ -43,7 +43,6 @@ class ChannelPlan(NamedTuple):
     noon: float  # hour (UTC where known) at which the sun is highest
     calendar: bool  # whether there are schedules
     contrast: tuple[tuple[float, ...], ...] = ()  # (2, 24) fitted day-type contrast [kW]: gain, and ua per unit
-    free_level: bool = False  # whether the level of the conductance schedule is not shrunk, unlike its hours
     lags: bool = True  # whether known heat may be delayed
 
     @property
@@ -273,7 +272,7 @@ def _schedule_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
     yield Block(["gain"], always[:, None], [zone], False, "free")
     if "T_oa" in table.inputs:
         drivers["ua"] = (table.inputs["T_oa"] - plan.mean_outdoor) / UA_DIFFERENCE
-        yield Block(["ua"], drivers["ua"][:, None], [zone], False, "free" if plan.free_level else "ua_hour")
+        yield Block(["ua"], drivers["ua"][:, None], [zone], False, "ua_hour")
     if not plan.calendar:
         return
     hour, day_type = clock_hour(table.time), np.where(table.weekend, 1.0, -1.0)

@@ -177,7 +177,7 @@ def _plan_and_pull(
 ) -> tuple[ChannelPlan, GainPull]:
     """Channels and pull of a network whose gain is to be right."""
     pull = GainPull.of(make_segment(plan, table, T, reference), table.step_hours)
-    return plan._replace(free_level=True, lags=is_delayed(pull.observed)), pull
+    return plan._replace(lags=is_delayed(pull.observed)), pull
 
 
 def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
