@@ -80,7 +80,7 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
         if metadata:
             data = {"model": data, "metadata": {str(k): str(v) for k, v in metadata.items()}}
         data = fold(data)
-        body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=6)
+        body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=1)
         if unpacks_too_large(body):  # load_model refuses what looks like a bomb
             body = io.dumps(data)
     except (AttributeError, NotImplementedError, TypeError) as error:

@@ -10,6 +10,7 @@ import pytest
 
 from skhybrid import persistence
 from skhybrid._table import read_table
+from skhybrid.filtering import forecast_sample
 from skhybrid.forecasting import ARXRegressor, arx_multi_step
 from skhybrid.forecasting.arx_design import ARXDesign, Moments
 from skhybrid.forecasting.arx_multi_step import (
@@ -82,6 +83,24 @@ def test_sums_of_parts_are_those_of_the_whole():
     parts = [moments(problem, view, coef, origins, span) for span in pairwise(ends)]
     np.testing.assert_allclose(sum(part.gram for part in parts), whole.gram, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(sum(part.cross for part in parts), whole.cross, rtol=1e-9, atol=1e-9)
+
+
+def test_every_second_forecast_tells_as_much_as_all(monkeypatch):
+    """In the units of penalties and priors."""
+    X = room(35)
+    cut = 28 * 96
+    models = []
+    for most in (forecast_sample._MANY, np.inf):
+        monkeypatch.setattr(forecast_sample, "_MANY", most)
+        models.append(ARXRegressor(objective="multi_step", alpha=1.0).fit(X[:cut], X["T_za"][:cut]))
+    half, whole = models
+    assert (len(half._fit.problem.leads), half._fit.problem.every) == (9, 8)
+    assert (len(whole._fit.problem.leads), whole._fit.problem.every) == (18, 4)
+    sums = [np.diag(model._fit.information().gram) for model in models]
+    np.testing.assert_allclose(sums[0][:24], sums[1][:24], rtol=0.1)
+    assert half._fit.noise == pytest.approx(whole._fit.noise, rel=0.1)
+    errors = [rmse(model, X[cut:], X["T_za"][cut:]) for model in models]
+    assert errors[0] == pytest.approx(errors[1], rel=0.02)
 
 
 def test_it_has_lower_errors_a_day_ahead_than_the_one_step_solution():

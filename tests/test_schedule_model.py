@@ -14,8 +14,9 @@ from sklearn.base import BaseEstimator
 
 from skhybrid._table import ZoneTable, read_table
 from skhybrid.datasets import make_office
-from skhybrid.filtering import ForecastSample, hourly_sample, lead_rows
+from skhybrid.filtering import ForecastSample, forecast_sample, hourly_sample, lead_rows
 from skhybrid.schedule import NumberedSegment, RollingNetwork, ScheduledNetwork, fit_leads, make_segment
+from skhybrid.schedule import fit as schedule_fit
 from skhybrid.schedule.channels import GROUPS, known_heat, make_channels, make_plan, with_contrast
 from skhybrid.schedule.constrained_ridge import gram, solve_coefficients
 from skhybrid.schedule.filter_model import NOISE, FilterModel
@@ -447,6 +448,41 @@ def test_hourly_origins_and_shares_of_the_horizon():
     assert hourly_sample(998, 96, 0.25, 96).origins[-1] == 996
     short = hourly_sample(5, 96, 0.25, 96)
     assert list(short.leads) == [1, 2]
+
+
+def test_a_fit_takes_every_second_of_many_forecasts():
+    many, few = hourly_sample(1500, 96, 0.25, 96), hourly_sample(1400, 96, 0.25, 96)
+    assert (many.stride, few.stride) == (2, 1)
+    assert list(many.main_leads) == [2, 6, 12, 20, 32, 48, 64, 80, 96]
+    assert list(few.main_leads) == list(few.leads)
+
+
+@pytest.mark.parametrize("purpose", ["forecast", "plan"])
+def test_the_network_of_a_long_training_is_searched_on_half_of_it(monkeypatch, purpose):
+    """Not with a gain to learn; coefficients and left-out errors are those of all forecasts."""
+    office, searched = make_office(n_days=21, sampling_time="1h", random_state=1), []
+    table = read_table(BaseEstimator(), office.X, reset=True)
+
+    def fitted():
+        return fit_leads(get_network("2R2C"), table, office.y.to_numpy(), 24, {"Q_h": 6.0}, purpose=purpose)
+
+    def recorded(problem, *args, **kwargs):
+        searched.append(problem.forecasts[0].sample)
+        return minimise(problem, *args, **kwargs)
+
+    minimise = schedule_fit.minimise
+    monkeypatch.setattr(schedule_fit, "minimise", recorded)
+    half = fitted()
+    monkeypatch.setattr(forecast_sample, "_MANY", np.inf)
+    whole = fitted()
+    n_searched = [len(sample.origins) for sample in searched]
+    assert len(n_searched) == 4
+    assert n_searched[0] == -(-n_searched[2] // (2 if purpose == "forecast" else 1))
+    np.testing.assert_array_equal(half.sample.origins, whole.sample.origins)
+    np.testing.assert_array_equal(half.sample.leads, whole.sample.leads)
+    assert len(half.problem.precision) == len(half.sample.leads)
+    spread = [np.sqrt(np.nanmean(fit.left_out**2)) for fit in (half, whole)]
+    assert spread[0] == pytest.approx(spread[1], rel=0.02 if purpose == "forecast" else 1e-12)
 
 
 def test_a_fit_improves_on_its_start_and_shows_what_it_found(fit):

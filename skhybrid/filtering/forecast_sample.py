@@ -9,12 +9,24 @@ import numpy as np
 #: scored leads, as shares of the horizon
 _LEADS = np.array([1, 2, 4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 56, 64, 72, 80, 88, 96]) / 96.0
 
+_MANY = 336  # origins: hourly ones of two weeks
+
 
 class ForecastSample(NamedTuple):
     """Origins and leads of the forecasts that are scored."""
 
     origins: np.ndarray  # (O,) int, increasing
     leads: np.ndarray  # (L,) int, increasing
+
+    @property
+    def stride(self) -> int:
+        """Every how many-th origin and lead is enough for a fit: neighbours among many overlap and say little more."""
+        return 2 if len(self.origins) > _MANY else 1
+
+    @property
+    def main_leads(self) -> np.ndarray:
+        """(-(-L // stride),) leads of such a fit, the longest among them."""
+        return self.leads[:: -self.stride][::-1]
 
     def targets(self, n_rows: int) -> tuple[np.ndarray, np.ndarray]:
         """(O, L) target rows, held at the last row, and whether they lie within ``n_rows``."""

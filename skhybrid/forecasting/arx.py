@@ -72,9 +72,10 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     objective : {"one_step", "multi_step"}, default "one_step"
         ``"one_step"`` minimises the squared error of e.  ``"multi_step"`` minimises squared errors of forecasts from
         every hour, at 18 leads up to the horizon (two days at most), which count with lead^-0.3, plus those of one
-        step, by damped Gauss-Newton steps.  It has further columns: inputs filtered over 6 h and 24 h, irradiance
-        before and after noon, outdoor temperature by hour of day.  Its penalties, also a further one on calendar
-        columns, are those that forecast the last third of the training table best.
+        step, by damped Gauss-Newton steps; from more than two weeks, every second hour and 9 leads.  It has further
+        columns: inputs filtered over 6 h and 24 h, irradiance before and after noon, outdoor temperature by hour of
+        day.  Its penalties, also a further one on calendar columns, are those that forecast the last third of the
+        training table best.
     prior : FleetPrior, optional
         What fitted zones with the same columns and step say of the coefficients; it takes the place of all penalties.
 

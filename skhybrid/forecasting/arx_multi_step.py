@@ -20,7 +20,7 @@ _LEAD_POWER = -0.3  # squared errors count with this power of their lead
 _QUARTER_HOUR = 0.25  # unit of that lead [h]
 _STEPS, _TRIES = 6, 4  # Gauss-Newton steps of a fit, and attempts with more damping at each
 _DAMPING = 1e-2
-_STEPS_PER_DAY = 2  # Gauss-Newton steps of a daily re-fit
+_STEPS_PER_DAY = 2  # Gauss-Newton steps of a daily re-fit; one where penalties are compared
 _HISTORY_WEIGHT, _HALF_LIFE_DAYS = 3.0, 30.0  # of the rows after the training table
 
 
@@ -34,7 +34,7 @@ class Knobs(NamedTuple):
 
 _USUAL = Knobs(alpha=1.0, calendar=1000.0, one_step=5.0)
 _CHOICES = {"one_step": (1.0, 25.0), "calendar": (100.0,), "alpha": (1000.0,)}  # compared in turn with the usual ones
-_HOURS_BETWEEN = 3  # origins of the comparison [h]
+_ORIGINS_PER_DAY = 8  # of the comparison
 
 
 class LeadTargets(NamedTuple):
@@ -61,11 +61,12 @@ class LeadForecasts(NamedTuple):
 
 @dataclass(frozen=True)
 class MultiStepProblem:
-    """The weighted squares of errors at many leads from hourly origins."""
+    """The weighted squares of errors at many leads from origins an hour or two apart."""
 
     design: ARXDesign
     leads: np.ndarray  # (L,) int, increasing
     weights: np.ndarray  # (L,)
+    unit: float  # what all leads from one hourly origin weigh
     every: int  # rows between origins
     per_day: int  # rows
 
@@ -73,15 +74,19 @@ class MultiStepProblem:
     def of_training(cls, design: ARXDesign, table: ZoneTable, n_leads: int) -> Self:
         """Leads up to ``n_leads`` rows, fewer for a short table."""
         sample = hourly_sample(table.n_rows, n_leads, table.step_hours, 0)
-        weights = (sample.leads * table.step_hours / _QUARTER_HOUR) ** _LEAD_POWER
-        return cls(design, sample.leads, weights, rows_per_hour(table.step), rows_per_day(table.step))
+        leads, stride = sample.main_leads, sample.stride
+        own = (sample.leads * table.step_hours / _QUARTER_HOUR) ** _LEAD_POWER
+        # of a lead that is left out the errors are those between its neighbours
+        weights = np.array([np.interp(sample.leads, leads, one) for one in np.eye(len(leads))]) @ own
+        every = stride * rows_per_hour(table.step)
+        return cls(design, leads, stride * weights, float(own.sum()), every, rows_per_day(table.step))
 
     def origins(self, begin: int, end: int) -> np.ndarray:
-        """Hourly origins in [begin, end)."""
+        """Origins in [begin, end)."""
         return np.arange(begin, end, self.every)
 
     def targets(self, view: ARXData, origins: np.ndarray, span: tuple[int, int]) -> LeadTargets:
-        """Targets in (span[0], span[1]] of forecasts from hourly origins, without a gap."""
+        """Targets in (span[0], span[1]] of forecasts from some origins, without a gap."""
         rows = origins[:, None] + self.leads
         inside = (rows > span[0]) & (rows <= min(span[1], view.end - 1))
         truth = view.T[np.minimum(rows, view.end - 1) - view.first]
@@ -191,13 +196,13 @@ class MultiStepFit(NamedTuple):
 
     def information(self) -> Moments:
         """The sums of the training at the solution, of errors at all leads and of one step, per unit of weight."""
-        weight = float(self.problem.weights.sum())
+        weight = self.problem.unit
         whole = self.moments.added(self._own_pairs, self.one_step)
         return Moments(whole.gram / weight, whole.cross / weight)
 
     def under(self, prior: ARXPrior, step: pd.Timedelta, squares: float, n: int) -> MultiStepFit:
         """The same with a prior among its pairs; ``squares`` are what its ``n`` rows leave."""
-        weight, here = float(self.problem.weights.sum()), self.information()
+        weight, here = self.problem.unit, self.information()
         whole = squares / weight + 2.0 * here.cross @ self.coef - self.coef @ here.gram @ self.coef
         pull = prior.pseudo_rows(self.problem.design, step, here, float(whole), n)
         share = weight / self.one_step
@@ -213,8 +218,8 @@ def _quadratic(moments: Moments, weight: float, penalty: np.ndarray, coef: np.nd
 class RecursiveMultiStep:
     """The fit as later rows become known: re-fitted once a day; row ``begin`` is the first after the training."""
 
-    def __init__(self, fit: MultiStepFit, begin: int) -> None:
-        self._fit, self._coef, self._done = fit, fit.coef, begin - 1
+    def __init__(self, fit: MultiStepFit, begin: int, n_steps: int = _STEPS_PER_DAY) -> None:
+        self._fit, self._coef, self._done, self._n_steps = fit, fit.coef, begin - 1, n_steps
         self._begin = max(begin - 1, 0)
         self._known = fit.moments.added(fit.pairs, fit.one_step)
         p = len(fit.coef)
@@ -244,7 +249,7 @@ class RecursiveMultiStep:
 
         made, best = tried(self._coef)
         self._done = mark
-        for _ in range(_STEPS_PER_DAY):
+        for _ in range(self._n_steps):
             new = problem.moments(view, made).added(pairs, fit.one_step)
             if not np.isfinite(new.cross).all():  # inputs far beyond training: such a day teaches nothing
                 return
@@ -287,7 +292,7 @@ def fit_multi_step(
             knobs = _choose_knobs(problem, view, n_leads, knobs, refits)
         fit = _start(problem, view, view.end).improved(view, view.end - 1, knobs)
     pairs = design.pairs(view)
-    noise = _left(fit, view, pairs) / float(problem.weights.sum()) / max(len(pairs.d), 1)
+    noise = _left(fit, view, pairs) / problem.unit / max(len(pairs.d), 1)
     return fit._replace(noise=noise)
 
 
@@ -339,10 +344,10 @@ def _start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:
 
 def _later_squares(fit: MultiStepFit, view: ARXData, begin: int, n_leads: int, refits: bool) -> float:
     """Squared errors of forecasts from row ``begin`` on by a fit on the rows before it."""
-    origins = np.arange(begin, view.end - n_leads, _HOURS_BETWEEN * fit.problem.every)
+    origins = np.arange(begin, view.end - n_leads, max(1, fit.problem.per_day // _ORIGINS_PER_DAY))
     coefs = fit.coef[None, :]
     if refits:
-        recursive = RecursiveMultiStep(fit, begin)
+        recursive = RecursiveMultiStep(fit, begin, n_steps=1)
         coefs = np.array([recursive.advanced(view, int(origin)) for origin in origins])
     paths = fit.problem.design.iterate(view, origins, n_leads, coefs)
     return float(np.nansum((paths - view.T[target_rows(origins, n_leads) - view.first]) ** 2))

@@ -218,14 +218,17 @@ def _fit_at_scale(
     pull: GainPull | None,
 ) -> tuple[LeadFit, float]:
     """Fit from the best of ``scales``, sizes relative to the usual one for a spread of heat [kW]; and its loss."""
-    step = table.step_hours
+    step, sample = table.step_hours, scored.sample
+    # a gain needs them all
+    part = scored.every(sample.stride, sample.main_leads) if pull is None else scored
     model = FilterModel.of(scored.segment.plan.network, step, heat_scale)
-    problem = _initial_problem(model, scored, scales, pull)
+    problem = _initial_problem(model, part, scales, pull)
     best = minimise(problem, problem.evaluate(problem.centre), max_steps=10)
-    blocks = _blocks_of_days(scored.sample, step)
-    problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
+    problem = replace(problem, shrinkage=_best_shrinkage(problem, best, _blocks_of_days(part.sample, step)))
     best = minimise(problem, problem.solved(best.psi, best.gram, best.designs), max_steps=4)
-    return _with_contrasts(problem, best, blocks, table, reference)
+    precision = np.interp(sample.leads, part.sample.leads, problem.precision)
+    problem = replace(problem, forecasts=(scored,), precision=precision)
+    return _with_contrasts(problem, best, _blocks_of_days(sample, step), table, reference)
 
 
 def _with_contrasts(

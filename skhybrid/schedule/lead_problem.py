@@ -23,7 +23,7 @@ from .step_gain import GainPull
 _OVERLAP = 8.0  # hours within which forecasts overlap so much that they count as one
 _LEAST_PENALTY = 1e-3  # penalty of coefficients that are not shrunk, which keeps the equations regular
 _WINDOW = 10.0  # unit of a window [m2] under that penalty
-_LEAST_GAIN = 1e-3  # relative decrease of the objective below which a search stops
+_LEAST_GAIN = 1e-2  # relative decrease of the objective below which a search stops
 _SWAP_PENALTY = 150.0  # penalty of swapping the type of a day of the week: a few days of evidence overcome it
 
 
