@@ -222,7 +222,7 @@ def _fit_at_scale(
     # a gain needs them all
     part = scored.every(sample.stride, sample.main_leads) if pull is None else scored
     model = FilterModel.of(scored.segment.plan.network, step, heat_scale)
-    problem = _initial_problem(model, part, scales, pull)
+    problem = _initial_problem(model, scored, part, scales, pull)
     best = minimise(problem, problem.evaluate(problem.centre), max_steps=10)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, _blocks_of_days(part.sample, step)))
     best = minimise(problem, problem.solved(best.psi, best.gram, best.designs), max_steps=4)
@@ -279,12 +279,19 @@ def _fit_under(
 
 
 def _initial_problem(
-    model: FilterModel, scored: ScoredForecasts, scales: Sequence[float], pull: GainPull | None
+    model: FilterModel,
+    scored: ScoredForecasts,
+    part: ScoredForecasts,
+    scales: Sequence[float],
+    pull: GainPull | None,
 ) -> LeadProblem:
-    """Problem around the grid's best point, each lead weighted by the inverse variance of its errors there."""
-    spread, n_leads = np.full(len(model.names), _PRIOR_SPREAD), len(scored.sample.leads)
+    """Problem of a part of the forecasts around the grid's best point.
+
+    Each lead is weighted by the inverse variance of its errors there.
+    """
+    spread, n_leads = np.full(len(model.names), _PRIOR_SPREAD), len(part.sample.leads)
     start = _best_of_grid(model, scored, spread, scales, pull).psi
-    return weighted(LeadProblem(model, (scored,), start, spread, Shrinkage(), np.ones(n_leads), pull))
+    return weighted(LeadProblem(model, (part,), start, spread, Shrinkage(), np.ones(n_leads), pull))
 
 
 def weighted(problem: LeadProblem) -> LeadProblem:
