@@ -450,7 +450,7 @@ def test_hourly_origins_and_shares_of_the_horizon():
     assert list(short.leads) == [1, 2]
 
 
-def test_a_fit_takes_every_second_of_many_forecasts():
+def test_a_fit_takes_every_second_of_many_leads():
     many, few = hourly_sample(1500, 96, 0.25, 96), hourly_sample(1400, 96, 0.25, 96)
     assert (many.stride, few.stride) == (2, 1)
     assert list(many.main_leads) == [2, 6, 12, 20, 32, 48, 64, 80, 96]
@@ -458,7 +458,7 @@ def test_a_fit_takes_every_second_of_many_forecasts():
 
 
 @pytest.mark.parametrize("purpose", ["forecast", "plan"])
-def test_the_network_of_a_long_training_is_searched_on_half_of_it(monkeypatch, purpose):
+def test_the_network_of_a_long_training_is_searched_at_half_of_the_leads(monkeypatch, purpose):
     """Not with a gain to learn; coefficients and left-out errors are those of all forecasts."""
     office, searched = make_office(n_days=21, sampling_time="1h", random_state=1), []
     table = read_table(BaseEstimator(), office.X, reset=True)
@@ -475,7 +475,7 @@ def test_the_network_of_a_long_training_is_searched_on_half_of_it(monkeypatch, p
     half = fitted()
     monkeypatch.setattr(forecast_sample, "_MANY", np.inf)
     whole = fitted()
-    n_searched = [len(sample.origins) for sample in searched]
+    n_searched = [len(sample.leads) for sample in searched]
     assert len(n_searched) == 4
     assert n_searched[0] == -(-n_searched[2] // (2 if purpose == "forecast" else 1))
     np.testing.assert_array_equal(half.sample.origins, whole.sample.origins)

@@ -20,7 +20,7 @@ class ForecastSample(NamedTuple):
 
     @property
     def stride(self) -> int:
-        """Every how many-th origin and lead is enough for a fit: neighbours among many overlap and say little more."""
+        """Every how many-th origin or lead is enough for a fit: neighbours among many overlap and say little more."""
         return 2 if len(self.origins) > _MANY else 1
 
     @property

@@ -20,7 +20,7 @@ _LEAD_POWER = -0.3  # squared errors count with this power of their lead
 _QUARTER_HOUR = 0.25  # unit of that lead [h]
 _STEPS, _TRIES = 6, 4  # Gauss-Newton steps of a fit, and attempts with more damping at each
 _DAMPING = 1e-2
-_STEPS_PER_DAY = 2  # Gauss-Newton steps of a daily re-fit; one where penalties are compared
+_STEPS_PER_DAY = 2  # Gauss-Newton steps of a daily re-fit; where penalties are compared for long trainings, half of it
 _HISTORY_WEIGHT, _HALF_LIFE_DAYS = 3.0, 30.0  # of the rows after the training table
 
 
@@ -66,7 +66,7 @@ class MultiStepProblem:
     design: ARXDesign
     leads: np.ndarray  # (L,) int, increasing
     weights: np.ndarray  # (L,)
-    unit: float  # what all leads from one hourly origin weigh
+    stride: int  # hourly origins, or rows, from one origin to the next
     every: int  # rows between origins
     per_day: int  # rows
 
@@ -79,7 +79,12 @@ class MultiStepProblem:
         # of a lead that is left out the errors are those between its neighbours
         weights = np.array([np.interp(sample.leads, leads, one) for one in np.eye(len(leads))]) @ own
         every = stride * rows_per_hour(table.step)
-        return cls(design, leads, stride * weights, float(own.sum()), every, rows_per_day(table.step))
+        return cls(design, leads, stride * weights, stride, every, rows_per_day(table.step))
+
+    @property
+    def unit(self) -> float:
+        """What all leads from one hourly origin weigh."""
+        return float(self.weights.sum()) / self.stride
 
     def origins(self, begin: int, end: int) -> np.ndarray:
         """Origins in [begin, end)."""
@@ -347,7 +352,7 @@ def _later_squares(fit: MultiStepFit, view: ARXData, begin: int, n_leads: int, r
     origins = np.arange(begin, view.end - n_leads, max(1, fit.problem.per_day // _ORIGINS_PER_DAY))
     coefs = fit.coef[None, :]
     if refits:
-        recursive = RecursiveMultiStep(fit, begin, n_steps=1)
+        recursive = RecursiveMultiStep(fit, begin, _STEPS_PER_DAY // fit.problem.stride)
         coefs = np.array([recursive.advanced(view, int(origin)) for origin in origins])
     paths = fit.problem.design.iterate(view, origins, n_leads, coefs)
     return float(np.nansum((paths - view.T[target_rows(origins, n_leads) - view.first]) ** 2))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -37,6 +38,7 @@ _MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left ou
 #: up to 0.35 in EnergyPlus zones, whose thermostats' answers speak against it, and by 0.7 or more in ``make_office``
 _WORSE, _WORSE_BY_CHANCE = 0.3, 4.0
 _USUAL_HOURS = 24.0  # hours of forecasts that the usual errors of other zones count as
+_ROUGH_GAIN = 1e-2  # relative decrease of the objective below which the search at every second lead stops
 _DAY = 24.0
 
 
@@ -183,7 +185,7 @@ def _plan_and_pull(
 def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
     """A pull that lets the usual response go where forecasts with delivered heat speak against it."""
     few, free = scored._replace(surprise=None).every(4), pull._replace(usual=False)
-    problem = _initial_problem(model, few, _SCALES, free)
+    problem = _initial_problem(model, few, _best_of_grid(model, few, _SCALES, free), free)
     best = minimise(problem, problem.evaluate(problem.centre), max_steps=10)
     problem = replace(problem, pull=pull)
     held = minimise(problem, problem.evaluate(best.psi), max_steps=10)
@@ -218,17 +220,18 @@ def _fit_at_scale(
     pull: GainPull | None,
 ) -> tuple[LeadFit, float]:
     """Fit from the best of ``scales``, sizes relative to the usual one for a spread of heat [kW]; and its loss."""
-    step, sample = table.step_hours, scored.sample
-    # a gain needs them all
-    part = scored.every(sample.stride, sample.main_leads) if pull is None else scored
+    step, sample, blocks = table.step_hours, scored.sample, _blocks_of_days(scored.sample, table.step_hours)
+    part, search = scored, minimise
+    if sample.stride > 1 and pull is None:  # a gain needs all leads
+        part, search = scored.every(1, sample.main_leads), partial(minimise, least_gain=_ROUGH_GAIN)
     model = FilterModel.of(scored.segment.plan.network, step, heat_scale)
-    problem = _initial_problem(model, scored, part, scales, pull)
-    best = minimise(problem, problem.evaluate(problem.centre), max_steps=10)
-    problem = replace(problem, shrinkage=_best_shrinkage(problem, best, _blocks_of_days(part.sample, step)))
-    best = minimise(problem, problem.solved(best.psi, best.gram, best.designs), max_steps=4)
+    problem = _initial_problem(model, part, _best_of_grid(model, scored, scales, pull), pull)
+    best = search(problem, problem.evaluate(problem.centre), max_steps=10)
+    problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
+    best = search(problem, problem.solved(best.psi, best.gram, best.designs), max_steps=4)
     precision = np.interp(sample.leads, part.sample.leads, problem.precision)
     problem = replace(problem, forecasts=(scored,), precision=precision)
-    return _with_contrasts(problem, best, _blocks_of_days(sample, step), table, reference)
+    return _with_contrasts(problem, best, blocks, table, reference)
 
 
 def _with_contrasts(
@@ -279,19 +282,11 @@ def _fit_under(
 
 
 def _initial_problem(
-    model: FilterModel,
-    scored: ScoredForecasts,
-    part: ScoredForecasts,
-    scales: Sequence[float],
-    pull: GainPull | None,
+    model: FilterModel, scored: ScoredForecasts, start: np.ndarray, pull: GainPull | None
 ) -> LeadProblem:
-    """Problem of a part of the forecasts around the grid's best point.
-
-    Each lead is weighted by the inverse variance of its errors there.
-    """
-    spread, n_leads = np.full(len(model.names), _PRIOR_SPREAD), len(part.sample.leads)
-    start = _best_of_grid(model, scored, spread, scales, pull).psi
-    return weighted(LeadProblem(model, (part,), start, spread, Shrinkage(), np.ones(n_leads), pull))
+    """Problem around a point, each lead weighted by the inverse variance of its errors there."""
+    spread, ones = np.full(len(model.names), _PRIOR_SPREAD), np.ones(len(scored.sample.leads))
+    return weighted(LeadProblem(model, (scored,), start, spread, Shrinkage(), ones, pull))
 
 
 def weighted(problem: LeadProblem) -> LeadProblem:
@@ -318,16 +313,16 @@ def _weighted_as_usual(problem: LeadProblem, at: Evaluation, usual: np.ndarray, 
 
 
 def _best_of_grid(
-    model: FilterModel, scored: ScoredForecasts, spread: np.ndarray, scales: Sequence[float], pull: GainPull | None
-) -> Evaluation:
-    """The point of a coarse grid with the least loss of a few forecasts."""
-    few = _few_of(scored)
+    model: FilterModel, scored: ScoredForecasts, scales: Sequence[float], pull: GainPull | None
+) -> np.ndarray:
+    """The point (p,) of a coarse grid with the least loss of a few forecasts."""
+    few, spread = _few_of(scored), np.full(len(model.names), _PRIOR_SPREAD)
 
     def evaluate(scale: float, pace: float) -> Evaluation:
         psi = _guess(model, scale * model.heat_scale / _GUESS_HEAT, pace)
         return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(few.sample.leads)), pull).evaluate(psi)
 
-    return min((evaluate(scale, pace) for scale in scales for pace in _PACES), key=lambda at: at.loss)
+    return min((evaluate(scale, pace) for scale in scales for pace in _PACES), key=lambda at: at.loss).psi
 
 
 def _few_of(scored: ScoredForecasts) -> ScoredForecasts:

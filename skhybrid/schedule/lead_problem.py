@@ -23,7 +23,7 @@ from .step_gain import GainPull
 _OVERLAP = 8.0  # hours within which forecasts overlap so much that they count as one
 _LEAST_PENALTY = 1e-3  # penalty of coefficients that are not shrunk, which keeps the equations regular
 _WINDOW = 10.0  # unit of a window [m2] under that penalty
-_LEAST_GAIN = 1e-2  # relative decrease of the objective below which a search stops
+_LEAST_GAIN = 1e-3  # usual relative decrease of the objective below which a search stops
 _SWAP_PENALTY = 150.0  # penalty of swapping the type of a day of the week: a few days of evidence overcome it
 
 
@@ -216,8 +216,11 @@ def penalty_of(segment: Segment, shrinkage: Shrinkage, heat_scale: float) -> np.
     return strength / unit**2
 
 
-def minimise(problem: LeadProblem, best: Evaluation, max_steps: int) -> Evaluation:
-    """Levenberg-Marquardt from an evaluation of the problem, at most ``max_steps`` steps."""
+def minimise(problem: LeadProblem, best: Evaluation, max_steps: int, least_gain: float = _LEAST_GAIN) -> Evaluation:
+    """Levenberg-Marquardt from an evaluation of the problem, at most ``max_steps`` steps.
+
+    It stops where the objective decreases by a share of less than ``least_gain``.
+    """
     damping = 1e-2
     for _ in range(max_steps):
         g, H = problem.slopes(best)
@@ -233,6 +236,6 @@ def minimise(problem: LeadProblem, best: Evaluation, max_steps: int) -> Evaluati
         if better is None:
             break
         gained, best = best.loss - better.loss, better
-        if gained < _LEAST_GAIN * max(1.0, best.loss):
+        if gained < least_gain * max(1.0, best.loss):
             break
     return best
