@@ -83,7 +83,7 @@ class MultiStepProblem:
 
     @property
     def unit(self) -> float:
-        """What all leads from one hourly origin weigh."""
+        """Weight of all leads from one hourly origin."""
         return float(self.weights.sum()) / self.stride
 
     def origins(self, begin: int, end: int) -> np.ndarray:
