@@ -26,7 +26,7 @@ def fit_zone(
     zone: str, store: str, paths: Sequence[str], estimator: Any, fallback: Any, last: Any = None
 ) -> str | None:
     """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
-    X, y = _training_rows(_filled(_restored(read_rows(paths[0])), estimator), estimator, last)
+    X, y = _training_rows(_whole(read_rows(paths[0]), estimator), estimator, last)
     mark, models = fingerprint(X, y), ModelStore(store)
     why, days = None, []
     if models.has(zone):
@@ -92,7 +92,7 @@ def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
     if models.journal(zone).facts["updated"] == mark:
         return
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_filled(_restored(rows), model), journal.scored.index), model)
+    X, y = _with_target(_in_clock(_whole(rows, model), journal.scored.index), model)
     if not hasattr(model, "update"):  # which would refuse them itself
         _refuse_known(journal, X)
     _take_in(model, journal, X, y, mark)
@@ -111,7 +111,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
     models = ModelStore(store)
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_filled(_restored(read_rows(paths[0])), model), journal.scored.index), model)
+    X, y = _with_target(_in_clock(_whole(read_rows(paths[0]), model), journal.scored.index), model)
     if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
         raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
     known = _in_clock_of(journal.facts["until"], X.index)
@@ -209,6 +209,11 @@ def _rows(path: str, model: Any) -> pd.DataFrame:
     return _filled(read_rows(path), model)
 
 
+def _whole(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
+    """Measured rows without short gaps of any kind."""
+    return _filled(_restored(rows), model)
+
+
 def _restored(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with those that are absent for up to three hours, as missing ones."""
     index = rows.index
@@ -229,12 +234,12 @@ def _restored(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _filled(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows with short gaps of inputs filled, as readers of logs do; longer ones are for the model to refuse."""
-    if not isinstance(rows.index, pd.DatetimeIndex) or not rows.columns.is_unique:
+    gaps = [column for column in rows.columns[rows.isna().any()] if column != TARGET]
+    if not gaps or not isinstance(rows.index, pd.DatetimeIndex) or not rows.columns.is_unique:
         return rows
-    roles = {TARGET: "T_za"} | {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
-    filled, filler = rows.copy(), GapFiller(SHORTEST_GAP)
-    for column in rows.columns[rows.isna().any()]:
-        filled[column] = filler.fit_transform(rows[[column]].set_axis([roles.get(column, column)], axis=1)).to_numpy()
+    named = {role: column for role, column in (getattr(model, "columns", None) or {}).items() if column in gaps}
+    filled = rows.copy()
+    filled[gaps] = GapFiller(SHORTEST_GAP, columns=named).fit_transform(rows[gaps])
     return filled
 
 
