@@ -85,7 +85,7 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
 
 def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str, list[str]]:
     """As :func:`read_log`, and the roles that are logged by change."""
-    log = read_by_role(path, settings)
+    log = by_role(read_raw_log(path, settings), settings)
     frame = log.frame
     if settings.label == "right":
         frame = to_left_label(frame, log.without_label)
@@ -107,7 +107,7 @@ class LogByRole(NamedTuple):
     without_label: list[str]  # roles whose values begin at their stamps, whatever the label
 
 
-def read_by_role(path: str | PathLike[str], settings: Settings) -> LogByRole:
+def by_role(raw: RawLog, settings: Settings) -> LogByRole:
     """One column per role at the stamps of the log.
 
     :func:`plant_heat` comes after the even steps: meters that are logged by change share no stamps.
@@ -116,7 +116,6 @@ def read_by_role(path: str | PathLike[str], settings: Settings) -> LogByRole:
     wanted = settings.load.get("setpoint", "measured")
     if isinstance(wanted, str) and wanted != "measured":
         columns[SETPOINT] = wanted
-    raw = read_raw_log(path, settings)
     channels = channels_of(raw, columns, settings.units, settings.scale)
     frame = to_roles(raw, _with_setpoint_units(channels, raw))
     refuse_mixed_units(frame)

@@ -14,8 +14,9 @@ from .._ranges import check_range
 from .._table import refuse_infinite_columns, role_of
 from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
+from ..logs.raw_log import RawLog
 from ..logs.zone_csv import to_left_label
-from ..study.data import on_even_steps, plant_heat, read_by_role, read_raw_log, refuse_mixed_units
+from ..study.data import by_role, on_even_steps, plant_heat, read_raw_log, refuse_mixed_units
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
@@ -37,7 +38,8 @@ def read_posted(
     """
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
-    log = read_by_role(path, _with_changes(path, settings, known or ()))
+    raw = read_raw_log(path, settings)
+    log = by_role(raw, _with_changes(raw, settings, known or ()))
     for channel in log.channels:
         _refuse_sums(channel)
     held = log.held if known is None else list(known)
@@ -59,13 +61,11 @@ def read_posted(
     return frame[~frame.index.duplicated(keep="last")], [*held, *(["Q_hvac"] if meters else [])]
 
 
-def _with_changes(path: str | PathLike[str], settings: Settings, known: Sequence[str]) -> Settings:
+def _with_changes(raw: RawLog, settings: Settings, known: Sequence[str]) -> Settings:
     """The settings without the roles of ``known`` that did not change; of two meters both are needed for their sum."""
     free = set(known) - set(_METERS)
-    if not free:
-        return settings
-    present = read_raw_log(path, settings).frame.columns
-    return replace(settings, columns={r: c for r, c in settings.columns.items() if r not in free or c in present})
+    columns = {r: c for r, c in settings.columns.items() if r not in free or c in raw.frame}
+    return replace(settings, columns=columns)
 
 
 def _refuse_sums(channel: Channel) -> None:
