@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -24,7 +25,12 @@ def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame
             "temperature is forecast as if it were heated and cooled as usual, and its load is not known.",
             SkhybridWarning,
         )
-    return frame.drop(columns=[role for roles in dead.values() for role in roles])
+    return without_roles(frame, dead)
+
+
+def without_roles(frame: pd.DataFrame, by_zone: Mapping[str, Sequence[str]]) -> pd.DataFrame:
+    """A log without some roles of its zones."""
+    return frame.drop(columns=[role for roles in by_zone.values() for role in roles], errors="ignore")
 
 
 def dead_meters(frame: pd.DataFrame, settings: Settings) -> dict[str, list[str]]:

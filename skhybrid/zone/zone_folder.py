@@ -17,7 +17,7 @@ from ..study.data import read_even_log
 from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
-from .dead_meters import dead_meters
+from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .outages import complete_rows, like_index, stretches, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
@@ -293,8 +293,7 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     dead = {z: r for z, r in dead_meters(frame, zone.settings).items() if z not in zone.not_learned}
     if dead:
-        alive = frame.drop(columns=[role for roles in dead.values() for role in roles])
-        return len(zone.new_rows(alive)), f"the heat of {listed(dead)} is logged no more"
+        return len(zone.new_rows(without_roles(frame, dead))), f"the heat of {listed(dead)} is logged no more"
     new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
     if why := zone.outage(frame):
         return len(new), why
@@ -331,7 +330,7 @@ def _learn(
 def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
     """A model of the rows after the last gap of a log."""
     step = pd.Timedelta(zone.settings.step)
-    alive = frame.drop(columns=[role for roles in dead_meters(frame, zone.settings).values() for role in roles])
+    alive = without_roles(frame, dead_meters(frame, zone.settings))
     rows = stretches(complete_rows(alive, zone.settings.roles_of("T_za")), step)[-1]
     needed = min(_REFIT_DAYS, zone.predictor.training_.n_rows * step)
     if len(rows) * step < needed:

@@ -21,7 +21,7 @@ from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.zone_part import roles_of, rows_of, settings_of
-from .dead_meters import not_learned, without_dead_meters
+from .dead_meters import not_learned, without_dead_meters, without_roles
 from .outages import BRIDGED, Unread, bridged, complete_rows, like_index, stretches, up_to_measured
 
 _LEAST_DAYS = 3
@@ -234,7 +234,7 @@ class ZoneModel:
 
     def _read(self, frame: pd.DataFrame) -> pd.DataFrame:
         """A log without the heat that the model was learned without."""
-        return frame.drop(columns=[r for roles in self.not_learned.values() for r in roles], errors="ignore")
+        return without_roles(frame, self.not_learned)
 
     @property
     def not_learned(self) -> dict[str, list[str]]:
