@@ -55,7 +55,7 @@ class Machine(NamedTuple):
     chunk_size: int = 12
 
 
-BLOCKS = {"mlp": Block("mlp", ("case01", "case12"), 20), "lstm": Block("lstm", ("case01", "case03"), 4)}
+BLOCKS = {b.model: b for b in (Block("mlp", ("case01", "case12"), 20), Block("lstm", ("case01", "case03"), 4))}
 #: The paper trains ten networks of each size.
 GPU_BLOCKS = [
     Block("mlp", ("case01", "case12"), 100, 10),
@@ -262,6 +262,7 @@ def measure_gpu(block: Block) -> dict[str, Any]:
     """A row of the table of a GPU: networks per minute of both searches there and on all cores."""
     X, y = hourly_office()
     gpu, cores = Machine("cuda", 1, 256), Machine("cpu", os.cpu_count() or 1)
+    counts: dict[str, int] = {}
     rates: dict[str, float] = {}
     for name, search, machine, settings in (
         ("ours, GPU", design_search, gpu, {}),
@@ -270,13 +271,12 @@ def measure_gpu(block: Block) -> dict[str, Any]:
     ):
         search(block._replace(cases=block.cases[:1], n_epochs=1), X, y, machine, **settings)  # imports, processes
         begin = time.perf_counter()
-        n = search(block, X, y, machine, **settings)
-        rates[name] = 60.0 * n / (time.perf_counter() - begin)
-        print(block.model, name, n, rates[name], flush=True)
-    ours = rates["ours, GPU"]
-    ratios = {f"ours / {name}": ours / rate for name, rate in rates.items() if rate != ours}
-    n_networks = len(block.cases) * 36 * block.n_repeats
-    return {"networks": n_networks, "epochs": block.n_epochs} | rates | ratios
+        counts[name] = search(block, X, y, machine, **settings)
+        rates[name] = 60.0 * counts[name] / (time.perf_counter() - begin)
+        print(block.model, name, counts[name], rates[name], flush=True)
+    ours, *others = rates
+    ratios = {f"ours / {name}": rates[ours] / rates[name] for name in others}
+    return {"networks": counts[ours], "epochs": block.n_epochs} | rates | ratios
 
 
 def main_gpu() -> None:
