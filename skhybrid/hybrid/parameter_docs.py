@@ -28,8 +28,8 @@ shared_docs = docs_from(
             Temperature after a step of 1 kW, by lead, of each way to forecast and of their blend [K/kW].
         gain_std_ : Series
             Relative standard error of the network's ``gain_``, by lead: what the training leaves open (a jackknife over
-            blocks of days), and beside it what the network was off by in step tests in EnergyPlus, 0.25 with
-            ``purpose="plan"`` and 0.5 with ``"forecast"``.
+            blocks of days), and what the network was off by in step tests in EnergyPlus, 0.25 with ``purpose="plan"``
+            after a training with jumps of the heat, otherwise 0.5.
         """,
         "disturbance": """
         disturbance : {"input", "output"}, default="input"
@@ -86,6 +86,7 @@ shared_docs = docs_from(
         intervals_ : LeadIntervals
             Errors on left-out days of the training, from which quantiles are made.
         preprocess_ : transformer or None
+        n_features_in_, feature_names_in_ : int, ndarray of str
         """,
     }
 )

@@ -72,6 +72,7 @@ _BLOCKS = {
         Node temperatures at the first training row [degC].
     sampling_time_ : Timedelta
     network_ : RCNetwork
+    n_features_in_, feature_names_in_ : int, ndarray of str
     """,
 }
 

@@ -46,12 +46,13 @@ def backtest(
     y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for a BuildingPredictor
         Measured zone temperature [degC]; NaN is kept as it is.
     horizon : timedelta-like, default="1D"
+        How far each forecast reaches.
     origin_step : timedelta-like, default="1D"
         Distance of the origins.  If it is a whole number of days or divides a day, origins are counted from the
         first local midnight, by the wall clock; any other step, such as ``"25h"``, is counted from the first row.
     start : timestamp or int, optional
-        The earliest origin (a row number for an array): rows before it are history only, and "first" above counts
-        from here.
+        The earliest origin (a row number for an array).  Rows before it are history only; origins are counted from
+        the first midnight, or row, at or after it.
     quantiles : sequence of float, optional
         Quantiles to forecast as well, in (0, 1), increasing; they need an estimator with ``predict_quantiles_from``.
     whole : bool, default=True
