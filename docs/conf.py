@@ -31,6 +31,9 @@ extensions = [
 ]
 templates_path = ["_templates"]
 exclude_patterns = ["_build", "_templates"]
+# a link to a name of this package that no page has is an error
+nitpicky = True
+nitpick_ignore_regex = [(r"py:.*", r"(?!skhybrid\b).*")]
 
 # ------------------------------------------------------------------------------------------------------- reference
 autosummary_generate = True

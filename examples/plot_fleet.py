@@ -30,7 +30,7 @@ training, later = X[X.index < "2024-01-22"], X[X.index >= "2024-01-22"]
 # Fit
 # ---
 # ``errors_`` says why the zone with gaps cannot be fitted; the others are fitted.  ``ARXRegressor`` is fast; for a real
-# fleet take :class:`~skhybrid.HybridPredictor`.
+# fleet take :class:`~skhybrid.hybrid.HybridPredictor`.
 fleet = ZoneFleet(ARXRegressor(), n_jobs=1).fit(training)
 fleet.errors_
 

@@ -66,7 +66,8 @@ def plan_by_cvxpy(ahead):
 # %%
 # CasADi
 # ------
-# :meth:`~skhybrid.HybridPredictor.to_state_space` gives the network itself.  A nonlinear cost or plant would go here.
+# :meth:`~skhybrid.hybrid.HybridPredictor.to_state_space` gives the network itself.  A nonlinear cost or plant would go
+# here.
 
 
 def plan_by_casadi(space):

@@ -74,7 +74,7 @@ def make_office(
         ``T_oa`` [degC] and ``q_sol`` [kW/m2] that cover the run, such as a table from :func:`read_epw`; replaces the
         generator.
     holidays : str or sequence of dates, optional
-        A country, a state or dates, as for :class:`~skhybrid.HybridPredictor`: days that are like Sundays.
+        A country, a state or dates, as for :class:`~skhybrid.hybrid.HybridPredictor`: days that are like Sundays.
     random_state : int, RandomState, Generator or None
         Seed of weather, gains, set-points and noise, each of which has its own stream.
 

@@ -58,14 +58,15 @@ class ZoneFleet(BaseEstimator):
     Parameters
     ----------
     estimator : estimator
-        Such as :class:`~skhybrid.HybridPredictor`.
+        Such as :class:`~skhybrid.hybrid.HybridPredictor`.
     key : str, default="zone"
         Column of a long table, or name of the folders of a dataset.
     store : path-like, optional
         Folder of the models.  A fit that was killed goes on where it was: zones with the same rows are not fitted
         again.  Another fleet can use the models without a fit.  None: a temporary folder, removed with the fleet.
     fallback : estimator, optional
-        Simple model, such as :class:`~skhybrid.ARXRegressor`, of zones for which ``estimator`` cannot be fitted.
+        Simple model of zones for which ``estimator`` cannot be fitted, such as
+        :class:`~skhybrid.forecasting.ARXRegressor`.
     n_jobs : int, optional
         Number of processes, as joblib counts them.
 
@@ -173,7 +174,7 @@ class ZoneFleet(BaseEstimator):
         history, future : as X in :meth:`fit`
             Rows up to the origin, and those after it; ``history=None``: all that is known from fit and update.
         T_za, setpoint, quantiles
-            As in :meth:`skhybrid.HybridPredictor.forecast`, for all zones.
+            As in :meth:`skhybrid.hybrid.HybridPredictor.forecast`, for all zones.
 
         Returns
         -------

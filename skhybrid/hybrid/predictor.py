@@ -46,8 +46,8 @@ class HybridPredictor(BaseTwoStage):
     scheme_ : str
         ``"schedule"`` or ``"two-stage"``.
     gray_box_, forecaster_ : estimator
-        The identified network and the fitted forecaster of its disturbance; of the schedule model both are one
-        :class:`~skhybrid.schedule.ScheduledNetwork`.
+        The identified network and the fitted forecaster of its disturbance; of the schedule model both are the same
+        network with its schedules, as :class:`SchedulePredictor` lists.
     weights_ : DataFrame
         Shares of the blend's members by group of leads; as the next two, of the schedule model only.
     %(gain)s

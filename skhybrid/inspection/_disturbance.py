@@ -138,7 +138,7 @@ class ScheduleDisplay(Display):
     ----------
     schedule : DataFrame
         ``gain`` [kW] and ``ua`` [kW/K] by day type and hour, as in ``gray_box_.schedule_`` of a
-        :class:`~skhybrid.HybridPredictor`.
+        :class:`~skhybrid.hybrid.HybridPredictor`.
 
     %(attributes)s
     """

@@ -57,7 +57,7 @@ class ForecastDisplay(Display):
     ) -> ForecastDisplay:
         """Back-test fitted estimators and draw their forecasts, or the forecast of a building.
 
-        Of a :class:`skhybrid.BuildingPredictor` X is the history, or None, and y the rows ahead, as in its
+        Of a :class:`skhybrid.hybrid.BuildingPredictor` X is the history, or None, and y the rows ahead, as in its
         ``forecast``; ``T_za_<zone>`` of y is drawn as measured, and each zone has a panel.
 
         %(backtest)s

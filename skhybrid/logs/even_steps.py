@@ -86,7 +86,7 @@ def regularize(
         Longest gap in an input to fill, in a set-point with its last value, else by linear interpolation; longer gaps
         stay NaN.
     held : collection of str
-        Columns that were logged by change (:attr:`skhybrid.logs.RawLog.held`): a value holds until the next one.
+        Columns that were logged by change (``held`` of a :class:`~skhybrid.logs.RawLog`): a value holds until the next.
     max_hold : timedelta-like
         Longest time for which a value of a held column holds; after it the column is missing.  A set-point
         (``T_heat_set``, ``T_cool_set``) holds for a week, or for ``max_hold`` if that is longer.

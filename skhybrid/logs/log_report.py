@@ -55,7 +55,7 @@ class LogReport:
     label : {"left", "right"}, optional
         Whether a stamp begins or ends the interval of its row.
     holidays : str or list of dates, optional
-        As in :class:`skhybrid.HybridPredictor`; such days count as Sundays.
+        As in :class:`skhybrid.hybrid.HybridPredictor`; such days count as Sundays.
     scaled : iterable of str, optional
         Roles of stages whose capacity is known, and of meters that are known to be heat or electricity.
 

@@ -62,18 +62,18 @@ class Settings:
     adjacency : list of pairs of zones, optional, which zones exchange heat, where there are several
     columns : mapping of role to column
         Columns of the log; ``T_za`` and ``T_oa`` are needed.  Of several zones: ``T_za_<zone>`` of each, with its
-        plants and set-points, as for :class:`skhybrid.BuildingPredictor`.
+        plants and set-points, as for :class:`skhybrid.hybrid.BuildingPredictor`.
     units : mapping of role to unit, units of columns, where they are not those of the data contract
     scale : mapping of role to number, factors on columns, applied after the units
     network : mapping
         ``name`` of the catalogue, or a declaration as for :class:`skhybrid.thermal.RCNetwork`; by default the
-        identifications take 2R2C and the hybrid the network of :class:`skhybrid.HybridPredictor`.
+        identifications take 2R2C and the hybrid the network of :class:`skhybrid.hybrid.HybridPredictor`.
     estimator : mapping
         ``name`` of the identification (conventional, input, output, periodic), and parameters of that class.
     forecaster : mapping
-        ``model``: ``"schedule"`` is the default of :class:`skhybrid.HybridPredictor`, which takes from the estimator's
-        settings only the capacities in ``known``; with any other model the hybrid is the two-stage scheme, and these
-        are parameters of :class:`skhybrid.forecasting.DisturbanceForecaster`.
+        ``model``: ``"schedule"`` is the default of :class:`~skhybrid.hybrid.HybridPredictor`, which takes from the
+        estimator's settings only the capacities in ``known``; with any other model the hybrid is the two-stage scheme,
+        and these are parameters of :class:`~skhybrid.forecasting.DisturbanceForecaster`.
     train, test : mapping, ``start`` and ``end`` (a whole day where no time is given)
     load : mapping, ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log
     site : mapping

@@ -71,7 +71,7 @@ class Schedule(NamedTuple):
     def band(self, index: pd.DatetimeIndex, holidays: Any = None) -> pd.DataFrame:
         """``T_heat_set`` and ``T_cool_set`` [degC] of rows in local time, without a column for a side not given.
 
-        ``holidays``, as for :class:`skhybrid.HybridPredictor`, are days of the weekend.
+        ``holidays``, as for :class:`skhybrid.hybrid.HybridPredictor`, are days of the weekend.
         """
         local = wall_clock(index)
         free, before = (free_days(holidays, days) for days in (local, local - pd.Timedelta("1D")))

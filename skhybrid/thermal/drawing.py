@@ -29,7 +29,8 @@ def draw(network: RCNetwork, roles: Iterable[str] | None = None) -> str:
     ----------
     network : RCNetwork
         The rooms of a :func:`building_network` are drawn apart, joined by their partitions.
-    roles : iterable of str, default :attr:`usual_roles`
+    roles : iterable of str, optional
+        Columns whose inputs are drawn; default :attr:`RCNetwork.usual_roles`.
     """
     roles = tuple(network.usual_roles if roles is None else roles)
     canvas = Canvas()

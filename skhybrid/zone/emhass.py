@@ -98,7 +98,7 @@ def emhass_parameters(
 
     Notes
     -----
-    :mod:`skhybrid.zone.first_order` derives heating rate and cooling constant.  EMHASS's storage takes heat without
+    :doc:`/how_to/emhass` derives heating rate and cooling constant.  EMHASS's storage takes heat without
     feedback (docs/thermal_battery.md), ``T[k+1] = T[k] + (COP P dt - demand[k]) / C``; its C is the one that warms as
     the network does over the hours, by least squares.  Standard errors are those of the parameters by the delta method.
     """

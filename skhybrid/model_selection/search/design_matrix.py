@@ -74,7 +74,7 @@ class DesignMatrix:
         Parameters
         ----------
         prefix : str, default ``"forecaster__"``
-            Prefix of the forecaster's parameters: the default for :class:`~skhybrid.HybridPredictor`;
+            Prefix of the forecaster's parameters: the default for :class:`~skhybrid.hybrid.HybridPredictor`;
             ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster alone.
         """
         outside = None if not prefix else prefix.rstrip("_").rpartition("__")[0]
@@ -131,7 +131,7 @@ def design_matrix(
     ----------
     frameworks : sequence of str, or mapping of str to model
         Networks (``"mlp"``, ``"cnn"``, ``"rnn"``, ``"lstm"``) and baselines (``"ridge"``, ``"profile"`` ...) by name;
-        or a mapping from any name to a ``model`` of :class:`~skhybrid.DisturbanceForecaster`, such as
+        or a mapping from any name to a ``model`` of :class:`~skhybrid.forecasting.DisturbanceForecaster`, such as
         ``{"mlp": "mlp", "forest": RandomForestRegressor()}``.  Only networks have cases.
     cases : sequence of str or ModelCase, or mapping of framework to such, optional
         Cases; each applies to every framework that has a case of this name.  Default, also for frameworks that a

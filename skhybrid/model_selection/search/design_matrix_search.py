@@ -138,7 +138,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Consecutive rows; for a :class:`~skhybrid.HybridPredictor` with ``T_za`` as history.
+            Consecutive rows; for a :class:`~skhybrid.hybrid.HybridPredictor` with ``T_za`` as history.
         y : array-like of shape (n_samples,), target
 
         Raises
