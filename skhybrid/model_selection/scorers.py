@@ -22,6 +22,9 @@ class DayAheadScorer:
     a regressor without ``predict_from`` may not read it (:func:`backtest`).  A warning says where no forecast of a
     block reaches half of the horizon, as in blocks of one day that do not begin at midnight.
 
+    ``day_ahead_scorer`` is ``DayAheadScorer()``, the error of day-ahead forecasts; ``quantile_scorer`` is that of their
+    quantiles 0.1, 0.5 and 0.9.
+
     Parameters
     ----------
     horizon, origin_step : timedelta-like, default="1D"
