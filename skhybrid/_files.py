@@ -15,17 +15,7 @@ from pathlib import Path
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Path of a temporary file, which replaces ``path`` when the block ends and is removed if it fails.
 
-    A file that is replaced keeps its permissions.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to create or replace; its folder is created if needed.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written, with its path.
+    The folder is created if needed, a file that is replaced keeps its permissions, and an OSError names the path.
     """
     target = Path(path)
     with named_in_errors(target):

@@ -35,13 +35,7 @@ def fold(data: Any) -> dict[str, Any]:
 
 
 def unfold(found: Any) -> Any:
-    """Return the data that :func:`fold` folded.
-
-    Raises
-    ------
-    ValueError
-        If it has another form, or more parts than a model has.
-    """
+    """Return the data that :func:`fold` folded; refuse another form, or more parts than a model has."""
     if type(found) is not dict or found.keys() != {"text", "values"}:
         raise ValueError("it was not written by save_model")
     array, values = found["text"], found["values"]

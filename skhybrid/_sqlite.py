@@ -14,18 +14,8 @@ _PATIENCE = 1.0  # how long a process waits for another one before it gives up [
 def open_database(path: str | PathLike[str], busy: str, remedy: str) -> Iterator[sqlite3.Connection]:
     """A connection that begins no transaction by itself; the file is created where there is none.
 
-    Parameters
-    ----------
-    path : path-like
-    busy : str, the message where another process is writing to it
-    remedy : str, what to do where it cannot be used for another reason
-
-    Raises
-    ------
-    BlockingIOError
-        If another process is writing to it.
-    OSError
-        If the file cannot be read or written.
+    ``busy`` is the message of the BlockingIOError where another process is writing to it, ``remedy`` what the OSError
+    says to do where it cannot be used for another reason.
     """
     try:
         with closing(sqlite3.connect(fspath(path), timeout=_PATIENCE, isolation_level=None)) as database:

@@ -142,11 +142,6 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
     """The rows of a zone, from its file or the Parquet files of its folder; rows of later names replace earlier ones.
 
     Numbers in names count as numbers: ``day-10.parquet`` is later than ``day-9.parquet``.
-
-    Raises
-    ------
-    ValueError
-        If there is no Parquet file, one cannot be read, or one of several has no time stamps.
     """
     where = Path(path)
     if where.suffix == ".pickle":  # a temporary file of this process

@@ -23,13 +23,7 @@ class Split(NamedTuple):
 
 
 def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int) -> Split:
-    """Validate on the last ``fraction`` of the rows, one horizon after training; on none if either were too short.
-
-    Raises
-    ------
-    ValueError
-        If rows to train on would be left by a smaller fraction only.
-    """
+    """Validate on the last ``fraction`` of the rows, one horizon after training; on none if either were too short."""
     n_valid = round(fraction * n_rows)
     valid_start = n_rows - n_valid
     train_end = valid_start - n_leads
@@ -44,13 +38,7 @@ def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int
 
 
 def measured_split(target: np.ndarray, n_leads: int, fraction: float, per_day: int) -> Split:
-    """:func:`chronological_split` of the rows up to the last one whose target (n_rows,) is not missing.
-
-    Raises
-    ------
-    ValueError
-        If all targets of the training block are missing, or it has no rows.
-    """
+    """:func:`chronological_split` of the rows up to the last one whose target (n_rows,) is not missing."""
     known = np.flatnonzero(np.isfinite(target))
     split = chronological_split(int(known[-1]) + 1 if len(known) else len(target), n_leads, fraction, per_day)
     if not np.isfinite(target[: split.train_end]).any():

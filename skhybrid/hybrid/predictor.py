@@ -136,10 +136,5 @@ class HybridPredictor(BaseTwoStage):
 
 
 def takes_two_stages(estimator: BaseTwoStage) -> bool:
-    """Whether an estimator, fitted or not, identifies a gray box first and then fits a forecaster.
-
-    Parameters
-    ----------
-    estimator : TwoStagePredictor or HybridPredictor
-    """
+    """Whether an estimator, fitted or not, identifies a gray box first and then fits a forecaster."""
     return isinstance(estimator, BaseTwoStage) and estimator._takes_two_stages()

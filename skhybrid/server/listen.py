@@ -34,13 +34,7 @@ def check_token(host: str, token: str | None) -> None:
 
 
 def open_socket(host: str, port: int) -> socket.socket:
-    """A socket that listens.
-
-    Raises
-    ------
-    OSError
-        If another process has the port, or the host is none of this machine.
-    """
+    """A socket that listens; an OSError says what to do where the port is taken or the host is none of this machine."""
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         return socket.create_server((host, port), family=family)

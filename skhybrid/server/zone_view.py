@@ -34,13 +34,7 @@ class ZoneView(NamedTuple):
 
 
 def view_zones(folder: ZoneFolder, zone: ZoneModel) -> dict[str, ZoneView]:
-    """Each zone as it is now, by the model of its folder; one zone by an empty name.
-
-    Raises
-    ------
-    OSError
-        If the archive cannot be read.
-    """
+    """Each zone as it is now, by the model of its folder; one zone by an empty name."""
     with open_archive(folder.archive) as archive:
         archives = archives_of(archive, zone)
         return {name: _view(archives[name], part) for name, part in zone.parts().items()}
