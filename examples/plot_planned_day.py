@@ -112,8 +112,8 @@ def account(plant, office):
 # The controller
 # --------------
 # A linear program over the next day.  The offsets of the lower quantile make the room warm enough in nine cases of ten.
-# While there is heat in the plan, the thermostat gets the temperature that is planned for the end of the half hour, and
-# makes up for what the plan did not foresee.
+# While there is heat in the plan, the thermostat gets the temperature that is planned for the end of the half hour; so
+# it makes up for what the plan did not foresee.
 
 
 def plan(ahead, weather):
@@ -183,9 +183,10 @@ plt.show()
 # %%
 # What it was worth
 # -----------------
-# One office and one day prove nothing.  Here are the five days in three offices, whose people differ.  A thermostat can
-# be set better than it was, so a rule is compared too: one level from some hour until 6 h, and another until 18 h.  The
-# rule is the best of a grid on the week before, tried on the simulated office itself, which nobody could do on site.
+# One office and one day prove nothing.  Here are the five days in three offices, whose people differ.  A better
+# schedule of set-points may do as well, so a rule is compared too: one level from some hour until 6 h, and another
+# until 18 h.  The rule is the best of a grid on the week before, tried on the simulated office itself, which nobody
+# could do on site.
 
 
 def by_rule(office, rows, start, before, during):

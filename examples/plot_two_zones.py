@@ -36,7 +36,8 @@ flat
 # %%
 # A log whose truth is known
 # --------------------------
-# Two weeks in which the heaters follow a pseudo-random sequence and the gains drift slowly.
+# Two weeks in which the heaters follow a pseudo-random sequence and the unmeasured gains drift slowly.  The south room
+# gets the sun from the morning to the evening, the north room only the diffuse part.
 truth = {"C_wn": 4.0, "C_ws": 6.0, "C_n": 0.8, "C_s": 1.2, "R_nw": 1.2, "R_sw": 0.9, "R_no": 8.0, "R_so": 6.0}
 truth |= {"R_ns": 2.5, "A_win_north": 1.0, "A_win_south": 3.0, "Q_h_north": 5.0, "Q_h_south": 6.0}
 
@@ -48,14 +49,14 @@ X["q_sol_south"] *= np.clip(np.sin((hour - 5) / 15 * np.pi), 0, None)
 for k, (room, scale) in enumerate(zip(rooms, ("2h", "3h"), strict=True)):
     X[f"u_heat_{room}"] = make_prbs(6, scale, duration="14D", step="15min", low=0.1, high=0.9, random_state=k)
 
-d = flat.discrete(truth, X.columns, dt=0.25)
-gain, level = np.empty((len(X), 2)), np.full(2, 0.3)
-state, T = np.full(4, 18.0), np.empty((len(X), 2))
+discrete = flat.discrete(truth, X.columns, dt=0.25)  # steps of 15 min
 inputs = X[list(flat.inputs(X.columns))].to_numpy()
+gain, T = np.empty((len(X), 2)), np.empty((len(X), 2))  # [kW], [degC]
+level, state = np.full(2, 0.3), np.full(4, 18.0)
 for k in range(len(X)):
     level = 0.99 * level + rng.normal(0.0, 0.05, 2)
     gain[k], T[k] = level, state[[2, 3]]
-    state = d.A @ state + d.B @ [*inputs[k], *gain[k]]
+    state = discrete.A @ state + discrete.B @ [*inputs[k], *gain[k]]
 X[["T_north", "T_south"]] = T + rng.normal(0.0, 0.03, T.shape)
 
 # %%
