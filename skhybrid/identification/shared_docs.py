@@ -16,7 +16,8 @@ _BLOCKS = {
     bounds : dict of parameter to (lower, upper), optional
         Overrides the paper's bounds.
     n_starts : int, default=50
-        Random starts, log-uniform within the bounds.
+        Largest number of random starts, log-uniform within the bounds; the search ends once five agree on the best
+        minimum.
     """,
     "data": """
     horizon : timedelta-like, optional
