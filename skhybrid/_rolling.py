@@ -1,4 +1,4 @@
-"""Rolling-origin prediction, shared by all forecasters (design 2): origin row ``o`` knows rows up to and with ``o``."""
+"""Rolling-origin prediction, shared by all forecasters: origin row ``o`` knows rows up to and with ``o``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Innovations-form predictor ``s[k+1] = A s[k] + B v[k] + K[k] e[k]``, ``e[k] = y[k] - C s[k]``, with sensitivities.
 
-One recursion serves every disturbance model; they differ in the states that they append and in the gain ``K``
-(design 4): constant, or Kalman's over the first rows or over all.  A row without a measurement has ``e[k] = 0``.
+One recursion serves every disturbance model; they differ in the states that they append and in the gain ``K``:
+constant, or Kalman's over the first rows or over all.  A row without a measurement has ``e[k] = 0``.
 
 The constant gain is Kalman's of a process that only its own errors drive, ``z[k+1] = a z[k] + b e[k]``, while every row
 is measured.  A missing row leaves ``b e[k]`` unknown: with p the variance of z, in units of that of e, the row that is

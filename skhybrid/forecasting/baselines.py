@@ -1,4 +1,4 @@
-"""The baselines that any claim must be measured against: hour-of-week mean, last week, persistence, 0 (design 5)."""
+"""The baselines that any claim must be measured against: hour-of-week mean, last week, persistence, 0."""
 
 from __future__ import annotations
 

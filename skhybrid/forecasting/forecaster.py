@@ -1,4 +1,4 @@
-"""``DisturbanceForecaster``: networks, any scikit-learn regressor and the baselines with one interface (design 5)."""
+"""``DisturbanceForecaster``: networks, any scikit-learn regressor and the baselines with one interface."""
 
 from __future__ import annotations
 

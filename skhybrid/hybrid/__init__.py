@@ -1,4 +1,4 @@
-"""Hybrid predictors: a thermal network joined to a forecast of its disturbance (design 6), and a drift monitor."""
+"""Hybrid predictors: a thermal network joined to a forecast of its disturbance, and a drift monitor."""
 
 from ..control import AffineForecast, ControlModel
 from .building.building_predictor import BuildingPredictor

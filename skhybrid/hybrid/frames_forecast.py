@@ -246,7 +246,8 @@ class FramesForecastMixin(FramesReadingMixin):
 
         The plant is ideal: it gives the least heat by the network, as ARX models no plant.  Where the training had
         set-points, ``setpoint`` is a pair and there are no ``limits``, thermostat and plant act as learned instead.
-        Of a noisy set-point, such as a measured temperature, the load follows the smooth part (see the user guide).
+        Of a noisy set-point, such as a measured temperature, the load follows the smooth part
+        (:doc:`/explanation/thermostat`).
 
         Parameters
         ----------

@@ -21,12 +21,14 @@ class SchedulePredictor(BaseHybrid):
     """Day-ahead forecast of temperature and load by the schedule model.
 
     Schedules of gain and conductance are learned through the network, on its forecast errors at all leads, and the
-    forecast is blended with ARX.  The user guide has the equations.  Where the training does not determine what a plant
-    does, ``fit`` warns (:class:`~skhybrid.exceptions.ExcitationWarning`), takes a network of the usual size, and lets
-    no other member of the blend say what that plant does.  A :class:`~skhybrid.exceptions.GainWarning` is given where
-    a gain is unreliable: by ``fit`` with ``purpose="plan"`` where no jumps of the heat determine it, and by
-    :meth:`affine_forecast` and :meth:`to_state_space` where the members of the blend disagree on it.  Every
-    forecast stays within the temperatures known so far, widened by their range and 2 K, and by 10 K at least.
+    forecast is blended with ARX; see :doc:`/explanation/schedule_model`.  Every forecast stays within the temperatures
+    known so far, widened by their range and 2 K, and by 10 K at least.
+
+    Where the training does not determine what a plant does, ``fit`` warns
+    (:class:`~skhybrid.exceptions.ExcitationWarning`), takes a network of the usual size, and lets no other member of
+    the blend say what that plant does.  A :class:`~skhybrid.exceptions.GainWarning` is given where a gain is
+    unreliable: by ``fit`` with ``purpose="plan"`` where no jumps of the heat determine it, and by
+    :meth:`affine_forecast` and :meth:`to_state_space` where the members of the blend disagree on it.
 
     Parameters
     ----------

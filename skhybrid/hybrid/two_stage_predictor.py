@@ -209,8 +209,8 @@ class TwoStagePredictor(BaseTwoStage):
     """Day-ahead forecast of temperature and load by the paper's scheme.
 
     The gray box is identified, the disturbance that it leaves is estimated (causally, as later in use), averaged over
-    hours and learned by the forecaster; a forecast drives the network with the forecast disturbance (paper Eqs.
-    ID_hybrid and od_hybrid).  The user guide has the equations.
+    hours and learned by the forecaster; a forecast drives the network with the forecast disturbance (paper
+    Eqs. 17 and 18).  See :doc:`/explanation/method`.
 
     Parameters
     ----------

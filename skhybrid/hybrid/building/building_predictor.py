@@ -54,7 +54,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     Columns of one zone end with its name: ``T_za_north``, ``Q_hvac_north`` or ``Q_north``, ``u_heat_north``,
     ``q_sol_north``, ``T_heat_set_north``.  All others, such as ``T_oa``, ``q_sol``, a facade's irradiance or the stage
-    ``u_heat`` of a boiler that serves several zones, are shared.  The user guide has the equations.
+    ``u_heat`` of a boiler that serves several zones, are shared.  See :doc:`/how_to/several_zones`.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ _ADVICE = "or leave out terms that the table hardly separates"
 
 
 class PatternExpressiveness(BaseEstimator):
-    """Regress the error of candidates on their ingredients or sizes (paper 3.3, Figs. regression and model_size).
+    """Regress the error of candidates on their ingredients or sizes (paper 3.3 and 4.2).
 
     ``rmse = level + sum(effect * term) + noise``, sampled with PyMC.  The share of an effect's draws below zero is the
     probability that the term reduces the error.
