@@ -54,7 +54,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         training (:class:`RollingOriginSplit`).
     store : path-like, optional
         SQLite file of results on a local disk, created if it does not exist.  None: results are kept in memory.
-    n_jobs : int, optional, number of processes, as joblib counts them
+    n_jobs : int, optional
+        Number of processes, as joblib counts them.
     scoring : str, callable, list or dict, optional
         As in ``GridSearchCV``; default is the negative root-mean-square error [K] of ``predict`` over measured rows.
     refit : bool, str or callable, default True
@@ -63,9 +64,9 @@ class DesignMatrixSearchCV(BaseSearchCV):
         Score of a candidate that fails, whose error is in ``results_``; ``"raise"`` ends the search, and tries again
         what failed in an earlier run with this store.
     halving : int or tuple of (int, int), optional
-        Stop hopeless networks early: all are trained for this many epochs, the best third by RMSE (or 1 / the second
-        number) for three times as many, and so on up to ``max_epochs``.  See ``halving_``; none of those that were
-        stopped, whose number is in a warning, can be the best.
+        Stop hopeless networks early: all are trained for this many epochs, then the best third by RMSE for three times
+        as many, and so on up to ``max_epochs``.  The second number of a pair takes the place of three.  A stopped
+        network is never the best; a warning says how many there are, and ``halving_`` at which rung.
     baselines : mapping of str to regressor, optional
         Further estimators, such as ``{"arx": ARXRegressor()}``, fitted and scored on the same splits.  They are rows of
         ``results_`` without a case, which :func:`select_case` ranks with the others, but none can be the best.
