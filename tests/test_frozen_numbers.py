@@ -31,6 +31,7 @@ FLAT = {
     "periodic-small_office": 1e-6,
     "periodic-home_2": 1e-7,
     "periodic-home_3": 1e-8,
+    "input_disturbance-small_office": 1e-6,
     "input_disturbance-home_2": 1e-8,
     "multi_step-office": 1e-6,
 }
