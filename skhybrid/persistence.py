@@ -85,15 +85,15 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
             body = io.dumps(data)
     except (AttributeError, NotImplementedError, TypeError) as error:
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error}") from error
-    unknown = sorted(set(io.get_untrusted_types(data=body)) - set(_TRUSTED))
-    if unknown:
-        raise TypeError(
-            f"{type(estimator).__name__} contains a {unknown[0]}, which cannot be written as data that is safe to "
-            "read; use another regressor (not a tree ensemble)."
-        )
     try:
         _decode(body, path)
     except ModelFileError as error:
+        unknown = sorted(set(io.get_untrusted_types(data=body)) - set(_TRUSTED))
+        if unknown:
+            raise TypeError(
+                f"{type(estimator).__name__} contains a {unknown[0]}, which cannot be written as data that is safe to "
+                "read; use another regressor (not a tree ensemble)."
+            ) from error
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error.__cause__}") from error
     version = __version__.encode()
     with atomic_path(path) as made:

@@ -8,11 +8,11 @@ from functools import cached_property, lru_cache, partial
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
 from .._calendar import N_CELLS, day_type_hour
 from .._last_known import carried_forward
+from .._positive_definite import solve_positive
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
 from ..filtering import iterate_lags, low_pass
@@ -40,6 +40,11 @@ class ARXData:
     carried_forward: np.ndarray  # (n_rows,) the same, with the last known value where missing
     first: int
     make_exogenous: Callable[[], np.ndarray]
+
+    @cached_property
+    def n_known(self) -> np.ndarray:
+        """(n_rows + 1,) how many temperatures are measured before each row."""
+        return np.append(0, np.isfinite(self.T).cumsum())
 
     @cached_property
     def exogenous(self) -> np.ndarray:
@@ -93,14 +98,14 @@ class Moments(NamedTuple):
             return self.added(prior).solution(np.zeros(len(self.cross)))
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
-        return np.asarray(cho_solve(cho_factor(self.gram + np.diag(penalty)), self.cross))
+        return solve_positive(self.gram + np.diag(penalty), self.cross)
 
     def solution(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""
         whole = self.gram + np.diag(penalty)
         unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), CONSTANT_PENALTY))
         scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
-        return np.asarray(unit * cho_solve(cho_factor(scaled), unit * self.cross))
+        return unit * solve_positive(scaled, unit * self.cross)
 
     def added(self, other: Moments, weight: float = 1.0) -> Moments:
         """The sums plus ``weight`` times others."""
@@ -244,19 +249,21 @@ class ARXDesign:
 
     def half_known(self, view: ARXData, rows: np.ndarray) -> np.ndarray:
         """Whether at least half of the temperatures up to each row are known, (n_rows,)."""
-        return np.isfinite(self._windows(view, view.T, rows)).mean(axis=1) >= _MIN_KNOWN
+        here, begin = rows - view.first, np.maximum(rows - self.n_lags + 1, 0) - view.first
+        known = view.n_known[here + 1] - view.n_known[begin]
+        known += np.maximum(self.n_lags - 1 - rows, 0) * view.n_known[1]  # row 0 stands for the rows before it
+        return known >= _MIN_KNOWN * self.n_lags
 
     def windows(self, view: ARXData, rows: np.ndarray) -> np.ndarray:
-        """(n_rows, n_lags) standardised temperatures up to each row, newest first; the last known one where missing."""
-        known = _causally_filled(self._windows(view, view.carried_forward, rows), self.T_mean)
-        return (known - self.T_mean) / self.T_scale
+        """(n_rows, n_lags) standardised temperatures up to each row, newest first; the last known one where missing.
 
-    def _windows(self, view: ARXData, T: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """(n_rows, n_lags) temperatures up to each row, newest first; row 0 stands for the rows before it."""
+        Row 0 stands for the rows before it.
+        """
         places = np.maximum(rows[:, None] - np.arange(self.n_lags), 0) - view.first
         if places.min(initial=0) < 0:  # would be read from the end
             raise IndexError(f"row {view.first + places.min()} lies before the rows at hand, from {view.first} on.")
-        return T[places]
+        known = _causally_filled(view.carried_forward[places], self.T_mean)
+        return (known - self.T_mean) / self.T_scale
 
     def iterate(
         self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True

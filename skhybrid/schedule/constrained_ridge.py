@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
-from scipy.linalg.blas import dsyrk
+from scipy.linalg.blas import dsyrk, dtrsv
 from scipy.optimize import nnls
+
+from .._positive_definite import solve_positive
 
 
 class Solution(NamedTuple):
@@ -44,14 +45,13 @@ def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray)
     free, bounded = np.flatnonzero(~positive), np.flatnonzero(positive)
     of_free = H[free]
     beside = of_free[:, bounded]
-    factor = cho_factor(of_free[:, free])
-    solved = cho_solve(factor, np.column_stack([beside, b[free]]))
+    solved = solve_positive(of_free[:, free], np.column_stack([beside, b[free]]))
     coef, cross = np.zeros(J), solved[:, :-1]
     if len(bounded):
         # with the free ones eliminated, what is left is a small problem with bounds
         inner = H[bounded][:, bounded] - beside.T @ cross
         _diagonal(inner)[:] += 1e-10 * np.trace(inner)
-        L = cholesky(inner, lower=True)
-        coef[bounded], _ = nnls(L.T, solve_triangular(L, b[bounded] - cross.T @ b[free], lower=True))
+        upper = np.linalg.cholesky(inner).T
+        coef[bounded], _ = nnls(upper, dtrsv(upper, b[bounded] - cross.T @ b[free], trans=1))
     coef[free] = solved[:, -1] - cross @ coef[bounded]
     return Solution(coef, ~positive | (coef > 0), 0.5 * float(G[J, J] - b @ coef))

@@ -298,7 +298,8 @@ def weighted(problem: LeadProblem) -> LeadProblem:
 
 def _squares_by_lead(problem: LeadProblem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
     """(L,) squared errors [K2] of forecasts at each lead, and how many are measured."""
-    errors = _forecast_errors(problem, problem.forecasts[0], at.designs[0], at.solution.coef)
+    root = problem.root_weights(problem.forecasts[0])
+    errors = _forecast_errors(root, at.designs[0].reshape(*root.shape, -1), at.solution.coef)
     return np.nansum(errors**2, axis=0), np.isfinite(errors).sum(axis=0)
 
 
@@ -382,16 +383,15 @@ def _left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -
     errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
     if not _several(blocks):
         return errors
+    root, by_origin = problem.root_weights(scored), E.reshape(*errors.shape, -1)
     for b, (_, others) in enumerate(block_grams(E, scored.sample, blocks)):
-        coef = problem.solve(others).coef
-        errors[blocks == b] = _forecast_errors(problem, scored, E, coef)[blocks == b]
+        errors[blocks == b] = _forecast_errors(root[blocks == b], by_origin[blocks == b], problem.solve(others).coef)
     return errors
 
 
-def _forecast_errors(problem: LeadProblem, scored: ScoredForecasts, design: np.ndarray, coef: np.ndarray) -> np.ndarray:
-    """(O, L) errors [K] of a weighted design under coefficients; NaN where there is no measurement."""
-    root = problem.root_weights(scored)
-    e = (design[:, -1] - design[:, :-1] @ coef).reshape(root.shape)
+def _forecast_errors(root: np.ndarray, design: np.ndarray, coef: np.ndarray) -> np.ndarray:
+    """(O, L) errors [K] of a design (O, L, J + 1) of root weights under coefficients; NaN without a measurement."""
+    e = design[..., -1] - design[..., :-1] @ coef
     return np.where(root > 0, e / np.where(root > 0, root, 1.0), np.nan)
 
 

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
+from .._positive_definite import solve_positive
 from ..filtering import ForecastSample
 from .channels import GROUPS, ChannelPlan
 from .constrained_ridge import Solution, gram, solve_coefficients
@@ -201,7 +201,7 @@ class LeadProblem:
             J = self.pull.sensitivities(self.model, at.psi, coef, segment)
             H, g = H + gram(J), g + J.T @ (E @ np.append(-coef, 1.0))
             cross += (E.T @ J)[free]
-        return g, H - cross.T @ cho_solve(cho_factor(inner), cross)
+        return g, H - cross.T @ solve_positive(inner, cross)
 
 
 def penalty_of(segment: Segment, shrinkage: Shrinkage, heat_scale: float) -> np.ndarray:
