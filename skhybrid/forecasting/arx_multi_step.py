@@ -19,7 +19,8 @@ _CHUNK = 256  # origins whose slopes are in memory at a time
 _LEAD_POWER = -0.3  # squared errors count with this power of their lead
 _QUARTER_HOUR = 0.25  # unit of that lead [h]
 _STEPS, _TRIES = 6, 4  # Gauss-Newton steps of a fit, and attempts with more damping at each
-_DAMPING = 1e-2
+_DAMPING = 1e-6  # next to none: the problem is nearly quadratic, and steps that fail are damped by far more
+_LEAST_GAIN = 1e-4  # of the squared errors, below which steps end
 _STEPS_PER_DAY = 2  # Gauss-Newton steps of a daily re-fit; where penalties are compared for long trainings, half of it
 _HISTORY_WEIGHT, _HALF_LIFE_DAYS = 3.0, 30.0  # of the rows after the training table
 
@@ -186,11 +187,11 @@ class MultiStepFit(NamedTuple):
                 held = damping * np.diag(whole.gram)
                 trial = Moments(whole.gram, whole.cross + held * coef).solution(penalty + held)
                 made, reached = tried(trial)
-                damping *= 0.1 if reached < best else 10.0
+                damping *= 0.1 if reached < best else 100.0
                 if reached < best:
                     coef, best, moments = trial, reached, problem.moments(view, made)
                     break
-            if best > before * (1.0 - 1e-4):
+            if not before - best >= _LEAST_GAIN * made.squares:  # NaN far from where equations hold
                 break
         return self._replace(coef=coef, moments=moments, knobs=knobs)
 
@@ -314,7 +315,7 @@ def _choose_knobs(problem: MultiStepProblem, view: ARXData, n_leads: int, alpha:
             continue
         for value in values:
             knobs = best._replace(**{name: value})
-            squares = _later_squares(first.improved(view, split - 1, knobs, 2), view, split, n_leads, refits)
+            squares = _later_squares(first.improved(view, split - 1, knobs, 1), view, split, n_leads, refits)
             if squares < least:
                 best, least = knobs, squares
     return best
