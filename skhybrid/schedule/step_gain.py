@@ -11,6 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from ..filtering import lead_sensitivities
 from .filter_model import FilterModel, Matrices
 from .segment import Segment
 
@@ -159,19 +160,20 @@ class StepResponse(NamedTuple):
 
 def step_response(model: FilterModel, M: Matrices, psi: np.ndarray, heated: int, n_leads: int) -> StepResponse:
     """Response with its exact derivatives by psi."""
-    n, p, nb = len(M.A), len(psi), M.B.shape[1] - len(M.A)
-    rate = model.step / np.exp(psi[-1])
-    a, b, db = np.exp(-rate), M.B[:, nb + heated], M.dB[:, nb + heated]
-    out = StepResponse(np.empty(n_leads), np.empty((n_leads, p)), np.empty(n_leads), np.empty((n_leads, p)))
-    x, dx, z, dz = np.zeros(n), np.zeros((n, p)), np.zeros(n), np.zeros((n, p))
-    for row in range(n_leads):
-        lag = -(a**row)  # what the emitter gives off less what it is given
-        dx, x = M.A @ dx + np.tensordot(M.dA, x, axes=(1, 0)) + db, M.A @ x + b
-        dz, z = M.A @ dz + np.tensordot(M.dA, z, axes=(1, 0)) + lag * db, M.A @ z + lag * b
-        dz[:, -1] += row * rate * lag * b
-        out.gain[row], out.slope[row] = x[model.zone], dx[model.zone]
-        out.lagging[row], out.dlagging[row] = z[model.zone], dz[model.zone]
-    return out
+    m, p, nb = len(M.F), len(psi), M.B.shape[1] - len(M.A)
+    b, db = M.B[:, nb + heated], M.dB[:, nb + heated]
+    rows, rate = np.arange(n_leads + 1.0), model.step / np.exp(psi[-1])
+    no_gains, never = (np.zeros((len(rows), m)), np.zeros((len(rows), m, p))), np.empty(0, dtype=np.int64)
+
+    def simulated(heat: np.ndarray, dheat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        dforcing = heat[:, None, None] * db
+        dforcing[..., -1] += np.outer(dheat, b)
+        forcing, y = np.outer(heat, b), np.zeros(len(rows))
+        found = lead_sensitivities(M.A, M.dA, forcing, dforcing, M.F, M.dF, *no_gains, model.zone, y, never)
+        return found.response[1:], found.dresponse[1:]
+
+    lag = -np.exp(-rate * rows)  # what the emitter gives off less what it is given
+    return StepResponse(*simulated(np.ones(len(rows)), np.zeros(len(rows))), *simulated(lag, rows * rate * lag))
 
 
 class GainPull(NamedTuple):
