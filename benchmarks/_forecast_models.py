@@ -27,6 +27,10 @@ ADAPTING = {None: "hybrid, static", "linear": "hybrid, linear", "full": "hybrid,
 HYBRID, ARX, REFITTED, ORACLE = ADAPTING[HybridPredictor().adapt], "ARX", "ARX re-fitted", "oracle"
 AIR_ORACLE = "oracle with air"
 GRAY_BOXES = ("CONV", "ID alone", "OD alone")
+#: with the same inputs as the default
+COMPETITORS = (
+    ARX, REFITTED, "ARX, multi-step", "ARX, multi-step, re-fitted", "boosting, direct", "boosting on ARX", "N4SID"
+)  # fmt: skip
 #: the paper's final configuration (4.2, 4.4) of every framework; case01 has the same features in all four.
 NETWORK_CASE = {"case": "case01", "n_layers": 1, "activation": "relu", "residual_of": None}
 

@@ -336,6 +336,20 @@ def test_the_command_fills_what_is_missing_and_writes_tables_and_a_picture(data,
     capsys.readouterr()
 
 
+def test_each_lead_is_compared_with_the_best_competitor_there():
+    facts = {"data": "tiny", "seed": 0}
+    levels = {"hybrid, full": np.full(24, 2.0), "ARX": np.full(24, 2.5), "N4SID": np.full(24, 2.2)}
+    levels["ARX"][5] = 1.0  # better only six hours ahead
+    levels["oracle"] = np.full(24, 0.1)  # is no competitor
+    runs = {("tiny", m): [Run(facts, errors_of(np.tile(level**2, (9, 1))), None)] for m, level in levels.items()}
+    (row,) = _forecast_tables.beside_the_best(runs).to_dict("records")
+    assert row.pop("best competitor") == "N4SID"
+    assert row == {"all leads": "0.91", "1 h": "0.91", "6 h": "2.00", "12 h": "0.91", "24 h": "0.91"}
+    (goal,) = _forecast_tables.goals(runs).to_dict("records")
+    assert goal["to best competitor, at most 0.95"].startswith("0.91 ")
+    assert goal["to ARX re-fitted, at most 0.95"] == ""
+
+
 def test_lengths_of_training_end_at_one_date_and_share_their_test(monkeypatch, tmp_path):
     run = make_office(n_days=22, random_state=1).X  # from 8 July
     cut = {days: learning_curve._cut(lambda: run, "log", "2023-07-16", days, "7h") for days in (3, 7)}
