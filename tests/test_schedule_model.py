@@ -759,8 +759,24 @@ def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     assert window.evaluate(psi).loss < window.evaluate(fit.psi).loss
 
 
+@pytest.mark.parametrize("purpose", ["forecast", "plan"])
+@pytest.mark.parametrize("role", ["u_heat", "u_cool"])
+def test_the_loss_without_a_plant_is_that_of_rows_in_which_it_stood_still(table, T, role, purpose):
+    """With a capacity its heat is known and delayed, without one it is a channel."""
+    rows, T = table.rows(slice(N_TRAIN)), T[:N_TRAIN]
+    fit = fit_leads(get_network("2R2C"), rows, T, DAY, {"Q_h": 6.0}, purpose=purpose)
+    assert ("u_heat" in dict(fit.plan.known), "u_cool" in dict(fit.plan.stages)) == (True, True)
+    best = fit.problem.evaluate(fit.psi)
+    idle = fit.make_segment(rows.replace(inputs={**rows.inputs, role: np.zeros(N_TRAIN)}), T)
+    made = fit.problem.with_other_heat(best, idle)
+    from_rows = fit.with_rows(idle).problem.evaluate(fit.psi)
+    assert made.loss == pytest.approx(from_rows.loss, rel=1e-9)
+    assert made.loss > best.loss + 1.0
+    np.testing.assert_allclose(made.solution.coef, from_rows.solution.coef, rtol=1e-5, atol=1e-7)
+
+
 def test_no_point_is_evaluated_twice(monkeypatch):
-    """The search for undetermined sources knows the loss of the fit."""
+    """The search for undetermined sources knows the evaluation of the fit."""
     office, seen, evaluate = make_office(n_days=4, sampling_time="1h", random_state=0), [], LeadProblem.evaluate
 
     def recorded(problem, psi):

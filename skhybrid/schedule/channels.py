@@ -91,6 +91,10 @@ class Channels(NamedTuple):
     positive: np.ndarray  # (J,) bool, coefficient >= 0
     group: np.ndarray  # (J,) int, index in GROUPS
 
+    def first(self, n: int) -> Channels:
+        """The first ``n`` of them."""
+        return Channels(self.names[:n], self.series[:, :n], self.node[:n], self.positive[:n], self.group[:n])
+
     @property
     def scheduled(self) -> np.ndarray:
         """(J,) bool, unmeasured heat: schedules of gain and conductance."""

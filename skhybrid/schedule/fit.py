@@ -165,8 +165,8 @@ def fit_leads(
         return _fit_under(prior, table, scored, reference, scale)
     if pull is not None and is_usual(pull.observed, step) is None:
         pull = _without_contradiction(FilterModel.of(plan.network, step, scale), scored, pull)
-    fit, loss = _fit_at_scale(table, scored, reference, scale, _SCALES, pull)
-    undetermined = _undetermined(fit, loss, table, T)
+    fit, best = _fit_at_scale(table, scored, reference, scale, _SCALES, pull)
+    undetermined = _undetermined(fit, best, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
         plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
         usual = _GUESS_HEAT * plant / _GUESS_PLANT
@@ -200,13 +200,12 @@ def with_expected_heat(scored: ScoredForecasts, step: float) -> ScoredForecasts:
     return scored._replace(surprise=heat_surprise(scored.segment, scored.sample, blocks, step))
 
 
-def _undetermined(fit: LeadFit, loss: float, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:
-    """Plant roles without which the rows are explained about as well as by the fit, whose ``loss`` is given."""
+def _undetermined(fit: LeadFit, best: Evaluation, table: ZoneTable, T: np.ndarray) -> tuple[str, ...]:
+    """Plant roles without which the rows are explained about as well as by the fit, which ``best`` evaluates."""
     out = []
     for role in (*dict(fit.plan.known), *dict(fit.plan.stages)):
         idle = table.replace(inputs={**table.inputs, role: np.zeros(table.n_rows)})
-        without = fit.with_rows(fit.make_segment(idle, T)).problem.evaluate(fit.psi).loss
-        if without - loss < _LEAST_EVIDENCE:
+        if fit.problem.with_other_heat(best, fit.make_segment(idle, T)).loss - best.loss < _LEAST_EVIDENCE:
             out.append(role)
     return tuple(out)
 
@@ -218,8 +217,8 @@ def _fit_at_scale(
     heat_scale: float,
     scales: Sequence[float],
     pull: GainPull | None,
-) -> tuple[LeadFit, float]:
-    """Fit from the best of ``scales``, sizes relative to the usual one for a spread of heat [kW]; and its loss."""
+) -> tuple[LeadFit, Evaluation]:
+    """Fit from the best of ``scales``, sizes relative to the usual one for a spread of heat [kW]; its evaluation."""
     step, sample, blocks = table.step_hours, scored.sample, _blocks_of_days(scored.sample, table.step_hours)
     part, search = scored, minimise
     if sample.stride > 1 and pull is None:  # a gain needs all leads
@@ -236,8 +235,8 @@ def _fit_at_scale(
 
 def _with_contrasts(
     problem: LeadProblem, best: Evaluation, blocks: np.ndarray, table: ZoneTable, reference: float
-) -> tuple[LeadFit, float]:
-    """Fit with the channels of swapped days, on delivered heat, and its loss."""
+) -> tuple[LeadFit, Evaluation]:
+    """Fit with the channels of swapped days, on delivered heat, and its evaluation."""
     scored, segment = problem.forecasts[0], problem.forecasts[0].segment
     plan = with_contrast(segment.plan, segment.channels.names, best.solution.coef)
     segment = segment._replace(plan=plan, channels=make_channels(plan, table))
@@ -248,7 +247,7 @@ def _with_contrasts(
     measured = ((role, table.inputs[role]) for role, _ in plan.known if role.startswith("Q_"))
     meters = tuple((role, (float(heat.min()), float(heat.max()))) for role, heat in measured)
     made = LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference, meters=meters)
-    return made, best.loss
+    return made, best
 
 
 def _fit_under(

@@ -180,6 +180,23 @@ class LeadProblem:
             prior = 0.5 * away @ self.prior.psi_precision @ away
         return Evaluation(psi, solution.loss + float(prior), solution, products, designs)
 
+    def with_other_heat(self, at: Evaluation, segment: Segment) -> Evaluation:
+        """The same with other known heat and without the channels whose series differ; ``segment`` has the same rows.
+
+        The other columns of the design stay as they are.
+        """
+        old, (E,) = self.forecasts[0].segment.channels, at.designs
+        n, gone = len(old.names), np.flatnonzero((old.series != segment.channels.series).any(axis=0))
+        bare = segment._replace(channels=segment.channels.first(0))
+        target = self.design(at.psi, self.forecasts[0]._replace(segment=bare))
+        changed = np.append(gone, np.arange(n, E.shape[1]))
+        change = np.hstack([-E[:, gone], target - E[:, n:]])
+        products, cross = at.gram.copy(), E.T @ change
+        products[:, changed] += cross
+        products[changed] += cross.T
+        products[np.ix_(changed, changed)] += change.T @ change
+        return self.solved(at.psi, products, ())
+
     def slopes(self, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (p,) and Gauss-Newton Hessian (p, p) of the objective with the coefficients projected out."""
         free = np.flatnonzero(at.solution.free)
