@@ -11,6 +11,7 @@ from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
 from .normal_prior import learn_normal
 from .regression_slopes import regression_slopes
+from .simplex import simplex_weights
 from .simulation import iterate_lags, low_pass, simulate_path
 from .tree_sums import sum_of_leaves
 
@@ -40,6 +41,7 @@ __all__ = [
     "one_step_errors",
     "one_step_sensitivities",
     "regression_slopes",
+    "simplex_weights",
     "simulate_inputs",
     "simulate_inverse",
     "simulate_path",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
-from itertools import product
-
 import numpy as np
+
+from ...filtering import simplex_weights
 
 #: ends of the groups of leads, and the leads that their weights are those of, as shares of the horizon
 _ENDS, _CENTRES = np.array([2, 8, 24]) / 24.0, np.array([1, 5, 16]) / 24.0
@@ -49,21 +48,7 @@ def blend_weights(products: np.ndarray, prior: np.ndarray | None = None, pull: f
     # the harmonic mean, as a pull in proportion to the error of a model that has run away would keep it in
     size = 1.0 / np.mean(1.0 / np.maximum(own, 1e-9 * most[:, None]), axis=1)
     M = products / size[:, None, None] + pull * np.eye(K)
-    # the stationary point on every face of the simplex
-    chosen = _faces(K)
-    pairs = chosen[:, :, None] & chosen[:, None, :]
-    inverse = np.where(pairs, np.linalg.inv(np.where(pairs, M[:, None], np.eye(K))), 0.0)
-    free, slope = inverse @ (pull * prior), inverse.sum(axis=-1)
-    w = free + slope * ((1.0 - free.sum(axis=-1)) / slope.sum(axis=-1))[..., None]
-    loss = np.einsum("gfi,gij,gfj->gf", w, M, w) - 2.0 * pull * w @ prior
-    best = np.argmin(np.where((w >= -1e-12).all(axis=-1), loss, np.inf), axis=1)
-    return np.asarray(w[np.arange(len(products)), best])
-
-
-@cache
-def _faces(K: int) -> np.ndarray:
-    """(2^K - 1, K) bool: the models that share the weight."""
-    return np.array([face for face in product((False, True), repeat=K) if any(face)])
+    return np.asarray(simplex_weights(M, pull * prior))
 
 
 def by_lead(weights: np.ndarray, n_leads: int, span: int) -> np.ndarray:
