@@ -146,6 +146,8 @@ def as_pandas(data: Any, label: str = "X") -> Any:
 
 def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
     """A column as float64, NaN where missing."""
+    if column.dtype == np.float64:
+        return column.to_numpy(copy=True)
     label = f"column {column.name!r}" if label is None else label
     _refuse_times(column, label)
     try:

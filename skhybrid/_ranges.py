@@ -54,6 +54,7 @@ RANGES: dict[str, PhysicalRange] = {
 }
 #: fill values of loggers and file formats
 _FILL_VALUES = (-999.0, -999.9, -9999.0, -99999.0, 9999.0, 99999.0)
+_LEAST_FILL = min(map(abs, _FILL_VALUES))
 #: beyond every unit that any role is logged in: refused even where no role was named
 _BEYOND_UNITS = 900.0
 #: least share of the values other than 0, and least number of rows, to be taken for a unit and not for a failed sensor
@@ -91,11 +92,12 @@ def check_range(
         return
     low, high = float(known.min()), float(known.max())
     unit = next((unit.name for unit in kind.others if unit.fits(low, high)), None)
-    fill = np.isin(v, _FILL_VALUES)
-    with np.errstate(invalid="ignore"):
-        beyond = ((v < kind.lowest) | (v > kind.highest) if named else np.abs(v) > _BEYOND_UNITS) & np.isfinite(v)
-    if (beyond | fill).any() and not (named and unit and _is_unit(known, kind)):
-        raise ValueError(_refusal(v, beyond | fill, kind, name, index))
+    lowest, highest = (kind.lowest, kind.highest) if named else (-_BEYOND_UNITS, _BEYOND_UNITS)
+    if low < lowest or high > highest or max(-low, high) >= _LEAST_FILL:
+        with np.errstate(invalid="ignore"):
+            bad = ((v < lowest) | (v > highest)) & np.isfinite(v) | np.isin(v, _FILL_VALUES)
+        if bad.any() and not (named and unit and _is_unit(known, kind)):
+            raise ValueError(_refusal(v, bad, kind, name, index))
     warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
     watts = role.startswith("Q_") and is_in_watts(known, trained)
     if warns and (warm or watts or low < kind.usual_lowest or high > kind.usual_highest):

@@ -253,7 +253,8 @@ class _Request(NamedTuple):
 
     def refuse_absent(self, known: list[str], present: Iterable[str], names: Mapping[str, Any], here: Any) -> None:
         """Refuse a table that lacks an input of the training table; history it need not have."""
-        absent = [role for role in known if role not in {*present, *self.history_roles} and self.reads(role)]
+        here_or_past = {*present, *self.history_roles}
+        absent = [role for role in known if role not in here_or_past and self.reads(role)]
         if absent:
             name = names.get(absent[0], absent[0])
             raise ValueError(f"X has no column {name!r}, which the training table has; it has {listed(here)}.")

@@ -10,6 +10,7 @@ from .lead_rows import lead_rows
 from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
 from .normal_prior import learn_normal
+from .positive_definite import cholesky_root, solve_positive_definite
 from .regression_slopes import regression_slopes
 from .simplex import simplex_weights
 from .simulation import iterate_lags, low_pass, simulate_path
@@ -23,6 +24,7 @@ __all__ = [
     "Model",
     "Prediction",
     "Sensitivity",
+    "cholesky_root",
     "discretize",
     "divided_difference",
     "filter_channels",
@@ -47,5 +49,6 @@ __all__ = [
     "simulate_path",
     "smooth_states",
     "solve_lq_path",
+    "solve_positive_definite",
     "sum_of_leaves",
 ]

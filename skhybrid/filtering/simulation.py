@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ._compile import compiled
 
@@ -25,8 +24,25 @@ def simulate_path(A, forcing, s0):
 
 
 def low_pass(series, decay, start):
-    """``z[k] = decay z[k-1] + (1 - decay) series[k]`` over the rows of a series (N, ...), from ``z[-1] = start``."""
-    return lfilter([1.0 - decay], [1.0, -decay], series, axis=0, zi=decay * np.asarray(start)[None])[0]
+    """``z[k] = decay z[k-1] + (1 - decay) series[k]`` over the rows of a series (N, ...), from ``z[-1] = start``.
+
+    ``decay`` and ``start`` are numbers, or one for each column.
+    """
+    columns = np.ascontiguousarray(series, dtype=np.float64).reshape(len(series), -1)
+    each = np.empty((2, columns.shape[1]))
+    each[0], each[1] = np.ravel(decay), np.ravel(start)
+    return _low_pass(columns, each[0], each[1]).reshape(np.shape(series))
+
+
+@compiled
+def _low_pass(series, decay, start):
+    """The same for a series (N, m), of which each column has its decay and start (m,)."""
+    out, last = np.empty_like(series), start.copy()
+    for k in range(len(series)):
+        for j in range(len(last)):
+            last[j] = decay[j] * last[j] + (1.0 - decay[j]) * series[k, j]
+            out[k, j] = last[j]
+    return out
 
 
 @compiled

@@ -133,20 +133,21 @@ class DailyColumns:
         decay = np.exp(-table.step_hours / np.array(_FILTER_HOURS))
         return cls(of_column, decay, noon, T_oa_mean, _FILTER_DAYS * rows_per_day(table.step))
 
-    def of(self, table: ZoneTable, roles: tuple[str, ...], before: Mapping[str, np.ndarray] | None) -> list[np.ndarray]:
-        """The columns but those of the calendar, each (n_rows,); filters run from the first of the rows ``before``."""
-        columns: list[np.ndarray] = []
-        if roles:
-            values = np.array([table.inputs[role] for role in roles])
-            earlier = np.array([before[role] for role in roles]) if before else values[:, :1]
-            earlier = earlier if earlier.size else values[:, :1]
-            states = earlier @ _filter_weights(earlier.shape[1], tuple(self.decay))
-            filtered = [low_pass(values.T, decay, state) for decay, state in zip(self.decay, states.T, strict=True)]
-            columns = [series[:, place] for place in range(len(roles)) for series in filtered]
+    def of(
+        self, table: ZoneTable, values: np.ndarray, roles: tuple[str, ...], before: Mapping[str, np.ndarray] | None
+    ) -> list[np.ndarray]:
+        """Blocks (k, n_rows) of the columns but those of the calendar, from the ``values`` (n_roles, n_rows) of inputs.
+
+        Filters run from the first of the rows ``before``.
+        """
+        earlier = np.array([before[role] for role in roles]) if before else values[:, :1]
+        earlier = earlier if earlier.size else values[:, :1]
+        states = earlier @ _filter_weights(earlier.shape[1], tuple(self.decay))
+        each = np.repeat(values, len(self.decay), axis=0).T
+        filtered = low_pass(each, np.broadcast_to(self.decay, states.shape), states)
         from_noon = (hour_of_day(table.time) - self.noon) / _FROM_NOON
-        for role in irradiance_roles(dict.fromkeys(roles)):
-            columns += [table.inputs[role] * np.clip(1.0 - np.abs(from_noon - side), 0.0, 1.0) for side in (-1.0, 1.0)]
-        return columns
+        sides = np.maximum(1.0 - np.abs(from_noon - np.array([[-1.0], [1.0]])), 0.0)
+        return [filtered.T, *(table.inputs[role] * sides for role in irradiance_roles(dict.fromkeys(roles)))]
 
 
 @dataclass(frozen=True)
@@ -274,12 +275,12 @@ class ARXDesign:
         if len(coefs) == 1:
             first, end = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
             driven = (view.exogenous[first:end] @ drive[0])[rows - first]
+            lag_coefs = np.repeat(lag_coefs, len(origins), axis=0)
         else:
             driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
         bounds = self.T_range if clipped else (-np.inf, np.inf)
         low, high = ((bound - self.T_mean) / self.T_scale for bound in bounds)
-        begin = np.ascontiguousarray(self.windows(view, origins)[:, ::-1])
-        each = np.ascontiguousarray(np.broadcast_to(lag_coefs[:, ::-1], begin.shape))
+        begin, each = (np.ascontiguousarray(v[:, ::-1]) for v in (self.windows(view, origins), lag_coefs))
         return iterate_lags(begin, each, driven, low, high) * self.T_scale + self.T_mean
 
     def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
@@ -333,10 +334,13 @@ def _input_columns(
     before: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
     """(n_rows, n_input_columns) inputs of each row and of those before it; the first row stands for earlier ones."""
-    lagged = np.maximum(np.arange(table.n_rows)[:, None] - np.arange(n_lags), 0)
-    columns = [table.inputs[role][lagged] for role in roles]
-    columns += daily.of(table, roles, before) if daily else []
-    return np.column_stack(columns) if columns else np.empty((table.n_rows, 0))
+    if not roles:
+        return np.empty((table.n_rows, 0))
+    values = np.array([table.inputs[role] for role in roles])
+    longer = np.concatenate([np.repeat(values[:, :1], n_lags - 1, axis=1), values], axis=1)
+    lagged = np.stack([longer[:, n_lags - 1 - lag :][:, : table.n_rows] for lag in range(n_lags)], axis=1)
+    further = daily.of(table, values, roles, before) if daily else []
+    return np.concatenate([lagged.reshape(-1, table.n_rows), *further]).T
 
 
 @lru_cache(maxsize=16)

@@ -218,7 +218,7 @@ class FramesForecastMixin(FramesReadingMixin):
 
     def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""
-        names = future.roles if isinstance(future, ZoneTable) else list(future.columns)
+        names = future.roles if isinstance(future, ZoneTable) else future.columns
         of = (lambda role: role) if isinstance(future, ZoneTable) else self._column_of
         held = bool(self._plant) and any(of(role) in names for role in SETPOINT_ROLES)
         return held and not any(of(role) in names for role in self._plant)

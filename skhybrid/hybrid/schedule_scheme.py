@@ -39,7 +39,7 @@ from .scheme import AffinePaths, Ahead, Paths, Scheme, moved_band
 from .tables import days_after, parts_of_days, since_history, with_temperature
 
 _LOOKS_BACK = 64  # rows before its origin that a forecast looks back on, for the lags of ARX
-_FILTERED = pd.Timedelta("30D")  # rows before those, from which the filtered inputs of ARX are computed
+_FILTERED_DAYS = 30  # days of rows before those, from which the filtered inputs of ARX are computed
 _MOST_LEARNED = pd.Timedelta("56D")  # the last rows that a new fit learns from, where the first one had fewer
 _NETWORK_PRIOR_DAYS = 7  # days from which the log says more of the network than others do (benchmarks/fleet_prior.py)
 _NEVER = np.iinfo(np.int64).max  # a row after all others
@@ -356,7 +356,7 @@ class ScheduleScheme(Scheme):
     def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
         """The known rows from a row on, or from the last measurement before it, and the rows ahead."""
         n_known = self.rows.n_rows
-        n_rows, n_filtered = n_known - max(0, first), int(_FILTERED / ahead.step)
+        n_rows, n_filtered = n_known - max(0, first), _FILTERED_DAYS * self._record.rows_per_day
         tables = (*self.rows.tables, ahead)
         table = last_rows(tables, n_rows + ahead.n_rows)
         while not np.isfinite(table.history["T_za"][0]) and n_rows < n_known:

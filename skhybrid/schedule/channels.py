@@ -16,7 +16,7 @@ import numpy as np
 
 from .._calendar import clock_hour, one_hot
 from .._table import ZoneTable, is_plant, listed
-from .._time import hour_of_day, wall_clock
+from .._time import hour_of_day
 from ..thermal import RCNetwork
 from ..thermal.parameters import check_known
 
@@ -183,7 +183,7 @@ def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:
 
 def _standard_hour(table: ZoneTable) -> np.ndarray:
     """(N,) hour of day without daylight saving."""
-    return hour_of_day(table.time if table.utc is None else wall_clock(table.utc))
+    return hour_of_day(table.time if table.utc is None else table.utc)
 
 
 def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> ChannelPlan:
@@ -231,17 +231,18 @@ def _are_scheduled(names: tuple[str, ...]) -> np.ndarray:
 def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
     """Each irradiance on each node; a single one is split into parts of the day, in place of facades."""
     beams = {role: table.inputs[role] for role in plan.irradiance}
+    if not beams:
+        return
     if len(beams) == 1:
         role, light = next(iter(beams.items()))
         from_noon = (_standard_hour(table) - plan.noon + 12.0) % _HOURS - 12.0
-        beams = {
-            f"{role}_{part}": light * np.clip(1.0 - np.abs(from_noon - centre) / _HALF_WIDTH, 0.0, 1.0)
-            for part, centre in _DAY_PARTS.items()
-        }
+        far = np.abs(from_noon - np.array([*_DAY_PARTS.values()])[:, None]) / _HALF_WIDTH
+        parts = light * np.maximum(1.0 - far, 0.0)
+        beams = {f"{role}_{part}": series for part, series in zip(_DAY_PARTS, parts, strict=True)}
     nodes = plan.network.nodes
-    for role, light in beams.items():
-        names = [f"{role}->{node}" for node in nodes]
-        yield Block(names, np.repeat(light[:, None], len(nodes), axis=1), range(len(nodes)), True, "free")
+    names = [f"{role}->{node}" for role in beams for node in nodes]
+    series = np.repeat(np.column_stack(list(beams.values())), len(nodes), axis=1)
+    yield Block(names, series, [*range(len(nodes))] * len(beams), True, "free")
 
 
 def _plant_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:

@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.blas import dsyrk
-from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.linalg.lapack import dtrtrs
 from scipy.optimize import nnls
+
+from ..filtering import cholesky_root
 
 
 class Solution(NamedTuple):
@@ -43,7 +45,7 @@ def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray)
     _diagonal(H)[:] += penalty
     free, bounded = np.flatnonzero(~positive), np.flatnonzero(positive)
     of_free = H[free]
-    root = _root(of_free[:, free])
+    root = cholesky_root(of_free[:, free])
     turned = dtrtrs(root, np.column_stack([of_free[:, bounded], b[free]]), trans=1)[0]
     beside, left = turned[:, :-1], turned[:, -1]
     coef = np.zeros(J)
@@ -51,15 +53,7 @@ def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray)
         # with the free ones eliminated, what is left is a small problem with bounds
         inner = H[bounded][:, bounded] - beside.T @ beside
         _diagonal(inner)[:] += 1e-10 * np.trace(inner)
-        R = _root(inner)
+        R = cholesky_root(inner)
         coef[bounded], _ = nnls(R, dtrtrs(R, b[bounded] - beside.T @ left, trans=1)[0])
     coef[free] = dtrtrs(root, left - beside @ coef[bounded])[0]
     return Solution(coef, ~positive | (coef > 0), 0.5 * float(G[J, J] - b @ coef))
-
-
-def _root(H: np.ndarray) -> np.ndarray:
-    """Upper triangular U with ``U' U = H``."""
-    U, failed = dpotrf(H)  # scipy's own cholesky takes twice as long for a matrix of this size
-    if failed:
-        raise np.linalg.LinAlgError("a matrix of sums of products is not positive definite.")
-    return np.asarray(U)

@@ -271,11 +271,12 @@ class BuildingForecastMixin:
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
-        if wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values()):
+        setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
+        if setpoints:
             self._refuse_shared_plants()
         if limits is not None:
             self._refuse_without_plant("limits")
-        alone = known is None and not wanted and limits is None
+        alone = known is None and not setpoints and limits is None
         of = self._under_heat(ahead, now, quantiles) if alone else None
         if of is None:
             of = self._by_frames(known, ahead, now, wanted, quantiles, limits)
@@ -285,8 +286,6 @@ class BuildingForecastMixin:
         self, ahead: pd.DataFrame, now: Mapping[str, Any], quantiles: Sequence[float] | None
     ) -> _Columns | None:
         """Forecasts under given heat after all known rows, which are read once; None where they are not alike."""
-        if any(model._has_setpoints_only(ahead) for model in self.own_.values()):
-            return None
         tables = tables_of_zones(self.own_, self._columns, ahead)
         if tables is None:
             return None
