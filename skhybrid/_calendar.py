@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ._table import ZoneTable
-from ._time import hour_of_day, rows_per_day, wall_clock
+from ._time import hour_of_day, per_hour, rows_per_day, wall_clock
 
 #: cells of a weekly profile: the hours of a weekday, then those of a weekend day or holiday
 N_CELLS = 48
@@ -14,7 +14,7 @@ N_CELLS = 48
 
 def clock_hour(time: pd.DatetimeIndex) -> np.ndarray:
     """Hour of day (0 ... 23) of local stamps, (n,) int."""
-    return np.floor(hour_of_day(time)).astype(np.int64)
+    return np.asarray(time.asi8 // per_hour(time.unit) % 24)
 
 
 def slot_of_day(time: pd.DatetimeIndex, step: pd.Timedelta) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._time import wall_clock
+from ._time import per_hour, wall_clock
 
 _THURSDAY, _SATURDAY, _SUNDAY = 3, 5, 6
 _HOW = "give a country or state such as 'US' or 'DE-BY', or a list of dates such as '2018-12-25'"
@@ -29,7 +29,7 @@ class Holidays:
     def day_of_week(self, stamps: pd.DatetimeIndex) -> np.ndarray:
         """Kind of day (n,) of local stamps: Monday is 0, a Sunday or holiday 6."""
         stamps = wall_clock(stamps)
-        dates = stamps.asi8 // (np.timedelta64(1, "D") // np.timedelta64(1, stamps.unit))
+        dates = stamps.asi8 // (24 * per_hour(stamps.unit))
         day = np.asarray((dates + _THURSDAY) % 7)  # the first of all dates is one
         if not self or not len(stamps):
             return day

@@ -6,6 +6,7 @@ import warnings
 from collections import OrderedDict
 from collections.abc import Hashable, Sequence
 from datetime import timezone, tzinfo
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -312,8 +313,14 @@ def _joined_index(parts: Sequence[Any]) -> Any:
 
 def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
     """Local hour of day, with its fraction, (n,) float64."""
-    hour = np.timedelta64(1, "h") // np.timedelta64(1, time.unit)
+    hour = per_hour(time.unit)
     return np.asarray((time.asi8 % (24 * hour)) / np.float64(hour))
+
+
+@cache
+def per_hour(unit: str) -> int:
+    """So many units of a stamp, such as "ns", are an hour."""
+    return int(np.timedelta64(1, "h") // np.timedelta64(1, unit))
 
 
 def rows_covering(duration: Any, step: pd.Timedelta, name: str = "warmup") -> int:

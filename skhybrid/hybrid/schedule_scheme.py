@@ -285,11 +285,12 @@ class ScheduleScheme(Scheme):
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
         """Forecast from the last known row, starting where the forecast before had come to."""
         blend, views = self._at_last(future, T_za)
-        n_leads, plausible = future.n_rows, self.rows.plausible
+        n_leads, plausible, now = future.n_rows, self.rows.plausible, np.nan
         if T_za is not None:
             n_leads, plausible = n_leads - 1, plausible.extended(np.array([T_za]))
+            now = blend.heat_now(views)
         path, heat = blend.forecast(views, n_leads, plausible)
-        return Paths(path[None], heat[None], np.array([blend.heat_now(views)]))
+        return Paths(path[None], heat[None], np.array([now]))
 
     def _at_last(self, future: ZoneTable, T_za: float | None) -> tuple[RollingBlend, list[Any]]:
         """The blend at the last known row, or at the measured one after it, and the rows that it reads."""

@@ -26,7 +26,7 @@ class Paths(NamedTuple):
 
     temperature: np.ndarray  # (n_origins, n_leads) at the stamp of each row [degC]
     zeta: np.ndarray  # (n_origins, n_leads) over the step that begins there [kW, or K for an output disturbance]
-    zeta_now: np.ndarray  # (n_origins,) over the step that begins at the origin
+    zeta_now: np.ndarray  # (n_origins,) over the step that begins at the origin; NaN where that row is not asked for
 
     def from_now(self, T_za: float | None) -> tuple[np.ndarray, np.ndarray]:
         """Temperature and zeta of the first path by the rows ahead, of which the first may be the measured origin."""

@@ -106,9 +106,8 @@ class Channels(NamedTuple):
         return _are_solar(self.names)
 
     def scheduled_heat(self, coef: np.ndarray) -> np.ndarray:
-        """(N,) heat of the schedules [kW]; the first J of ``coef`` are the channels' coefficients."""
-        scheduled = self.scheduled
-        return self.series[:, scheduled] @ coef[: len(scheduled)][scheduled]
+        """(N, ...) heat of the schedules [kW]; the first J of ``coef`` (J or J + 1, ...) are those of the channels."""
+        return self.series @ (self.scheduled * coef[: len(self.names)].T).T
 
     def heat(self, coef: np.ndarray, n_nodes: int) -> np.ndarray:
         """(N, n_nodes) heat of all channels into each node under coefficients (J,) [kW]."""

@@ -41,19 +41,20 @@ def solve_coefficients(G: np.ndarray, penalty: np.ndarray, positive: np.ndarray)
     ``G`` (J + 1, J + 1) are sums of products of the columns and, last, the target.
     """
     J = len(penalty)
-    H, b = G[:J, :J].copy(), G[:J, J]
-    _diagonal(H)[:] += penalty
     free, bounded = np.flatnonzero(~positive), np.flatnonzero(positive)
-    of_free = H[free]
-    root = cholesky_root(of_free[:, free])
-    turned = dtrtrs(root, np.column_stack([of_free[:, bounded], b[free]]), trans=1)[0]
+    of_free, of_bounded = G[free], G[bounded]
+    H, inner = of_free[:, free], of_bounded[:, bounded]
+    _diagonal(H)[:] += penalty[free]
+    _diagonal(inner)[:] += penalty[bounded]
+    root = cholesky_root(H)
+    turned = dtrtrs(root, of_free[:, np.append(bounded, J)], trans=1)[0]
     beside, left = turned[:, :-1], turned[:, -1]
     coef = np.zeros(J)
     if len(bounded):
         # with the free ones eliminated, what is left is a small problem with bounds
-        inner = H[bounded][:, bounded] - beside.T @ beside
+        inner -= beside.T @ beside
         _diagonal(inner)[:] += 1e-10 * np.trace(inner)
         R = cholesky_root(inner)
-        coef[bounded], _ = nnls(R, dtrtrs(R, b[bounded] - beside.T @ left, trans=1)[0])
+        coef[bounded], _ = nnls(R, dtrtrs(R, of_bounded[:, J] - beside.T @ left, trans=1)[0])
     coef[free] = dtrtrs(root, left - beside @ coef[bounded])[0]
-    return Solution(coef, ~positive | (coef > 0), 0.5 * float(G[J, J] - b @ coef))
+    return Solution(coef, ~positive | (coef > 0), 0.5 * float(G[J, J] - G[:J, J] @ coef))

@@ -49,8 +49,9 @@ class ErrorHistory:
         """A copy that goes on by itself, and keeps the forecasts from one on."""
         made = copy(self)
         made.first = min(max(first, self.first), self.n)
-        made._buffer = np.full_like(self._buffer, np.nan)[: 2 * (self.n - made.first)]
-        made.values[:] = self.values[made.first - self.first :]
+        kept = self.values[made.first - self.first :]
+        made._buffer = np.full((2 * len(kept), *kept.shape[1:]), np.nan)
+        made.values[:] = kept
         return made
 
 
