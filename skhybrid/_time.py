@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Hashable, Sequence
 from datetime import timezone, tzinfo
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -318,7 +318,7 @@ def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
 
 
 @cache
-def per_hour(unit: str) -> int:
+def per_hour(unit: Literal["s", "ms", "us", "ns"]) -> int:
     """So many units of a stamp, such as "ns", are an hour."""
     return int(np.timedelta64(1, "h") // np.timedelta64(1, unit))
 

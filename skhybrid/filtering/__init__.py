@@ -9,8 +9,8 @@ from .kalman import kalman_filter, smooth_states
 from .lead_rows import lead_rows
 from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
+from .normal_equations import cholesky_root, solve_positive_definite, with_products
 from .normal_prior import learn_normal
-from .positive_definite import cholesky_root, solve_positive_definite
 from .regression_slopes import regression_slopes
 from .simplex import simplex_weights
 from .simulation import iterate_lags, low_pass, simulate_path
@@ -51,4 +51,5 @@ __all__ = [
     "solve_lq_path",
     "solve_positive_definite",
     "sum_of_leaves",
+    "with_products",
 ]

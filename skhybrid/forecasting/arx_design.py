@@ -15,7 +15,7 @@ from .._last_known import carried_forward
 from .._positive_definite import solve_positive
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
-from ..filtering import iterate_lags, low_pass
+from ..filtering import iterate_lags, low_pass, with_products
 from .features import irradiance_roles
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
@@ -87,7 +87,7 @@ class Moments(NamedTuple):
 
     def plus(self, pairs: Pairs, sign: int = 1) -> Moments:
         """The sums with further pairs or, with ``sign=-1``, without some of them."""
-        return self.added(Moments.of(pairs), sign)
+        return Moments(with_products(self.gram, pairs.D, sign=sign), self.cross + sign * (pairs.D.T @ pairs.d))
 
     def ridge(self, alpha: float, prior: Moments | None = None) -> np.ndarray:
         """Coefficients (p,) under the penalty ``alpha``, from which the constant (the last column) is free.

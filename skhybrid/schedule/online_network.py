@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from copy import copy
 from typing import NamedTuple, Self
 
 import numpy as np
 
+from .._shallow import shallow_copy
 from .._time import rows_per_day
-from ..filtering import lead_errors, lead_rows, simulate_path
-from .constrained_ridge import gram
+from ..filtering import lead_errors, lead_rows, simulate_path, with_products
 from .filter_model import Matrices
 from .fit import LeadFit
 from .lead_problem import LeadProblem
@@ -103,7 +102,7 @@ class CoefficientMemory:
         """Add weighted forecasts (k, J + 1) whose targets are ``age`` rows before ``row``; earlier ones fade."""
         root_fade = 0.5 ** (0.5 * age / self._half_life)
         fade = 0.5 ** (max(row - self._row, 0) / self._half_life)
-        self._products = self._products * fade + gram(columns * root_fade[:, None])
+        self._products = with_products(self._products, columns * root_fade[:, None], fade)
         self._row, self._coef = max(row, self._row), None
 
     @property
@@ -133,9 +132,9 @@ class OnlineNetwork:
 
     def fork(self) -> Self:
         """A copy that goes on by itself; its parts replace what they hold, and modify nothing."""
-        made = copy(self)
-        made._filter, made._open = copy(self._filter), copy(self._open)
-        made._memories = [copy(memory) for memory in self._memories]
+        made = shallow_copy(self)
+        made._filter, made._open = shallow_copy(self._filter), shallow_copy(self._open)
+        made._memories = [shallow_copy(memory) for memory in self._memories]
         return made
 
     def respond(self, segment: Segment, origins: np.ndarray) -> Responses:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
 from typing import Self
 
 import numpy as np
 
+from .._shallow import shallow_copy
 from .._time import rows_in, rows_per_day, rows_per_hour
 from ..filtering import ForecastSample
 from .constrained_ridge import gram
@@ -20,6 +20,7 @@ from .step_gain import GainPull
 _REFIT_DAYS = 10  # days between refits of the network
 #: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
 _WINDOW_DAYS, _STEPS, _ORIGIN_HOURS = 56, 2, 4
+_ROOM = 8  # forecasts for which a copy has room at first
 _PIECE_DAYS = 7  # days of rows that a refitted network goes through at once, which bounds the memory
 
 
@@ -47,10 +48,10 @@ class ErrorHistory:
 
     def fork(self, first: int) -> Self:
         """A copy that goes on by itself, and keeps the forecasts from one on."""
-        made = copy(self)
+        made = shallow_copy(self)
         made.first = min(max(first, self.first), self.n)
         kept = self.values[made.first - self.first :]
-        made._buffer = np.full((2 * len(kept), *kept.shape[1:]), np.nan)
+        made._buffer = np.full((len(kept) + _ROOM, *kept.shape[1:]), np.nan)
         made.values[:] = kept
         return made
 
@@ -140,7 +141,7 @@ class RollingNetwork:
 
     def fork(self, first: int) -> Self:
         """A copy that goes on by itself, and keeps the errors of forecasts from number ``first`` on."""
-        made = copy(self)
+        made = shallow_copy(self)
         made._errors, made._network = self._errors.fork(first), self._network.fork()
         made._previous = None if self._previous is None else self._previous.fork()
         made._morning_coefs = dict(self._morning_coefs)

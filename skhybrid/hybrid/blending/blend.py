@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ...filtering import simplex_weights
@@ -23,11 +25,11 @@ def moments(errors: np.ndarray, groups: np.ndarray, share: np.ndarray) -> np.nda
     K = errors.shape[2]
     out = np.zeros((len(_ENDS), K, K))
     known = np.isfinite(errors).all(axis=2) & (share > 0)
+    E, weight, group = errors[known], share[known], np.broadcast_to(groups, known.shape)[known]
     for g in range(len(_ENDS)):
-        rows = known & (groups == g)
-        E = errors[rows]
-        if len(E):
-            out[g] = (E * share[rows][:, None]).T @ E / max(int((groups == g).sum()), 1)
+        mine = group == g
+        if mine.any():
+            out[g] = (E[mine] * weight[mine][:, None]).T @ E[mine] / int((groups == g).sum())
     return out
 
 
@@ -53,4 +55,11 @@ def blend_weights(products: np.ndarray, prior: np.ndarray | None = None, pull: f
 
 def by_lead(weights: np.ndarray, n_leads: int, span: int) -> np.ndarray:
     """Weights (span, K) of leads 1 ... span, joined by straight lines between the groups of ``n_leads``."""
-    return np.column_stack([np.interp(np.arange(1, span + 1), _CENTRES * n_leads, w) for w in weights.T])
+    return np.asarray(_group_shares(n_leads, span) @ weights)
+
+
+@lru_cache(maxsize=64)
+def _group_shares(n_leads: int, span: int) -> np.ndarray:
+    """(span, n_groups) share of each group in the leads 1 ... span."""
+    leads = np.arange(1, span + 1)
+    return np.column_stack([np.interp(leads, _CENTRES * n_leads, one) for one in np.eye(len(_CENTRES))])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from copy import copy
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from ..._last_known import last_known_row
+from ..._shallow import shallow_copy
 from ..._table import ZoneTable
 
 _KEPT = 0.5 ** (1.0 / 7.0)  # a day counts half after a week
@@ -40,7 +40,7 @@ class MeanDay:
 
     def starting_at(self, place: int) -> MeanDay:
         """A mean day that has seen the same and is to go through rows from a place on."""
-        other, moved = copy(self), self._last + 1 - place
+        other, moved = shallow_copy(self), self._last + 1 - place
         if moved:
             other._last, other._days = place - 1, np.roll(self._days[-self._per_day :], moved, axis=0)
         return other

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from copy import copy
 from functools import cache
 from typing import Any, Protocol, Self
 
 import numpy as np
 import pandas as pd
 
+from ..._shallow import shallow_copy
 from ..._table import ZoneTable
 from ..._time import rows_per_day, rows_per_hour
 from ...control import Plan, gain_of
@@ -217,7 +217,7 @@ class _RollingErrors:
         return self._errors.values
 
     def fork(self, first: int) -> Self:
-        made = copy(self)
+        made = shallow_copy(self)
         made._errors = self._errors.fork(first)
         return made
 
@@ -260,7 +260,7 @@ class RollingARX(_RollingErrors):
 
     def fork(self, first: int) -> Self:
         made = super().fork(first)
-        made._recursive, made._coefs = copy(self._recursive), list(self._coefs)
+        made._recursive, made._coefs = shallow_copy(self._recursive), list(self._coefs)
         return made
 
     def _learn(self, view: ARXData, origin: int) -> None:
@@ -348,7 +348,7 @@ class RollingProfile(_RollingErrors):
 
     def fork(self, first: int) -> Self:
         made = super().fork(first)
-        made._mean_day = copy(self._mean_day)
+        made._mean_day = shallow_copy(self._mean_day)
         return made
 
     def advance(self, view: ProfileRows, origin: int) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 
+from ..._shallow import shallow_copy
 from ...control import Plan
 from ...filtering import ForecastSample
 from ...forecasting.intervals import DAYS_BACK
@@ -71,7 +71,7 @@ class RollingBlend:
 
     def fork(self) -> Self:
         """A copy that goes on by itself, in a time that does not depend on how many rows there were."""
-        made, record = copy(self), self._record
+        made, record = shallow_copy(self), self._record
         reach = int(record.sample.leads[-1]) + (DAYS_BACK + 1) * record.rows_per_day
         made._first = max(self._first, (self.row - reach - self._begin) // record.every)
         made._rolling = [rolling.fork(made._first) for rolling in self._rolling]
@@ -223,5 +223,6 @@ def residual_correction(
     near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < every)
     out = np.zeros(len(leads))
     for share, place in zip(_SHARES[near], at[near], strict=True):
-        out += share * np.where(origins[place] + leads <= row, np.nan_to_num(errors_from(int(place))), 0.0)
+        errors = errors_from(int(place))
+        out += share * np.where((origins[place] + leads <= row) & np.isfinite(errors), errors, 0.0)
     return out

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from ..._shallow import shallow_copy
 from ..._table import ZoneTable
 from ..._time import rows_per_day
 from ...control import Plan
@@ -134,6 +134,6 @@ class RollingWithoutResponse:
         return self._rolling.gain(plan) + self._response.gain(plan.inputs, plan.values)
 
     def fork(self, first: int) -> Self:
-        made = copy(self)  # its parts are replaced, never changed
+        made = shallow_copy(self)  # its parts are replaced, never changed
         made._rolling = self._rolling.fork(first)
         return made
