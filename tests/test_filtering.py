@@ -13,6 +13,7 @@ from scipy.linalg import block_diag, expm
 from scipy.signal import cont2discrete
 
 from skhybrid.filtering import (
+    cholesky_root,
     discretize,
     divided_difference,
     filter_channels,
@@ -22,10 +23,13 @@ from skhybrid.filtering import (
     low_pass,
     one_step_errors,
     regression_slopes,
+    simplex_weights,
     simulate_inverse,
     simulate_path,
     smooth_states,
     solve_lq_path,
+    solve_positive_definite,
+    with_products,
 )
 from skhybrid.filtering.covariance import propagate
 from skhybrid.thermal import CATALOGUE, RCNetwork
@@ -458,14 +462,67 @@ def test_inverse_with_a_hold_and_a_band_against_a_loop(ahead):
     assert (np.abs(applied) == 2.0).any()
 
 
-@pytest.mark.parametrize("shape", [(7,), (7, 3)])
-def test_a_low_pass_against_a_loop(shape):
+@pytest.mark.parametrize(("shape", "decay"), [((7,), 0.8), ((7, 3), 0.8), ((7, 3), np.array([0.8, 0.5, 0.0]))])
+def test_a_low_pass_against_a_loop(shape, decay):
+    """All columns alike, or each with its own decay."""
     series = np.random.default_rng(5).standard_normal(shape)
     start = z = series[0] + 1.0
-    found = low_pass(series, 0.8, start)
+    found = low_pass(series, decay, start)
     for k in range(len(series)):
-        z = 0.8 * z + 0.2 * series[k]
+        z = decay * z + (1.0 - decay) * series[k]
         np.testing.assert_allclose(found[k], z, rtol=1e-12)
+
+
+@pytest.mark.parametrize("n_models", [1, 2, 5])
+def test_weights_on_the_simplex_are_where_no_other_weights_are_better(n_models):
+    """By the first-order conditions: the slope is the same for all that count, and not lower for those that do not."""
+    rng, outside = np.random.default_rng(n_models), 0
+    roots, pulled = rng.normal(size=(40, 8, n_models)), rng.uniform(size=n_models)
+    M = np.einsum("gni,gnj->gij", roots, roots) + 0.1 * np.eye(n_models)
+    for own, w in zip(M, simplex_weights(M, pulled), strict=True):
+        assert w.sum() == pytest.approx(1.0, abs=1e-12)
+        assert (w >= -1e-12).all()
+        slope, counts = own @ w - pulled, w > 1e-9
+        np.testing.assert_allclose(slope[counts], slope[counts].mean(), atol=1e-9)
+        assert (slope[~counts] >= slope[counts].mean() - 1e-9).all()
+        outside += (~counts).sum()
+    assert (outside > 0) == (n_models > 1)
+
+
+def test_weights_of_unknown_losses_are_unknown():
+    assert np.isnan(simplex_weights(np.full((1, 2, 2), np.nan), np.ones(2))).all()
+
+
+@pytest.mark.parametrize("n_rows", [0, 1, 9])
+def test_sums_of_products_fade_and_grow(n_rows):
+    """Nothing that was given is changed, as a forecast goes on from sums that others keep."""
+    rng = np.random.default_rng(n_rows)
+    rows, root = rng.normal(size=(n_rows, 4)), rng.normal(size=(6, 4))
+    sums = root.T @ root
+    kept, given = sums.copy(), rows.copy()
+    for fade, sign in ((1.0, 1), (0.7, 1), (1.0, -1)):
+        np.testing.assert_allclose(
+            with_products(sums, rows, fade, sign), fade * kept + sign * rows.T @ rows, atol=1e-12
+        )
+    np.testing.assert_array_equal(sums, kept)
+    np.testing.assert_array_equal(rows, given)
+
+
+def test_positive_definite_equations_are_solved_and_others_refused():
+    root = np.random.default_rng(8).normal(size=(9, 4))
+    H, b = root.T @ root, np.arange(4.0)
+    np.testing.assert_allclose(solve_positive_definite(H.copy(), b), np.linalg.solve(H, b), rtol=1e-10)
+    U = cholesky_root(H.copy())
+    np.testing.assert_allclose(U.T @ U, H, atol=1e-12)
+    np.testing.assert_array_equal(U, np.triu(U))
+    for wrong in (-1.0, np.nan, np.inf):  # LAPACK itself lets NaN pass
+        G = H.copy()
+        G[2, 2] = wrong
+        for solve in (cholesky_root, lambda G: solve_positive_definite(G, b)):
+            with pytest.raises(np.linalg.LinAlgError, match="positive definite"):
+                solve(G.copy())
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        solve_positive_definite(H.copy(), np.full(4, np.nan))
 
 
 def test_autoregressions_against_a_loop():

@@ -18,7 +18,8 @@ PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
     "_arguments", "_calendar", "_docs", "_files", "_holidays", "_joining", "_json", "_last_known", "_ranges",
-    "_rolling", "_sqlite", "_summary", "_table", "_threads", "_time", "_transaction", "_warnings", "exceptions",
+    "_rolling", "_shallow", "_sqlite", "_summary", "_table", "_threads", "_time", "_transaction", "_warnings",
+    "exceptions",
 }  # fmt: skip
 #: part of the package -> the parts that it may import, besides itself and BASE.  The table has no cycle.
 MAY_IMPORT: dict[str, set[str]] = {
@@ -63,6 +64,7 @@ STRICT = {
     "_json": set(),
     "_last_known": set(),
     "_warnings": {"exceptions"},
+    "_shallow": set(),
     "_sqlite": set(),
     "_time": set(),
     "_threads": set(),

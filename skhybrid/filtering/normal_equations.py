@@ -16,15 +16,15 @@ def with_products(sums, rows, fade=1.0, sign=1.0):
 def cholesky_root(H):
     """Upper triangular U (n, n) with ``U' U = H``, which may be overwritten; refused where not positive definite."""
     U, failed = dpotrf(H, overwrite_a=True)
-    if failed or not np.isfinite(np.trace(U)):
+    if failed or not np.isfinite(np.trace(U)):  # LAPACK lets NaN pass
         raise _not_positive_definite()
     return U
 
 
 def solve_positive_definite(H, b):
     """x (n,) with ``H x = b``; H (n, n) may be overwritten, and is refused where not positive definite."""
-    _, x, failed = dposv(H.T, b, overwrite_a=True)
-    if failed or not np.isfinite(x).all():
+    U, x, failed = dposv(H.T, b, overwrite_a=True)
+    if failed or not np.isfinite(np.trace(U) + x.sum()):  # LAPACK lets NaN pass
         raise _not_positive_definite()
     return x
 

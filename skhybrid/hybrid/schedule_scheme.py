@@ -287,8 +287,7 @@ class ScheduleScheme(Scheme):
         blend, views = self._at_last(future, T_za)
         n_leads, plausible, now = future.n_rows, self.rows.plausible, np.nan
         if T_za is not None:
-            n_leads, plausible = n_leads - 1, plausible.extended(np.array([T_za]))
-            now = blend.heat_now(views)
+            n_leads, plausible, now = n_leads - 1, plausible.extended(np.array([T_za])), blend.heat_now(views)
         path, heat = blend.forecast(views, n_leads, plausible)
         return Paths(path[None], heat[None], np.array([now]))
 

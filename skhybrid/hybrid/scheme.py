@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from .._shallow import shallow_copy
 from .._table import ZoneTable
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, heat_column
 from ..forecasting.arx_prior import ZoneEvidence
@@ -237,8 +238,8 @@ class Scheme(ABC):
 
     def _with(self, **changes: Any) -> Self:
         """The same scheme with some attributes changed."""
-        made = object.__new__(type(self))
-        made.__dict__.update(self.__dict__, **changes)
+        made = shallow_copy(self)
+        made.__dict__.update(changes)
         return made
 
 
