@@ -22,7 +22,7 @@ def cholesky_root(H):
 
 
 def solve_positive_definite(H, b):
-    """x (n,) with ``H x = b``; H (n, n) may be overwritten, and is refused where not positive definite."""
+    """x, of the shape of b (n,) or (n, k), with ``H x = b``; as :func:`cholesky_root` treats H."""
     U, x, failed = dposv(H.T, b, overwrite_a=True)
     if failed or not np.isfinite(np.trace(U) + x.sum()):  # LAPACK lets NaN pass
         raise _not_positive_definite()

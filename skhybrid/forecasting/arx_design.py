@@ -12,10 +12,9 @@ from scipy.signal import lfilter
 
 from .._calendar import N_CELLS, day_type_hour
 from .._last_known import carried_forward
-from .._positive_definite import solve_positive
 from .._table import ZoneTable
 from .._time import hour_of_day, rows_per_day
-from ..filtering import iterate_lags, low_pass, with_products
+from ..filtering import iterate_lags, low_pass, solve_positive_definite, with_products
 from .features import irradiance_roles
 
 _MIN_KNOWN = 0.5  # share of a window's temperatures that must be known for a row to be learned from
@@ -98,14 +97,14 @@ class Moments(NamedTuple):
             return self.added(prior).solution(np.zeros(len(self.cross)))
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
-        return solve_positive(self.gram + np.diag(penalty), self.cross)
+        return np.asarray(solve_positive_definite(self.gram + np.diag(penalty), self.cross))
 
     def solution(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""
         whole = self.gram + np.diag(penalty)
         unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), CONSTANT_PENALTY))
         scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
-        return unit * solve_positive(scaled, unit * self.cross)
+        return np.asarray(unit * solve_positive_definite(scaled, unit * self.cross))
 
     def added(self, other: Moments, weight: float = 1.0) -> Moments:
         """The sums plus ``weight`` times others."""

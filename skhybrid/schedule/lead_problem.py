@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._positive_definite import solve_positive
-from ..filtering import ForecastSample
+from ..filtering import ForecastSample, solve_positive_definite
 from .channels import GROUPS, ChannelPlan
 from .constrained_ridge import Solution, gram, solve_coefficients
 from .expected_heat import SurpriseEffect
@@ -219,7 +218,7 @@ class LeadProblem:
             J = self.pull.sensitivities(self.model, at.psi, coef, segment)
             H, g = H + gram(J), g + J.T @ (E @ np.append(-coef, 1.0))
             cross += (E.T @ J)[free]
-        return g, H - cross.T @ solve_positive(inner, cross)
+        return g, H - cross.T @ solve_positive_definite(inner, cross)
 
 
 def penalty_of(segment: Segment, shrinkage: Shrinkage, heat_scale: float) -> np.ndarray:
