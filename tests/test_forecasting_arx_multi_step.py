@@ -103,6 +103,28 @@ def test_every_second_forecast_tells_as_much_as_all(monkeypatch):
     assert errors[0] == pytest.approx(errors[1], rel=0.02)
 
 
+def test_a_fit_ends_at_its_optimum_after_few_steps(monkeypatch):
+    X, seen, moments_at = room(), [], MultiStepProblem.moments
+    table, T = read_table(ARXRegressor(), X, reset=True), X["T_za"].to_numpy()
+    design = ARXDesign.of_training(table, T, 5, 3, True, daily=True)
+    view, knobs = design.view(table, T), Knobs(1.0, 1000.0, 5.0)
+
+    def counted(self, view, made):
+        seen.append(made)
+        return moments_at(self, view, made)
+
+    monkeypatch.setattr(MultiStepProblem, "moments", counted)
+    fit = fit_multi_step(design, table, view, 96, knobs, refits=False)
+    assert len(seen) <= 1 + 4  # the start and four of at most six steps
+
+    def objective(at):
+        squares, penalty = fit.problem.trained(view, at.coef, view.end).squares, fit.problem.penalty(knobs)
+        return squares + arx_multi_step._quadratic(fit.pairs, fit.one_step, penalty, at.coef), squares
+
+    (reached, squares), (least, _) = map(objective, (fit, fit.improved(view, view.end - 1, knobs, n_steps=6)))
+    assert reached - least < 1e-3 * squares
+
+
 def test_it_has_lower_errors_a_day_ahead_than_the_one_step_solution():
     X = room(35)
     cut = 28 * 96
