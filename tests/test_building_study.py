@@ -166,6 +166,14 @@ def test_a_zone_that_never_moves_is_refused_by_its_name(place, log, tmp_path, ca
     assert "T_za_hall is the same in all rows" in capsys.readouterr().err
 
 
+def test_a_sensor_that_stands_still_in_one_zone_is_a_remark(place, log):
+    settings = read_settings(place / "house.toml")
+    frame = read_log(place / "log.csv", settings)[0]
+    frame.iloc[-120:-48, list(frame).index("T_za_hall")] = 20.0
+    (remark,) = split_log(frame, settings).remarks
+    assert remark.startswith("T_za_hall is 20 degC from ")
+
+
 def test_identify_tells_the_rooms_and_what_they_exchange(place, log, capsys):
     common = ("identify", place / "log.csv", "--config", place / "house.toml")
     assert run(*common, "--json") == 0

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.datasets import load_dutch_home
 from skhybrid.logs import LogReport, RawLog, to_left_label
 from skhybrid.logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from skhybrid.logs.log_findings import (
@@ -230,6 +231,25 @@ def test_a_stuck_sensor_is_found_and_not_used(frame):
     cleaned = without_standstills(frame[room])
     assert cleaned["2024-01-18":"2024-01-19"].notna().sum() == 1
     assert cleaned["2024-01-20":].notna().all()
+
+
+def test_a_room_and_outdoors_that_are_swapped_are_found(frame):
+    names = ["Raumtemperatur [°C]", "Außentemperatur [°C]"]
+    assert not [f for f in LogReport(frame).findings if "swapped" in f.text]
+    found = [f for f in LogReport(frame.rename(columns=dict(zip(names, names[::-1], strict=True)))).findings]
+    words = "T_za goes from -2 to 8 degC while T_oa stays within 19 to 21 degC: are the two columns swapped?"
+    assert [(f.level, f.where, f.text) for f in found if "swapped" in f.text] == [("warning", names[0], words)]
+    two_rooms = frame.rename(columns={names[0]: "T_za_hall", names[1]: "T_oa"}).assign(T_za_attic=frame[names[1]])
+    outdoors = LogReport(two_rooms, {role: role for role in ("T_oa", "T_za_hall", "T_za_attic")})
+    assert not [f for f in outdoors.findings if "swapped" in f.text], "a cold attic is as cold as it is outdoors"
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_no_room_of_a_shipped_log_is_taken_for_outdoors(number):
+    log = load_dutch_home(number).X
+    swap = {"T_za": "T_oa", "T_oa": "T_za"}
+    found = [[f for f in LogReport(X).findings if "swapped" in f.text] for X in (log, log.rename(columns=swap))]
+    assert [len(some) for some in found] == [0, 1]
 
 
 def test_a_column_that_changes_its_unit_is_an_error(frame):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from copy import deepcopy
 
 import numpy as np
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
@@ -188,6 +190,22 @@ def test_irradiance_of_a_zone_s_own_is_read_from_the_weather(frame, tmp_path):
     assert not any("thermostat" in text or "capacity" in text for text in found.remarks)
     with pytest.raises(ValueError, match="no heating or cooling, so that --setpoint does nothing"):
         day_ahead(zone, rows[:N], path, SCHEDULE)
+
+
+def test_a_fit_tells_what_it_leaves_out_and_doubts(frame):
+    """Rows beyond a gap, a sensor that stands still, and temperatures under each other's name."""
+    rows = frame[N - 8 * DAY : N].drop(frame.index[N - 6 * DAY : N - 6 * DAY + 5])
+    rows.iloc[-2 * DAY :, list(rows).index("T_za")] = 20.0
+    with pytest.warns(SkhybridWarning) as caught:
+        ZoneModel.fit(settings_from(SETTINGS), rows)
+    texts = [str(w.message) for w in caught]
+    assert any("is the sensor stuck? Such rows are taken as missing" in text for text in texts)
+    first, last = rows.index[2 * DAY], rows.index[-2 * DAY]
+    words = f"learned from {first} to {last} alone, the longest stretch without a gap, and not from 48 complete rows"
+    assert any(words in text for text in texts), texts
+    swapped = frame[:N].rename(columns={"T_za": "T_oa", "T_oa": "T_za"})
+    with pytest.warns(SkhybridWarning, match="are the two columns swapped"), suppress(ValueError):
+        ZoneModel.fit(settings_from(SETTINGS), swapped)
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,9 @@ _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
 _ABSENT = 0.02  # share of rows without a value, from which on it is named
 _LONELY = 0.01  # rows far from all others, relative to these, whose stamps may be wrong
 _MOST_NAMED = 5  # findings of one kind that are listed
+_INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those of a room [degC]
+_COLDER = 5.0  # a room is not that much colder than it ever is outdoors, and moves more, at once [K]
+_MORE_MOVED = 1.5  # range of the room's temperature relative to that outdoors
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 
 
@@ -175,6 +178,31 @@ def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
         if top > 45.0 > low and abs((top - 32.0) / 1.8 - low) < 6.0:
             return pd.Timestamp(pd.DatetimeIndex(temperature.index)[int(turn)])
     return None
+
+
+def swap_findings(name: str, room: pd.Series, outdoor: pd.Series) -> Iterator[Finding]:
+    """A remark where a room's temperature is that of outdoors and the other way round, by their values [degC].
+
+    Outdoors is then always as warm as a room, while the room moves more, and is at times far colder.
+    """
+    if not (room.notna().any() and outdoor.notna().any()):
+        return
+    (room_low, room_high), (low, high) = (values.quantile([0.01, 0.99]) for values in (room, outdoor))
+    like_room = _INDOORS[0] <= low < high <= _INDOORS[1]
+    if like_room and room_high - room_low > _MORE_MOVED * (high - low) and room_low < low - _COLDER:
+        text = f"{room.name} goes from {room_low:.0f} to {room_high:.0f} degC while {outdoor.name} stays within"
+        yield Finding("warning", name, f"{text} {low:.0f} to {high:.0f} degC: are the two columns swapped?")
+
+
+def remarks_on_room(frame: pd.DataFrame, role: str) -> Iterator[str]:
+    """Remarks on a room's temperature at even stamps: its longest standstill, and whether it is that of outdoors."""
+    found = standstills("T_za", frame[role])
+    if len(found):
+        at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
+        text = f"{role} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck?"
+        yield f"{text} Such rows are taken as missing."
+    if "T_oa" in frame:
+        yield from (finding.text for finding in swap_findings(role, frame[role], frame["T_oa"]))
 
 
 def standstills(role: str, values: pd.Series) -> pd.DataFrame:

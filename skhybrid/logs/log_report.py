@@ -26,6 +26,7 @@ from .log_findings import (
     gaps_of,
     guessed_label,
     sensor_findings,
+    swap_findings,
 )
 from .log_report_html import report_html
 from .naming import NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
@@ -321,17 +322,14 @@ class LogReport:
         found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
         for channel in channels:
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
-                found.append(
-                    Finding(
-                        "error",
-                        channel.name,
-                        f"{several(n_infinite, 'value')} {'is' if n_infinite == 1 else 'are'} infinite.",
-                    )
-                )
+                text = f"{several(n_infinite, 'value')} {'is' if n_infinite == 1 else 'are'} infinite."
+                found.append(Finding("error", channel.name, text))
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
             found += sensor_findings(role, channel.name, self.frame[channel.role], self.even[channel.role])
             if (counter := counter_of(raw, channel)) is not None:
                 found += counter_findings(channel.name, counter)
+            if role == "T_za" and "T_oa" in self.frame:
+                found += swap_findings(channel.name, self.frame[channel.role], self.frame["T_oa"])
             if self._seems_electric(channel):
                 remedy = "give a coefficient of performance ([plant] electricity = true, cop = 3.0)"
                 text = f"this seems to be electricity, not heat: {remedy} or another column."

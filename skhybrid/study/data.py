@@ -15,7 +15,7 @@ from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import standstills, unit_switch, without_standstills
+from ..logs.log_findings import remarks_on_room, unit_switch, without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
 from .plant import Performance
@@ -204,7 +204,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     temperatures = settings.roles_of("T_za")
     frame = _checked(frame, temperatures)
-    stuck = [remark for role in temperatures if (remark := standstill(frame[role])) is not None]
+    doubted = [remark for role in temperatures for remark in remarks_on_room(frame, role)]
     frame = _usable(frame, settings)
     inputs = inputs_of(frame, temperatures)
     known = np.flatnonzero(frame[temperatures].notna().any(axis=1).to_numpy())
@@ -229,7 +229,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         future,
         _setpoints(frame, settings, history, future),
         held_out,
-        tuple(stuck),
+        tuple(doubted),
     )
 
 
@@ -261,18 +261,6 @@ def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     if not settings.site or "q_sol" not in frame or any(str(c).startswith("q_sol_") for c in frame):
         return frame
     return FacadeIrradiance(settings.site["latitude"], settings.site["longitude"]).fit_transform(frame)
-
-
-def standstill(temperature: pd.Series) -> str | None:
-    """A remark on the longest standstill of a temperature at even stamps, None where there is none."""
-    found = standstills(str(temperature.name), temperature)
-    if found.empty:
-        return None
-    at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
-    return (
-        f"{temperature.name} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck? Such "
-        "rows are taken as missing."
-    )
 
 
 def _checked(frame: Any, temperatures: Sequence[str]) -> pd.DataFrame:

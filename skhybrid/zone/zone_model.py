@@ -21,10 +21,10 @@ from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.zone_part import roles_of, rows_of, settings_of
-from .dead_meters import not_learned, without_dead_meters, without_roles
+from .dead_meters import not_learned, without_roles
 from .outages import BRIDGED, Unread, bridged, complete_rows, like_index, stretches, up_to_measured
+from .training_rows import training_rows
 
-_LEAST_DAYS = 3
 _NO_SET_POINTS = "no set-points{} in the log"
 _NEVER_MOVED = "the log is too short, or the plant or set-points{} never moved"
 _ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
@@ -59,17 +59,7 @@ class ZoneModel:
         ValueError
             If no three days of the log have all inputs and a temperature.
         """
-        frame = without_dead_meters(frame, settings)
-        rows = complete_rows(with_facades(frame, settings), settings.roles_of("T_za"))
-        step = pd.Timedelta(settings.step)
-        if len(rows):
-            rows = max(stretches(rows[rows.index > rows.index[-1] - pd.Timedelta(days=days)], step), key=len)
-        if len(rows) * step < pd.Timedelta(days=_LEAST_DAYS):
-            found = len(rows) * step / pd.Timedelta("1D")
-            raise ValueError(
-                f"the log has {found:.1f} days in a row, of the {days} before {frame.index[-1]}, with all of "
-                f"{', '.join(map(str, rows))}; a model needs {_LEAST_DAYS} (see skhybrid check)."
-            )
+        rows = training_rows(frame, settings, days)
         predictor = make_models(settings)[0].estimator
         if settings.zones:
             building = BuildingPredictor(predictor, adjacency=settings.adjacency)

@@ -1,0 +1,50 @@
+"""The rows of a log that a zone's model learns from, with warnings of those that it leaves out or may be wrong."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from .._warnings import several, warn_user
+from ..exceptions import SkhybridWarning
+from ..logs.log_findings import remarks_on_room
+from ..study.data import with_facades
+from ..study.settings import Settings
+from .dead_meters import without_dead_meters
+from .outages import complete_rows, stretches
+
+_LEAST_DAYS = 3
+
+
+def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.DataFrame:
+    """The longest stretch without a gap of the last ``days`` of a log, of at least three days.
+
+    Parameters
+    ----------
+    frame : DataFrame, one column per role
+    settings : Settings
+    days : int
+
+    Raises
+    ------
+    ValueError
+        If it is shorter than three days.
+    """
+    rooms = settings.roles_of("T_za")
+    for remark in (text for role in rooms if role in frame for text in remarks_on_room(frame, role)):
+        warn_user(remark, SkhybridWarning)
+    rows = complete_rows(with_facades(without_dead_meters(frame, settings), settings), rooms)
+    step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")
+    last = rows[rows.index > rows.index[-1] - days * day] if len(rows) else rows
+    rows = max(stretches(last, step), key=len)
+    if len(rows) * step < _LEAST_DAYS * day:
+        raise ValueError(
+            f"the log has {len(rows) * step / day:.1f} days in a row, of the {days} before {frame.index[-1]}, with all "
+            f"of {', '.join(map(str, rows))}; a model needs {_LEAST_DAYS} (see skhybrid check)."
+        )
+    if n_out := len(last) - len(rows):
+        warn_user(
+            f"learned from {rows.index[0]} to {rows.index[-1]} alone, the longest stretch without a gap, and not from "
+            f"{several(n_out, 'complete row')} beyond it (skhybrid check shows the gaps).",
+            SkhybridWarning,
+        )
+    return rows
