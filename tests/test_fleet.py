@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 import errno
+import gc
 import importlib
 import json
 import os
+import pickle
 import shutil
 import signal
 import subprocess
@@ -122,6 +124,20 @@ def test_new_rows_are_taken_in_as_by_a_single_zone(alone, fleet):
         pd.testing.assert_frame_equal(of(found, zone), expected, check_exact=True, check_freq=False)
     with pytest.raises(ValueError, match="no zone succeeded, the first of 3, a: "):
         again.update(rows(slice(9 * DAY, 10 * DAY)))  # a day is missing before them
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda fleet: pickle.loads(pickle.dumps(fleet))])
+def test_a_copy_without_a_store_keeps_its_models(copied):
+    fleet = ZoneFleet(ARX).fit(rows(TRAIN))
+    expected, folder = fleet.predict(future(NEW)), fleet.store_
+    twin = copied(fleet)
+    fleet.fit(rows(TRAIN, {"b/1": ZONES["b/1"]}))
+    pd.testing.assert_frame_equal(twin.predict(future(NEW)), expected)
+    own = twin.store_
+    assert (own == folder) == (copied is copy.copy)
+    del fleet, twin
+    gc.collect()
+    assert not any(map(os.path.exists, (folder, own))), "temporary folders are removed with the last that holds them"
 
 
 def test_its_prior_is_that_of_its_models(alone, fleet):

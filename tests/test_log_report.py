@@ -236,7 +236,7 @@ def test_a_stuck_sensor_is_found_and_not_used(frame):
 def test_a_room_and_outdoors_that_are_swapped_are_found(frame):
     names = ["Raumtemperatur [°C]", "Außentemperatur [°C]"]
     assert not [f for f in LogReport(frame).findings if "swapped" in f.text]
-    found = [f for f in LogReport(frame.rename(columns=dict(zip(names, names[::-1], strict=True)))).findings]
+    found = LogReport(frame.rename(columns=dict(zip(names, names[::-1], strict=True)))).findings
     words = "T_za goes from -2 to 8 degC while T_oa stays within 19 to 21 degC: are the two columns swapped?"
     assert [(f.level, f.where, f.text) for f in found if "swapped" in f.text] == [("warning", names[0], words)]
     two_rooms = frame.rename(columns={names[0]: "T_za_hall", names[1]: "T_oa"}).assign(T_za_attic=frame[names[1]])

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sqlite3
+import tempfile
+import weakref
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote, unquote
 
@@ -21,6 +25,27 @@ _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures
 _NEW_MODEL = ("+0.skops", "+1.skops")  # of a zone, by turns; no name of a zone has a plus, see _file
 _LONGEST = 230  # name of a file without its ending; a temporary file has 24 characters more, and systems take 255
 _MOST_ROWS = 4000  # of a journal; above it the model is saved with them
+
+
+class TemporaryStore:
+    """Folder that is removed with the last that holds it; a deep copy, or a pickle, is a folder with the same files.
+
+    Parameters
+    ----------
+    files : mapping of name to bytes
+    """
+
+    def __init__(self, files: Mapping[str, bytes] = MappingProxyType({})) -> None:
+        self._path = tempfile.mkdtemp(prefix="skhybrid-fleet-")
+        weakref.finalize(self, shutil.rmtree, self._path, ignore_errors=True)
+        for name, content in files.items():
+            (Path(self._path) / name).write_bytes(content)
+
+    def __fspath__(self) -> str:
+        return self._path
+
+    def __reduce__(self) -> tuple[type[TemporaryStore], tuple[dict[str, bytes]]]:
+        return TemporaryStore, ({file.name: file.read_bytes() for file in Path(self._path).iterdir()},)
 
 
 class ModelStore:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
-import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from os import PathLike
@@ -25,7 +22,7 @@ from .dispatch import Outcome, run
 from .fleet_page import write_page
 from .fleet_status import status_table, zone_status
 from .long_table import joined
-from .model_store import ModelStore
+from .model_store import ModelStore, TemporaryStore
 from .prior import FleetPrior
 from .zone_jobs import (
     backtest_zone,
@@ -63,7 +60,8 @@ class ZoneFleet(BaseEstimator):
         Column of a long table, or name of the folders of a dataset.
     store : path-like, optional
         Folder of the models.  A fit that was killed goes on where it was: zones with the same rows are not fitted
-        again.  Another fleet can use the models without a fit.  None: a temporary folder, removed with the fleet.
+        again.  Another fleet can use the models without a fit.  None: a temporary folder, removed with the fleet and
+        its shallow copies; deep copies and pickles have the models in them.
     fallback : estimator, optional
         Simple model of zones for which ``estimator`` cannot be fitted, such as
         :class:`~skhybrid.forecasting.ARXRegressor`.
@@ -124,7 +122,7 @@ class ZoneFleet(BaseEstimator):
         OSError
             If the disk is full, or another fleet is at work in the store; finished zones are kept.
         """
-        before, self.store_ = getattr(self, "store_", None), self._folder()
+        self._folder = self._new_folder()
         self._fit_errors: dict[Any, str] = {}
         self.errors_: dict[Any, str] = {}
         with zone_files(X, y, self.key) as files, self._models.locked(self._settings()):
@@ -139,8 +137,6 @@ class ZoneFleet(BaseEstimator):
                 f"{len(self.errors_)} of {len(found)} zones could not be fitted{taken}, the first {zone}: {why}",
                 SkhybridWarning,
             )
-        if self.store is None and before is not None:
-            shutil.rmtree(before, ignore_errors=True)
         return self
 
     def predict(self, X: Any) -> pd.DataFrame:
@@ -313,23 +309,24 @@ class ZoneFleet(BaseEstimator):
         """Names of the zones that have a model."""
         return self._models.zones()
 
+    @property
+    def store_(self) -> str:
+        """The folder of the models."""
+        if not hasattr(self, "_folder"):
+            if self.store is None:
+                raise NotFittedError("this ZoneFleet is not fitted; call fit, or give the store of a fitted one.")
+            self._folder = self._new_folder()
+        return os.fspath(self._folder)
+
     def __sklearn_is_fitted__(self) -> bool:
-        return bool((hasattr(self, "store_") or self.store is not None) and self.zones_)
+        return bool((hasattr(self, "_folder") or self.store is not None) and self.zones_)
 
     @property
     def _models(self) -> ModelStore:
-        if not hasattr(self, "store_"):
-            if self.store is None:
-                raise NotFittedError("this ZoneFleet is not fitted; call fit, or give the store of a fitted one.")
-            self.store_ = self._folder()
         return ModelStore(self.store_)
 
-    def _folder(self) -> str:
-        if self.store is not None:
-            return os.path.abspath(self.store)  # workers may run elsewhere
-        made = tempfile.mkdtemp(prefix="skhybrid-fleet-")
-        weakref.finalize(self, shutil.rmtree, made, ignore_errors=True)
-        return made
+    def _new_folder(self) -> str | TemporaryStore:
+        return TemporaryStore() if self.store is None else os.path.abspath(self.store)  # workers may run elsewhere
 
     def _settings(self) -> dict[str, str]:
         """Settings that a store must have been made with."""
