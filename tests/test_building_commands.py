@@ -14,6 +14,8 @@ import pandas as pd
 import pytest
 
 from skhybrid.cli import main
+from skhybrid.cli._output import Progress
+from skhybrid.cli._study import read_study
 from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import read_settings
@@ -377,6 +379,24 @@ def test_a_dead_heat_meter_costs_its_room_alone(log, tmp_path):
     assert (done.learned, done.n_new) == ("", 24)
     _ahead(log, now + 24).to_csv(tmp_path / "log.csv")  # the meter is back
     assert house.tick(tmp_path / "log.csv", schedule=schedule).learned == ""
+
+
+def test_a_room_without_values_of_its_heat_is_studied_without_it(folder, log, tmp_path, capsys):
+    log.assign(Q_hall_kW=np.nan).to_csv(tmp_path / "log.csv")
+    given = (tmp_path / "log.csv", "--config", folder / "house.toml")
+    data = read_study(str(given[0]), read_settings(given[-1]), Progress(quiet=True))
+    remark = "zone 'hall' is learned without its heat, since 'Q_hall_kW' had no values at the end: "
+    assert data.remarks[0].startswith(remark)
+    assert {"Q_hvac_kitchen", "T_za_hall"} <= set(data.train) & set(data.future)
+    assert "Q_hvac_hall" not in {*data.train, *data.future}
+    assert main([*map(str, ("backtest", *given)), "--json"]) == 0
+    found = capsys.readouterr()
+    assert remark in found.err
+    assert len(json.loads(found.out)["verdicts"]) == 2
+    assert main([*map(str, ("identify", *given)), "--json"]) == 0
+    found = capsys.readouterr()
+    assert remark in found.err
+    assert "not identified" in json.loads(found.out)["zones"]["hall"]["heat loss"]["remark"]
 
 
 def test_where_all_heat_is_missing_a_building_is_refused(log):

@@ -6,11 +6,14 @@ from typing import Any
 
 import pandas as pd
 
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
 from ..study.compared_models import make_gray_box
 from ..study.data import FACADES, NO_ROWS, TRAINING_DAYS
 from ..study.identified_building import describe
 from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.settings import Settings
+from .dead_meters import without_dead_meters
 from .outages import complete_rows
 
 
@@ -24,7 +27,13 @@ def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
 
 def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
     """Identify the rooms of a building on the last weeks of a log, and describe them."""
-    return identify_zones(settings, _last_weeks(complete_rows(frame, settings.roles_of("T_za"))))
+    rows = complete_rows(frame, settings.roles_of("T_za"))
+    if rows.empty:
+        alive, remarks = without_dead_meters(frame, settings)
+        for remark in remarks:
+            warn_user(remark, SkhybridWarning)
+        rows = complete_rows(alive, settings.roles_of("T_za"))
+    return identify_zones(settings, _last_weeks(rows))
 
 
 def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:

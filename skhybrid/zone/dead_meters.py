@@ -8,24 +8,21 @@ from typing import Any
 import pandas as pd
 
 from .._table import is_plant, listed
-from .._warnings import warn_user
-from ..exceptions import SkhybridWarning
 from ..study.settings import Settings
 from ..study.zone_part import roles_of
 from .outages import BRIDGED, up_to_measured
 
 
-def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
-    """A log without the heat of rooms that ends more than twelve hours before the temperatures, which is warned of."""
+def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    """A log without the heat of rooms that ends more than twelve hours before the temperatures, and remarks on it."""
     dead = dead_meters(frame, settings)
-    for zone, roles in dead.items():
-        names = listed(settings.columns.get(role, role) for role in roles)
-        warn_user(
-            f"zone {zone!r} is learned without its heat, since {names} ended long before the temperatures: its "
-            "temperature is forecast as if it were heated and cooled as usual, and its load is not known.",
-            SkhybridWarning,
-        )
-    return without_roles(frame, dead)
+    named = {zone: listed(settings.columns.get(role, role) for role in roles) for zone, roles in dead.items()}
+    remarks = [
+        f"zone {zone!r} is learned without its heat, since {names} had no values at the end: its "
+        "temperature is forecast as if it were heated and cooled as usual, and its load is not known."
+        for zone, names in named.items()
+    ]
+    return without_roles(frame, dead), remarks
 
 
 def without_roles(frame: pd.DataFrame, by_zone: Mapping[str, Sequence[str]]) -> pd.DataFrame:

@@ -30,9 +30,11 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
         If it is shorter than three days.
     """
     rooms = settings.roles_of("T_za")
-    for remark in (text for role in rooms if role in frame for text in remarks_on_room(frame, role)):
+    doubts = [remark for role in rooms if role in frame for remark in remarks_on_room(frame, role)]
+    alive, remarks = without_dead_meters(frame, settings)
+    for remark in (*doubts, *remarks):
         warn_user(remark, SkhybridWarning)
-    rows = complete_rows(with_facades(without_dead_meters(frame, settings), settings), rooms)
+    rows = complete_rows(with_facades(alive, settings), rooms)
     step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")
     last = rows[rows.index > rows.index[-1] - days * day] if len(rows) else rows
     rows = max(stretches(last, step), key=len)

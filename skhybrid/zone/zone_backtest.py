@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
 from ..model_selection import backtest
 from ..study.building_study import N_STEPS, backtest_zones, judge_zone, verdicts_by_zone, zone_table
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
@@ -16,6 +18,7 @@ from ..study.run import Progress, counted
 from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
 from ..study.settings import Settings, is_scaled
 from ..study.verdict import Verdict
+from .dead_meters import without_dead_meters
 from .outages import complete_rows
 
 #: what the predictor is compared with, apart from the rules for the load
@@ -79,8 +82,10 @@ def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progres
 
     The result has the errors of all zones together and of each, without loads.  ``progress`` as for :func:`run_study`.
     """
-    measured = settings.roles_of("T_za")
-    rows = complete_rows(with_facades(frame, settings), measured)
+    alive, remarks = without_dead_meters(frame, settings)
+    for remark in remarks:
+        warn_user(remark, SkhybridWarning)
+    rows = complete_rows(with_facades(alive, settings), settings.roles_of("T_za"))
     train, test = train_and_test(rows, settings)
     later = rows.loc[train.index[-1] : test.index[-1]].iloc[1:]
     say = counted(progress, N_STEPS)
