@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import FrameType
@@ -13,6 +13,7 @@ from types import FrameType
 from .exceptions import SkhybridWarning
 
 _subject: ContextVar[str] = ContextVar("subject", default="")
+_receiver: ContextVar[Callable[[SkhybridWarning], object] | None] = ContextVar("receiver", default=None)
 _PACKAGE = __name__.partition(".")[0]
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
@@ -38,11 +39,36 @@ def warnings_prefixed_with(subject: str) -> Iterator[None]:
         _subject.reset(outer)
 
 
+@contextmanager
+def warnings_to(receiver: Callable[[SkhybridWarning], object]) -> Iterator[None]:
+    """Give the package's warnings of the block to a function; those of other threads go where they went.
+
+    ``warnings.catch_warnings`` would take the warnings of all threads, and leave them caught where two blocks overlap.
+    """
+    outer = _receiver.set(receiver)
+    try:
+        yield
+    finally:
+        _receiver.reset(outer)
+
+
+def ignore(warning: SkhybridWarning) -> None:
+    """Receive a warning of which the user knows."""
+
+
+def raise_warning(warning: SkhybridWarning) -> None:
+    """Receive a warning as an error."""
+    raise warning
+
+
 def warn_user(message: str, category: type[SkhybridWarning]) -> None:
     """Warn at the user's line that led to this package, however deep in the package the cause was found.
 
     In another process or thread there is none: there it is the first line outside of the package.
     """
+    if (receiver := _receiver.get()) is not None:
+        receiver(category(_subject.get() + message))
+        return
     first, level, frame = 0, 1, sys._getframe()
     while _package_of(frame) in _BETWEEN or _package_of(frame) == _PACKAGE:
         if not first and _package_of(frame) != _PACKAGE:

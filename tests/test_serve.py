@@ -11,6 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 from html import escape
@@ -23,7 +24,9 @@ import pandas as pd
 import pytest
 from fastapi.testclient import TestClient
 
+from skhybrid._warnings import warn_user
 from skhybrid.cli import main
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.server.app import make_app
 from skhybrid.server.listen import check_token, is_loopback
 from skhybrid.study import propose_settings
@@ -243,6 +246,25 @@ def test_rows_that_come_one_by_one_count_once_their_step_is_known(step, taken, l
     with open_archive(folder / "archive.sqlite") as archive:
         first = archive.log(EVEN).loc[rows.index[0]]
     assert first["q_sol"] == pytest.approx(rows["q_sol"].loc[: rows.index[0] + pd.Timedelta("59min")].mean())
+
+
+def test_remarks_are_those_of_the_rows_and_not_of_another_request(log, client, monkeypatch):
+    """A page that is read while rows are taken in may warn, too."""
+    post = ZoneFolder.post
+
+    def with_warnings(*given, **named):
+        reader = threading.Thread(target=warn_user, args=("of a page", SkhybridWarning))
+        warn_user("of these rows", SkhybridWarning)
+        reader.start()
+        reader.join()
+        warn_user("of these rows", SkhybridWarning)
+        return post(*given, **named)
+
+    monkeypatch.setattr(ZoneFolder, "post", with_warnings)
+    with pytest.warns(SkhybridWarning, match="of a page"):
+        found = client.post("/rows", json=as_json(log.iloc[24 * DAYS : 24 * DAYS + 3])).json()
+    assert found["remarks"].count("of these rows") == 1
+    assert "of a page" not in found["remarks"]
 
 
 def test_rows_without_weather_to_come_are_kept_and_the_answer_says_so(log, folder):

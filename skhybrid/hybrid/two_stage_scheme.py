@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from functools import partial
@@ -16,8 +15,8 @@ from sklearn.frozen import FrozenEstimator
 
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START, rows_per_day
+from .._warnings import ignore, warnings_to
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, load_frame
-from ..exceptions import SkhybridWarning
 from ..forecasting.joint_fit import fit_each
 from ..forecasting.named_models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
@@ -299,8 +298,7 @@ class TwoStageScheme(EarlierStates):
             known[np.unique(step_of_row[slice(*block)])] = np.nan
             origins = block_origins(block, per_day)
             if len(origins) and np.isfinite(known).any():
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", SkhybridWarning)  # of fewer rows than the user has given
+                with warnings_to(ignore):  # of fewer rows than the user has given
                     without = fit_forecaster(clone(self.forecaster_), self.steps, known)
                 paths = self._with(adapt=None, forecaster_=without).forecast(table, origins, n_leads).temperature
                 found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
 from typing import Any
 
 import pandas as pd
@@ -11,6 +11,7 @@ from sklearn.base import BaseEstimator
 
 from .._rolling import RollingForecastMixin
 from .._table import read_table
+from .._warnings import ignore, warnings_to
 
 
 def read_once(X: Any, *, columns: Mapping[str, Any] | None = None, sampling_time: Any = None, fits: bool = True) -> Any:
@@ -20,9 +21,7 @@ def read_once(X: Any, *, columns: Mapping[str, Any] | None = None, sampling_time
     """
     if not isinstance(X, pd.DataFrame) or not isinstance(X.index, pd.DatetimeIndex):
         return X
-    with warnings.catch_warnings():
-        if not fits:
-            warnings.simplefilter("ignore")
+    with nullcontext() if fits else warnings_to(ignore):
         try:
             return read_table(BaseEstimator(), X, columns=columns, sampling_time=sampling_time, reset=True)
         except (ValueError, TypeError):

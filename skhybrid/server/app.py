@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
-import warnings
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from .. import __version__
-from ..exceptions import ModelFileError
+from .._warnings import warnings_to
+from ..exceptions import ModelFileError, SkhybridWarning
 from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
 from .page import docs_page, zone_page
@@ -143,23 +143,18 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
 
     def take(body: bytes, is_json: bool) -> dict[str, Any]:
         text, n_rows = _csv_of_json(body) if is_json else _csv_text(body)
-        with (
-            one_at_a_time,
-            tempfile.TemporaryDirectory() as place,
-            warnings.catch_warnings(record=True) as caught,
-        ):
-            warnings.simplefilter("always")
+        said: list[SkhybridWarning] = []
+        with one_at_a_time, tempfile.TemporaryDirectory() as place, warnings_to(said.append):
             path = Path(place) / "rows.csv"
             path.write_text(text, encoding="utf-8")
             done = zone.post(path, weather, schedule, plain=is_json)
-        said = dict.fromkeys(" ".join(str(w.message).split()) for w in caught if issubclass(w.category, UserWarning))
         frame = None if done.forecast is None else done.forecast.frame
         return {
             "rows": n_rows,
             "new_steps": done.n_new,
             "fitted_again_because": done.learned or None,
             "forecast_from": None if frame is None else (frame.index[0] - _step_of(frame)).isoformat(),
-            "remarks": [*said, *done.remarks],
+            "remarks": [*dict.fromkeys(" ".join(str(warning).split()) for warning in said), *done.remarks],
         }
 
     @app.post("/rows", response_model=Posted, responses=_POST_REFUSALS, openapi_extra={"requestBody": _BODY})

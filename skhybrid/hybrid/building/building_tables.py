@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +10,7 @@ import pandas as pd
 
 from ..._ranges import is_in_watts
 from ..._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable
+from ..._warnings import raise_warning, warnings_to
 from ...exceptions import SkhybridWarning
 from ..base import BaseHybrid
 from .zone_columns import NEXT, ZoneColumns
@@ -30,8 +30,7 @@ def tables_of_zones(
         return None
     past = [role for role in columns.columns if columns.is_history(role)]
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", SkhybridWarning)
+        with warnings_to(raise_warning):
             whole = first._read_building(X, columns.columns, (*HISTORY_ROLES, *SETPOINT_ROLES, *past))
     except (ValueError, SkhybridWarning):
         return None

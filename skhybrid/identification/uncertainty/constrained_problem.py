@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._table import ZoneTable
 from ..._threads import one_blas_thread
+from ..._warnings import ignore, warnings_to
 from ...thermal import get_network
 
 
@@ -33,9 +34,7 @@ class ConstrainedProblem:
                 'take theta_interval, or fit with objective="one_step".'
             )
         fitted = hasattr(estimator, "theta_")
-        with warnings.catch_warnings():
-            if fitted:
-                warnings.simplefilter("ignore")  # the fit has warned of it
+        with warnings_to(ignore) if fitted else nullcontext():  # the fit has warned of it
             table = clone(estimator)._read(X, get_network(estimator.network), reset=True)
         if not fitted:
             estimator = clone(estimator).fit(table, y)
@@ -63,8 +62,7 @@ class ConstrainedProblem:
         if search_all:
             bounds = {p.name: (p.lower, p.upper) for p in fitted.parameters_} | bounds
         probe.set_params(bounds={name: ends for name, ends in bounds.items() if name not in probe.known})
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the fit has warned of it
+        with warnings_to(ignore):  # the fit has warned of it
             return fitted._problem_of(probe, *probe._prepare(self.table, self.y))
 
 
