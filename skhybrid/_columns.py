@@ -190,7 +190,10 @@ def unmasked(values: Any, label: str) -> Any:
 
 
 def as_numbers(values: Any, label: str) -> np.ndarray:
-    """Values as float64, NaN where a mask hides them; refused where they are times, words or rows of unequal length."""
+    """Values as float64, NaN where a mask hides them.
+
+    Refused where they are times, words, True and False, or rows of unequal length.
+    """
     return _floats(unmasked(values, label), label)
 
 
@@ -198,12 +201,13 @@ def target_numbers(y: Any) -> np.ndarray:
     """(n_samples,) float64 copy of a target, NaN where missing or masked."""
     if isinstance(y, pd.DataFrame) and y.shape[1] == 1:
         y = y.iloc[:, 0]
-    if isinstance(y, pd.Series):
+    if isinstance(y, pd.Series) and y.dtype != bool:
         y = numeric(y, "y")
     y = unmasked(y, "y")
     checked = check_array(y, ensure_2d=False, dtype=None, ensure_all_finite=False, ensure_min_samples=0, input_name="y")
     if np.iscomplexobj(checked):
         raise ValueError("Complex data not supported: y must be real.")
+    _refuse_bools(checked, "y")
     try:
         return column_or_1d(checked, warn=True).astype(np.float64, copy=True)
     except (TypeError, ValueError) as error:
@@ -214,9 +218,17 @@ def _floats(values: Any, label: str) -> np.ndarray:
     if np.iscomplexobj(values):
         raise ValueError(f"Complex data not supported: {label} must be real.")
     try:
-        return np.asarray(values, dtype=np.float64)
+        numbers = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{label} is not numeric ({error}); give numbers.") from None
+    _refuse_bools(values, label)
+    return numbers
+
+
+def _refuse_bools(values: Any, label: str) -> None:
+    """Refuse True and False, which NumPy takes for 1 and 0."""
+    if np.asarray(values).dtype == bool:
+        raise ValueError(f"{label} is true or false; give numbers.")
 
 
 def _refuse_times(values: Any, label: str) -> None:

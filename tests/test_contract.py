@@ -27,6 +27,7 @@ from skhybrid import (
     TwoStagePredictor,
     _table,
 )
+from skhybrid._columns import as_numbers
 from skhybrid._ranges import is_in_watts
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
 from skhybrid._time import ASSUMED_START, Stamps, joined_stamps, origin_rows, rows_covering, rows_of
@@ -684,6 +685,16 @@ def test_targets_of_any_kind_become_float64(office):
     for words in (office.y.astype(object).where(office.y > 20, "off"), ["off"] * len(office.y)):
         with pytest.raises(ValueError, match=r"^y is not numeric .could not convert"):
             read_target(words, read(office.X))
+
+
+@pytest.mark.parametrize("kind", [pd.Series, pd.Series.to_frame, pd.Series.to_numpy, pd.Series.tolist])
+def test_true_and_false_are_no_temperatures(office, kind):
+    """NumPy takes them for 1 and 0."""
+    warm = kind(office.y > 22.0)
+    with pytest.raises(ValueError, match=r"^y is true or false; give numbers"):
+        read_target(warm, read(office.X))
+    with pytest.raises(ValueError, match=r"^heat_gain is true or false; give numbers"):
+        as_numbers(warm, "heat_gain")
 
 
 # ---------------------------------------------------------------------------------------- rows of X and rows of y

@@ -85,7 +85,7 @@ def read_plant_limits(limits: Any) -> tuple[float, float] | None:
     if not isinstance(limits, tuple | list) or len(limits) != 2 or any(np.ndim(side) for side in limits):
         raise ValueError("limits is a pair of numbers (lowest, highest) [kW]; those by row are for predict_load.")
     lowest, highest = (
-        free if side is None else float(_numbers(side, "limits"))
+        free if side is None else float(as_numbers(side, "limits"))
         for side, free in zip(limits, (-np.inf, np.inf), strict=True)
     )
     if not lowest <= min(highest, 0.0) or not highest >= 0.0:
@@ -109,20 +109,13 @@ def _by_row(given: Any, table: ZoneTable, name: str, absent: float, role: str) -
         if isinstance(table.index, pd.DatetimeIndex):
             refuse_other_stamps(given, table.index, name)
         given = given if given.dtype == bool else numeric(given, name)
-    values = _numbers(absent if given is None else given, name)
+    values = as_numbers(absent if given is None else given, name)
     if values.ndim == 0:
         values = np.full(table.n_rows, float(values))
     if values.shape != (table.n_rows,):
         raise ValueError(f"{name} has shape {values.shape}, but X has {table.n_rows} rows; give one value per row.")
     check_range(values, role, name, table.index)
     return values
-
-
-def _numbers(given: Any, name: str) -> np.ndarray:
-    """Numbers as float64; True and False, which NumPy takes for 1 and 0, are refused."""
-    if np.asarray(given).dtype == bool:
-        raise ValueError(f"{name} is true or false; give numbers.")
-    return as_numbers(given, name)
 
 
 def _refuse(wrong: np.ndarray, table: ZoneTable, what: str, remedy: str) -> None:
