@@ -114,7 +114,20 @@ def test_a_boiler_for_all_and_one_sun():
         (({"a": "2R2C", "b": "1R1C"}, [("a", "b")], {"couple": "w"}), "couple names the node 'w', which zone 'b' has"),
         ((AB, None, {"heated": {"c": ()}}), "heated names 'c', which is none of the zones"),
         ((AB, None, {"solar": {"c": ()}}), "solar names 'c', which is none of the zones"),
-        ((AB, None, {"solar": {"a": "sun"}}), "solar mixes 'sun' with roles"),
+        ((AB, None, {"solar": {"a": "sun"}}), "solar names 'sun', which is no irradiance"),
+        ((AB, None, {"solar": "sun"}), "solar names 'sun', which is no irradiance"),
+        ((AB, None, {"solar": ["q_sol"]}), "solar=.* must be a mapping of zones to roles, or one role"),
+        (
+            (AB, None, {"solar": {"a": {"q_sol": "za"}}}),
+            "solar of zone 'a' is {'q_sol': 'za'}; give one name or several",
+        ),
+        ((AB, None, {"heated": "u_heat"}), "heated='u_heat' must be a mapping of zones to roles"),
+        ((AB, None, {"heated": {"a": [1]}}), r"heated of zone 'a' is \[1\]; give one name or several"),
+        ((AB, [("a", "b")], {"couple": None}), "couple is None; give one name or several, as text"),
+        ((3,), "zones is 3; give one name or several, as text"),
+        (([["a"], ["b"]],), r"zones is \[\['a'\], \['b'\]\]; give one name or several"),
+        ((AB, 5), "adjacency has 5; give pairs of zones"),
+        ((AB, [("a", ["b"])]), r"adjacency has \('a', \['b'\]\); give pairs of zones"),
         ((AB, None, {"room": "5R1C"}), "network='5R1C' is not in the catalogue"),
         (({"a": "1R1C", "b": building_network(["c", "d"])},), r"network building of zone 'b' names .* as measured"),
     ],
@@ -124,6 +137,12 @@ def test_what_is_no_building_is_refused(arguments, message):
     settings = last if isinstance(last, dict) and len(arguments) == 3 else {}
     with pytest.raises(ValueError, match=message):
         building_network(*(positional if settings else arguments), **settings)
+
+
+@pytest.mark.parametrize(("network", "zone"), [("2R2C", "a"), (building_network(AB), ["a"])])
+def test_a_room_of_what_is_no_building_is_refused(network, zone):
+    with pytest.raises(ValueError, match=r"is no network of a building|has no zone"):
+        room_network(network, zone)
 
 
 @pytest.mark.parametrize(

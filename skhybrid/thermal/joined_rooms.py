@@ -8,8 +8,9 @@ from dataclasses import replace
 from itertools import product
 from typing import Any
 
+from .._arguments import as_mapping
 from .catalogue import get_network
-from .declaration import SOURCE_PARAMETERS, Target, as_names, capacity_name, is_by_role, own_parameters
+from .declaration import ROLE_PREFIXES, SOURCE_PARAMETERS, Target, as_names, capacity_name, is_by_role, own_parameters
 from .network import RCNetwork
 
 #: bounds of a partition [K/kW]: from an open door to nearly nothing
@@ -99,15 +100,23 @@ def building_network(
 
 
 def _rooms(zones: Any, room: str | RCNetwork) -> dict[str, RCNetwork]:
-    given = zones if isinstance(zones, Mapping) else dict.fromkeys(as_names(zones), room)
-    if not isinstance(zones, Mapping) and len(given) < len(as_names(zones)):
-        raise ValueError(f"zones={list(zones)!r} names a zone twice; give every zone its own name.")
-    if len(given) < 2:
-        raise ValueError(f"zones={zones!r} has {len(given)} of the two or more zones that a building joins.")
-    for zone in given:
-        if not isinstance(zone, str) or not re.fullmatch(r"\w+", zone, re.ASCII):
+    names = _names("zones", tuple(zones) if isinstance(zones, Mapping) else zones)
+    if len(set(names)) < len(names):
+        raise ValueError(f"zones={list(names)!r} names a zone twice; give every zone its own name.")
+    if len(names) < 2:
+        raise ValueError(f"zones={zones!r} has {len(names)} of the two or more zones that a building joins.")
+    for zone in names:
+        if not re.fullmatch(r"\w+", zone, re.ASCII):
             raise ValueError(f"zones has {zone!r}, which cannot be part of a column's name; use letters, digits and _.")
-    return {zone: get_network(network) for zone, network in given.items()}
+    return {zone: get_network(zones[zone] if isinstance(zones, Mapping) else room) for zone in names}
+
+
+def _names(argument: str, given: Any) -> tuple[str, ...]:
+    """One name or several, refused where they are no text."""
+    names = as_names(given) if isinstance(given, Iterable) and not isinstance(given, Mapping) else (given,)
+    if not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{argument} is {given!r}; give one name or several, as text.")
+    return names
 
 
 def _checked_room(zone: str, network: RCNetwork) -> RCNetwork:
@@ -127,8 +136,9 @@ def _checked_room(zone: str, network: RCNetwork) -> RCNetwork:
 
 def _checked_pairs(adjacency: Any, zones: Mapping[str, RCNetwork]) -> list[tuple[str, str]]:
     pairs: list[tuple[str, str]] = []
-    for pair in () if adjacency is None else adjacency:
-        if isinstance(pair, str) or not isinstance(pair, Iterable) or len(both := tuple(pair)) != 2:
+    for pair in () if adjacency is None else adjacency if isinstance(adjacency, Iterable) else (adjacency,):
+        both = tuple(pair) if isinstance(pair, Iterable) and not isinstance(pair, str) else ()
+        if len(both) != 2 or not all(isinstance(zone, str) for zone in both):
             raise ValueError(f"adjacency has {pair!r}; give pairs of zones, such as ('north', 'south').")
         for zone in both:
             if zone not in zones:
@@ -146,7 +156,7 @@ def _partitions(
 ) -> dict[str, tuple[str, str]]:
     """Resistors between the rooms of each pair, with their ends; ``taken`` are the names of other resistors."""
     out: dict[str, tuple[str, str]] = {}
-    for kind, (a, b) in product(dict.fromkeys(as_names(couple)), pairs):
+    for kind, (a, b) in product(dict.fromkeys(_names("couple", couple)), pairs):
         for zone in (a, b):
             if kind not in rooms[zone].nodes:
                 raise ValueError(
@@ -181,6 +191,8 @@ def _solar(rooms: Mapping[str, RCNetwork], given: Any) -> dict[str, Any]:
     served = _zones_by_role({zone: asked.get(zone, f"q_sol_{zone}") for zone in sunny})
     out: dict[str, Any] = {}
     for role, zones in served.items():
+        if not role.startswith(ROLE_PREFIXES["solar"]):
+            raise ValueError(f"solar names {role!r}, which is no irradiance; its role begins with q_sol.")
         shares = {zone: _shares(rooms[zone].solar, zone) for zone in zones}
         suffix = role.removeprefix("q_sol")
         apart = {f"A_win{suffix}_to_{zone}": target for zone, target in shares.items()}
@@ -206,10 +218,12 @@ def _heated(rooms: Mapping[str, RCNetwork], given: Any) -> dict[str, Any]:
 
 
 def _checked_roles(argument: str, given: Any, rooms: Mapping[str, RCNetwork]) -> dict[str, Any]:
-    for zone in given or {}:
+    out, content = {}, {"solar": "zones to roles, or one role", "heated": "zones to roles"}
+    for zone, roles in as_mapping(argument, given, content[argument]).items():
         if zone not in rooms:
             raise ValueError(f"{argument} names {zone!r}, which is none of the zones {', '.join(rooms)}.")
-    return {zone: () if roles is None else roles for zone, roles in dict(given or {}).items()}
+        out[zone] = () if roles is None else _names(f"{argument} of zone {zone!r}", roles)
+    return out
 
 
 def _zones_by_role(roles: Mapping[str, Any]) -> dict[str, list[str]]:
@@ -246,7 +260,9 @@ def room_network(network: RCNetwork, zone: str) -> RCNetwork:
     ValueError
         If the network has no such zone, or its sun or plant is not declared by role.
     """
-    if zone not in network.zones:
+    if not isinstance(network, RCNetwork):
+        raise ValueError(f"network={network!r} is no network of a building; give one of building_network.")
+    if zone not in list(network.zones):
         raise ValueError(
             f"the network {network.name} has no zone {zone!r}: {', '.join(network.zones) or 'it has none'}."
         )
