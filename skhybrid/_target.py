@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ._warnings import percent
+
 #: ``max_missing`` of a target that is not learned from
 UNLIMITED: Any = object()
 #: largest usual difference between the history in X and y [degC]: two sensors of one zone
@@ -128,5 +130,5 @@ def refuse_missing(target: np.ndarray, max_missing: Any) -> None:
     if missing == 1.0 or missing > most:
         allowed = "" if missing == 1.0 else f", more than max_missing={most:g}"
         raise ValueError(
-            f"Input y contains NaN in {100 * missing:.0f} % of its rows{allowed}; choose a span with more measurements."
+            f"Input y contains NaN in {percent(missing)} of its rows{allowed}; choose a span with more measurements."
         )

@@ -29,6 +29,11 @@ def several(n: int, thing: str) -> str:
     return f"{n} {thing}{'' if n == 1 else 's'}"
 
 
+def percent(share: float, form: str = ".0f") -> str:
+    """A share, such as "80 %"; a level, which may be 0.975, needs the form ".3g"."""
+    return f"{100 * share:{form}} %"
+
+
 @contextmanager
 def warnings_prefixed_with(subject: str) -> Iterator[None]:
     """Begin the warnings of the block with what they are about, such as a zone."""

@@ -314,7 +314,8 @@ def test_profile_display(office, output):
     line = shown.ax_.lines[0]
     np.testing.assert_allclose(line.get_ydata().min(), 0.0)
     assert len(line.get_xdata()) >= 8
-    again = ProfileDisplay.from_predictions(shown.profile)
+    again = ProfileDisplay.from_predictions(replace(shown.profile, level=0.975))
+    assert "97.5 % threshold" in again.ax_.get_legend_handles_labels()[1]
     np.testing.assert_array_equal(again.ax_.lines[0].get_xdata(), line.get_xdata())
 
 

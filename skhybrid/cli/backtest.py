@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from .._warnings import percent
 from ._options import CONFIG, LOG, as_command, print_json, settings_at
 from ._output import DONE, Progress
 
@@ -47,5 +48,5 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         table = found.table.rename(columns=units).round(3).to_string(na_rep="-")
         print("\n".join([*map(str, found.verdicts), "", table]))
         if found.coverage is not None:
-            print(f"\n80 % intervals of the hybrid hold {100 * found.coverage:.0f} % of the measurements")
+            print(f"\n80 % intervals of the hybrid hold {percent(found.coverage)} of the measurements")
     return DONE

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from .._warnings import percent
 from ._options import CONFIG, SETPOINT, WEATHER, as_command, as_group, print_json
 from ._output import DONE, Progress
 from .forecast import forecast_content, summary_lines
@@ -133,7 +134,7 @@ def _in_words(found: dict[str, Any]) -> dict[str, Any]:
 def _errors(found: dict[str, Any]) -> str:
     inside = found["coverage"]
     return f"RMSE {found['rmse']}, bias {found['bias']}" + (
-        "" if inside is None else f", {100 * inside:.0f} % of the measurements inside the 80 % interval"
+        "" if inside is None else f", {percent(inside)} of the measurements inside the 80 % interval"
     )
 
 

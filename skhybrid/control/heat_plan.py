@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant, listed
-from .._warnings import warn_user
+from .._warnings import percent, warn_user
 from ..exceptions import PlanWarning
 
 _BEYOND = 0.05  # share of the range of training by which a plan may leave it without a warning
@@ -100,7 +100,7 @@ def warn_uncovered(plan: Plan, given: Sequence[str], covered: np.ndarray) -> Non
         if role in given and share > 0:
             warn_user(
                 f"the plan has {role} outside of {low:.4g} to {high:.4g}, which training covered, in "
-                f"{100 * share:.0f} % of the rows ahead: what it does there is extrapolated.",
+                f"{percent(share)} of the rows ahead: what it does there is extrapolated.",
                 PlanWarning,
             )
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import gaussian_kde
 
+from .._warnings import percent
 from ..model_selection import PatternExpressiveness, RobustnessComparison
 from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, grid_or_new, heading, legend, shared_legend, tidy
@@ -80,7 +81,7 @@ class PosteriorDisplay(Display):
         ax = axes_or_new(ax, (6.4, 1.3 + 0.42 * len(terms)))
         for row, term in enumerate(terms):
             self._draw_term(ax, row, term)
-        label = f"mean, {100 * level:.0f} % interval"
+        label = f"mean, {percent(level, '.3g')} interval"
         ax.plot([], [], color=MEASURED, linewidth=2.2, marker="o", markersize=4.5, label=label)
         ax.axvline(0.0, color="#CC0000", linewidth=1.1, label="no effect")
         ax.annotate("P(reduces)", (1.01, 1.0), xycoords="axes fraction", va="bottom", fontsize="small")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .._warnings import percent
 from ..identification import ProfileLikelihood, profile_likelihood
 from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, heading, legend, tidy
@@ -72,7 +73,7 @@ class ProfileDisplay(Display):
         curve = found.curve["deviance"].sort_index()
         shown = curve[curve <= 3.0 * found.threshold]
         ax.plot(shown.index, shown, color=COLORS[0], marker="o", markersize=3.5, linewidth=1.6, label="deviance")
-        level = f"{100 * found.level:.0f} %"
+        level = percent(found.level, ".3g")
         ax.axhline(found.threshold, color=MEASURED, linewidth=1.0, linestyle="--", label=f"{level} threshold")
         interval = np.array([found.lower, found.upper])
         span = np.where(np.isfinite(interval), interval, ax.get_xlim())

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._warnings import percent
 from ..forecasting.quantiles import quantile_columns
 
 #: palette of Okabe and Ito, for colour-blind readers, without its black and its pale yellow.
@@ -132,7 +133,8 @@ def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") 
     levels = sorted(float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_"))
     pairs = [(low, high) for low, high in zip(levels, levels[::-1], strict=True) if low < high]
     for low, high in pairs:
-        name = f"{label}, {100 * (high - low):.3g} %" if label else f"{100 * (high - low):.3g} % interval"
+        level = percent(high - low, ".3g")
+        name = f"{label}, {level}" if label else f"{level} interval"
         edges = (frame[name] for name in quantile_columns((low, high)))
         ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=name)
     return len(pairs)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from .._ranges import range_of
 from .._time import SHORTEST_GAP
-from .._warnings import several
+from .._warnings import percent, several
 from .counters import counter_jumps, counter_resets
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
@@ -96,7 +96,7 @@ def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | N
         return
     missing = (values if even is None else even).isna()
     if missing.mean() > _ABSENT:
-        yield Finding("note", name, f"{100 * missing.mean():.0f} % of the rows have no value.")
+        yield Finding("note", name, f"{percent(missing.mean())} of the rows have no value.")
     elif len(longest := _longest_run(missing[missing.index <= known.index.max()])):  # rows ahead need no value
         span = f"from {longest[0]} to {longest[-1]}"
         yield Finding("note", name, f"no value {span}; gaps of more than 3 h are not filled.")

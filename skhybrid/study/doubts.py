@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._warnings import percent
 from ..exceptions import TooFewDaysError
 from ..logs.conversion import contract_unit
 
@@ -59,7 +60,7 @@ def day_beyond(rows: pd.DataFrame, ranges: Mapping[str, tuple[float, float]]) ->
     if not share > OUTSIDE:
         return []
     which = "; ".join(_excess(rows[role], *ranges[str(role)]) for role in beyond if beyond[role].any())
-    return [f"{100 * share:.0f} % of the day to come lies beyond what training covered ({which})"]
+    return [f"{percent(share)} of the day to come lies beyond what training covered ({which})"]
 
 
 def _excess(values: pd.Series, low: float, high: float) -> str:

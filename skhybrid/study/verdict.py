@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._warnings import percent
+
 USABLE, CARE, NOT = "usable", "use with care", "not usable"
 _BLOCK = 2  # origins that are drawn together, since neighbours err alike
 _DRAWS = 2000
@@ -93,6 +95,6 @@ def judge(
         care, reasons = True, [*reasons, f"it was tested on {n_origins} forecast{'s' * (n_origins != 1)} only"]
     if coverage is not None and not _COVERAGE[0] <= coverage <= _COVERAGE[1]:
         care, failed = True, failed or coverage < _WORST_COVERAGE
-        reasons.append(f"its 80 % intervals contained {100 * coverage:.0f} % of the measurements")
+        reasons.append(f"its 80 % intervals contained {percent(coverage)} of the measurements")
     reasons += doubts
     return Verdict(quantity, NOT if failed and not few else CARE if care or doubts else USABLE, tuple(reasons))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._warnings import percent
 from ..study.doubts import OUTSIDE, at_ends, drifted
 from ..study.judgement import NO_SCALE, load_of, plant_roles
 from ..study.verdict import Verdict, compare_errors, judge
@@ -80,4 +81,4 @@ def _verdict(quantity: str, rows: pd.DataFrame, values: Sequence[pd.Series], dou
 
 def _beyond(ahead: pd.DataFrame) -> list[str]:
     share = float(ahead[BEYOND].mean()) if BEYOND in ahead else 0.0
-    return [f"{100 * share:.0f} % of the last forecast lies beyond what training covered"] if share > OUTSIDE else []
+    return [f"{percent(share)} of the last forecast lies beyond what training covered"] if share > OUTSIDE else []

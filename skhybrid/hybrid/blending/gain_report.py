@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..._table import ZoneTable, is_plant
-from ..._warnings import warn_user
+from ..._warnings import percent, warn_user
 from ...exceptions import ExcitationWarning, GainWarning, ScaleNotIdentifiableWarning
 from ...schedule import LITTLE_ERROR, LeadFit, days_to_determine, step_gain_error
 from .blend import by_lead
@@ -103,9 +103,9 @@ def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) 
 def _experiment(fit: LeadFit, role: str) -> str:
     """Days of an experiment, and how far they would lower the error of a plant's gain."""
     days, error = days_to_determine(fit, role)
-    often, reached = f"{days} days", f"below {100 * LITTLE_ERROR:.0f} %"
+    often, reached = f"{days} days", f"below {percent(LITTLE_ERROR)}"
     if error >= LITTLE_ERROR:
-        often, reached = f"even {often}", f"only to {100 * error:.0f} %"
+        often, reached = f"even {often}", f"only to {percent(error)}"
     return (
         f"{often} of random set-points (skhybrid.identification.plan_experiment) would bring what the data leave open "
         f"of the gain of {role} after 24 h {reached}"

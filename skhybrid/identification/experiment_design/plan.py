@@ -16,6 +16,7 @@ from ..._holidays import NO_HOLIDAYS
 from ..._ranges import check_range
 from ..._threads import one_blas_thread
 from ..._time import refuse_other_stamps, rows_of, wall_clock
+from ..._warnings import percent
 from ...thermal import RCNetwork, get_network
 from ..fitting.excitation import scaling_of
 from ..gain_model import DAY_TYPES
@@ -54,7 +55,7 @@ class ExperimentPlan:
     obstacles: tuple[str, ...]
 
     def _verdict(self) -> str:
-        goal = f"a relative standard error of {100 * self.target:g} % in every parameter"
+        goal = f"a relative standard error of {percent(self.target, '.3g')} in every parameter"
         if self.recommended is not None:
             name, hours = self.recommended
             if hours == 0:

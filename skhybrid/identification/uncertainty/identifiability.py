@@ -11,6 +11,7 @@ import pandas as pd
 from scipy.linalg import qr
 from scipy.stats import t as student
 
+from ..._warnings import percent
 from ...thermal import Parameter
 from .standard_errors import ParameterUncertainty
 
@@ -65,7 +66,7 @@ class Identifiability:
     def _sections(self) -> list[tuple[str, tuple[str, ...]]]:
         return [
             ("flat directions: no row tells them apart; fix one member of each by known=", self.flat_directions),
-            (f"weak directions: what they may be off by at {100 * _LEVEL:.0f} %", self.weak_directions),
+            (f"weak directions: what they may be off by at {percent(_LEVEL, '.3g')}", self.weak_directions),
             ("at a bound of the search: widen bounds=, or question the network", self.at_bound),
             ("not excited: no row moves them; known=, or days on which they run", self.not_excited),
         ]

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.stats import t as student
 
 from ..._arguments import check_level
+from ..._warnings import percent
 from ...thermal import Parameter
 from .constrained_problem import ConstrainedProblem, free_point
 
@@ -49,8 +50,8 @@ class ProfileLikelihood:
 
     def __str__(self) -> str:
         return (
-            f"{self.parameter} = {self.best:.4g} {self.unit}, {100 * self.level:.0f} % between {self.lower:.4g} and "
-            f"{self.upper:.4g} ({len(self.curve)} values tried)"
+            f"{self.parameter} = {self.best:.4g} {self.unit}, {percent(self.level, '.3g')} between {self.lower:.4g} "
+            f"and {self.upper:.4g} ({len(self.curve)} values tried)"
         )
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ... import __version__
 from ..._files import atomic_path
+from ..._warnings import percent as plain_percent
 from ..scores import has_intervals
 from ..tariff import Cost
 from ..verdict import CARE, NOT, Verdict
@@ -85,7 +86,7 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
         return f"The day-ahead temperature error of the {label} model is {own:.2f} K (RMSE)."
     other, best = str(others.idxmin()), float(others.min())
     if own < best * (1 - _NOISE):
-        less = f"{100 * (1 - own / best):.0f} % less than the next best, {other} ({best:.2f} K)"
+        less = f"{plain_percent(1 - own / best)} less than the next best, {other} ({best:.2f} K)"
         return f"The {label} model forecasts best: its error is {own:.2f} K, {less}."
     if own <= best * (1 + _NOISE):
         return f"The {label} model ({own:.2f} K) and {other} ({best:.2f} K) forecast equally well, within the noise."

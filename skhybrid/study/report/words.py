@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..._warnings import percent as plain_percent
+
 
 def number(value: Any, digits: int) -> str:
     """A number of so many digits, or a dash."""
@@ -20,7 +22,7 @@ def number(value: Any, digits: int) -> str:
 
 def percent(share: float | None) -> str:
     """A share as a percentage, or a dash."""
-    return "–" if share is None or not np.isfinite(share) else f"{100 * share:.0f}\u00a0%"
+    return "–" if share is None or not np.isfinite(share) else plain_percent(share).replace(" ", "\u00a0")
 
 
 def day_words(index: pd.Index) -> str:
