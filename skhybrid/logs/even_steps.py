@@ -135,20 +135,20 @@ def regularize(
         n: v if n in held or is_history(n) else fill_gaps(v, hours, span, hold=is_set_point(n)) for n, v in raw.items()
     }
     out = pd.DataFrame(full, index=grid, columns=names)
-    missing = out.isna()
-    report = RegularizeReport(
-        step=target,
-        source_step=source,
-        rows_before=len(frame),
-        rows_after=len(out),
-        out_of_order=out_of_order,
-        duplicates=duplicates,
-        filled={n: k for n in names if (k := int(np.isnan(raw[n]).sum() - missing[n].sum()))},
-        missing={n: int(missing[n].sum()) for n in names if missing[n].any()},
-        first_missing={n: out.index[int(np.argmax(missing[n].to_numpy()))] for n in names if missing[n].any()},
-    )
+    counted = _filled_and_missing(raw, out)
+    report = RegularizeReport(target, source, len(frame), len(out), out_of_order, duplicates, *counted)
     out.attrs["report"] = str(report)
     return (out, report) if return_report else out
+
+
+def _filled_and_missing(
+    raw: dict[str, np.ndarray], out: pd.DataFrame
+) -> tuple[dict[str, int], dict[str, int], dict[str, pd.Timestamp]]:
+    """Number of rows by column that were filled, and that are missing, and the first of these."""
+    gone = {name: out[name].isna().to_numpy() for name in raw}
+    filled = {name: n for name, known in raw.items() if (n := int(np.isnan(known).sum() - gone[name].sum()))}
+    missing = {name: int(rows.sum()) for name, rows in gone.items() if rows.any()}
+    return filled, missing, {name: out.index[int(np.argmax(gone[name]))] for name in missing}
 
 
 def _check_frame(frame: pd.DataFrame) -> None:

@@ -126,13 +126,15 @@ class LogReport:
         self.columns = self._table(channels)
         self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
         held = [c.role for c in channels if c.name in raw.held]
-        self.even = self.frame
-        if held:
-            self.even = cast("pd.DataFrame", regularize(self.frame, self.even_step, "0h", held=held))
+        self.even = self._held(held) if held else self.frame
         self.days = _days(self.even, self.even_step if held else self.step, holidays)
         self.excitation = excitation(self.even)
         self.can, self.cannot, self.next_steps = self._abilities(channels)
         self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
+
+    def _held(self, roles: list[str]) -> pd.DataFrame:
+        """The frame at even steps, on which the values of some roles hold until the next."""
+        return cast("pd.DataFrame", regularize(self.frame, self.even_step, "0h", held=roles))
 
     def _abilities(self, channels: list[Channel]) -> Abilities:
         measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
