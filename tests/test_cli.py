@@ -982,8 +982,8 @@ def test_a_forecast_without_an_interval_shows_none():
     time = pd.date_range("2024-01-01", periods=2, freq="3h")
     frame = pd.DataFrame({"T_za": [20.0, 21.0], "q_0.1": [np.nan, 20.5], "q_0.9": [np.nan, 21.5]}, index=time)
     first, second = _text(SimpleNamespace(frame=frame, summary={})).splitlines()[2:4]
-    assert first.split()[2:] == ["20.00", "-"]
-    assert second.split()[2:] == ["21.00", "20.50", "to", "21.50"]
+    assert first.split()[2:] == ["20.0", "-"]
+    assert second.split()[2:] == ["21.0", "20.5", "to", "21.5"]
 
 
 def test_the_building_is_told_with_its_units(files, capsys):

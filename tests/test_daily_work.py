@@ -208,8 +208,8 @@ def test_the_table_of_a_forecast_has_units_and_intervals():
     lines = _text(found).splitlines()
     assert lines[0].split() == ["room", "80", "%", "of", "room", "heat", "cool", "to"]
     assert lines[1].split() == ["[degC]", "[degC]", "[kW]", "[degC]"]
-    assert lines[2].split() == ["2024-01-05", "00:00", "20.00", "19.50", "to", "20.50", "-1.50", "-"]
-    assert [line[:16] for line in lines[3:5]] == ["2024-01-05 03:00", "2024-01-05 06:00"]
+    assert lines[2].split() == ["Fri", "00:00", "20.0", "19.5", "to", "20.5", "-1.50", "-"]
+    assert [line[:9] for line in lines[3:5]] == ["Fri 03:00", "Fri 06:00"]
     assert lines[-1] == "cost [EUR]: 1.1 to 2.4"
     assert "[relative]" in _text(SimpleNamespace(frame=frame, summary={}))
 

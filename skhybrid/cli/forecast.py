@@ -102,18 +102,18 @@ def _text(found: Any, zones: Sequence[str] = ()) -> str:
     titles, intervals = _titles(zones)
     for name, (title, unit) in titles.items():
         if name in shown:
-            top = unit.replace("[kW]", power)
-            cells[title, top] = [_numbers(value) for value in shown[name]]
+            top, digits = unit.replace("[kW]", power), 1 if unit == "[degC]" else 2
+            cells[title, top] = [_numbers(value, digits=digits) for value in shown[name]]
             if name in intervals and set(intervals[name]) <= set(shown):
                 ends = zip(*(shown[end] for end in intervals[name]), strict=True)
-                cells[f"80 % of {title}", top] = [_numbers(*pair) for pair in ends]
-    table = pd.DataFrame(cells, index=shown.index.strftime("%Y-%m-%d %H:%M"))
+                cells[f"80 % of {title}", top] = [_numbers(*pair, digits=digits) for pair in ends]
+    table = pd.DataFrame(cells, index=shown.index.strftime("%a %H:%M"))
     return "\n".join([table.rename_axis(None).to_string(), "", *summary_lines(found.summary)])
 
 
-def _numbers(*values: float) -> str:
+def _numbers(*values: float, digits: int) -> str:
     """A number, or the ends of an interval; a dash where one is missing."""
-    return "-" if any(value != value for value in values) else " to ".join(f"{value:z.2f}" for value in values)
+    return "-" if any(value != value for value in values) else " to ".join(f"{value:z.{digits}f}" for value in values)
 
 
 def summary_lines(summary: dict[str, Any]) -> list[str]:
