@@ -191,6 +191,10 @@ def table_of(
     delivered = each("heating") - each("cooling")
     if heat is not None:  # EnergyPlus counts it among the gains
         forced, replayed = np.isfinite(next(iter(heat.values()))), np.nan_to_num(np.column_stack(list(heat.values())))
+        # without a flow of air, the heat that lights give to the return air stays in the zone: EnergyPlus counts it as
+        # delivered, a step later
+        stays = np.where(forced[:, None], np.roll(each("gain_return"), 1, axis=0), 0.0)
+        gains, delivered = gains + stays, delivered - stays
         if np.abs(delivered[forced]).max() > 0.01 * np.abs(replayed).max():
             raise RuntimeError(f"the plant of {building.name} ran while other people's heat was replayed.")
         gains, delivered = gains - replayed, delivered + replayed

@@ -28,12 +28,13 @@ _HELD = {
     "gain_convective": "Zone Total Internal Convective Heating Rate",
     "gain_radiant": "Zone Total Internal Radiant Heating Rate",
     "gain_visible": "Zone Total Internal Visible Radiation Heating Rate",
+    "gain_return": "Zone Lights Return Air Heating Rate",
     "people": "Zone People Occupant Count",
     "set_heat": "Zone Thermostat Heating Setpoint Temperature",
     "set_cool": "Zone Thermostat Cooling Setpoint Temperature",
 }
-#: a zone in which nobody works has no such variable: nobody is there.
-_MAY_BE_ABSENT = ("Zone People Occupant Count",)
+#: a zone without people, or without lights, has no such variable: there are none.
+_MAY_BE_ABSENT = ("Zone People Occupant Count", "Zone Lights Return Air Heating Rate")
 _AVERAGED = {"heating": "Zone Air System Sensible Heating Rate", "cooling": "Zone Air System Sensible Cooling Rate"}
 #: an equipment without radiation that an actuator gives its power, and what switches an air loop off.
 _SPACE = "zone_or_zonelist_or_space_or_spacelist_name"

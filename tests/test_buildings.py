@@ -294,7 +294,17 @@ def test_a_replay_follows_other_people_and_leaves_a_day_to_the_thermostat(makers
 
     def simulate(document, weather, zones=(), overrides=None, replay=None):
         runs.append((overrides["occ"], replay))
-        keys = ("T", "heating", "cooling", "set_heat", "set_cool", "gain_convective", "gain_radiant", "gain_visible")
+        keys = (
+            "T",
+            "heating",
+            "cooling",
+            "set_heat",
+            "set_cool",
+            "gain_convective",
+            "gain_radiant",
+            "gain_visible",
+            "gain_return",
+        )
         index = pd.date_range("2018-01-01 00:15", periods=DAYS * 96, freq="15min")
         columns = {f"{key}:Z": 0.0 for key in (*keys, "people")} | dict.fromkeys(
             ("T_out", "dni", "dhi", "altitude"), 0.0
@@ -302,8 +312,12 @@ def test_a_replay_follows_other_people_and_leaves_a_day_to_the_thermostat(makers
         run = pd.DataFrame(columns, index)
         if replay is None:
             return run.assign(**{"heating:Z": 3000.0 + 1000.0 * overrides["occ"].mean()})
-        return run.assign(**{"gain_convective:Z": 500.0 + np.nan_to_num(replay["Z"])})
+        # lights heat the return air, which stays in the zone and counts as delivered, a step later
+        heating = np.where(np.isfinite(replay["Z"]), np.roll(lights, 1), 0.0)
+        gains = {"gain_convective:Z": 500.0 + np.nan_to_num(replay["Z"]), "gain_return:Z": lights}
+        return run.assign(**gains, **{"heating:Z": heating})
 
+    lights = 300.0 * _workday(0.05, 0.9)
     reference = {"occ": _workday(0, 0.95), "light": _workday(0.05, 0.9), "plug": _workday(0.4, 0.9)}
     monkeypatch.setattr(buildings, "load_model", lambda model: {})
     monkeypatch.setattr(buildings, "prepare", lambda document, weather: {})
@@ -322,6 +336,7 @@ def test_a_replay_follows_other_people_and_leaves_a_day_to_the_thermostat(makers
     day = np.arange(DAYS * 96) // 96
     np.testing.assert_array_equal(np.isnan(replay["Z"]), day % 3 == 0)
     np.testing.assert_array_equal(table["replayed"], day % 3 > 0)
-    np.testing.assert_allclose(table["truth_gains_kW"], 0.5)
+    gains = 0.5 + np.where(day % 3 > 0, np.roll(lights, 1), 0.0) / 1000.0
+    np.testing.assert_allclose(table["truth_gains_kW"], gains, atol=1e-5)
     expected = np.where(day % 3 > 0, 3.0 + others.mean(), 0.0)
     np.testing.assert_allclose(table["q_hvac_kW"], expected, atol=1e-5)
