@@ -986,6 +986,23 @@ def test_a_forecast_without_an_interval_shows_none():
     assert second.split()[2:] == ["21.0", "20.5", "to", "21.5"]
 
 
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [("report LOG --config TOML --out LOG", "as the log and as --out"),
+     ("fit LOG --config TOML --model LOG", "as the log and as --model"),
+     ("backtest LOG --config TOML --out TOML", "as --config and as --out"),
+     ("check LOG --config LOG --overwrite", "as the log and as --config"),
+     ("export emhass LOG --config TOML --out LOG", "as the source and as --out")],
+)  # fmt: skip
+def test_no_command_writes_over_what_it_reads(command, words, files, capsys):
+    """A report over the log would cost the measurements."""
+    names = {"LOG": files / "log.csv", "TOML": files / "zone.toml"}
+    before = {path: path.read_bytes() for path in names.values()}
+    assert main([str(names.get(word, word)) for word in command.split()]) == 2
+    assert words in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in names.values()} == before
+
+
 def test_the_building_is_told_with_its_units(files, capsys):
     assert main(["identify", str(files / "log.csv"), "--config", str(files / "zone.toml"), "-q"]) == 0
     out = capsys.readouterr().out

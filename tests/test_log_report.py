@@ -366,6 +366,24 @@ def test_a_proposal_asks_for_the_local_zone_where_the_log_has_none(frame, zone, 
     assert f"\n{line}" in propose_settings("log.csv", LogReport(frame.set_axis(index, axis=0)))
 
 
+def test_power_that_cannot_be_is_asked_about(frame):
+    sun, valve = frame.columns[2:4]
+    heat = frame.assign(**{"Heating [kW]": 0.05 * frame[valve]}).drop(columns=valve)
+    changed = {
+        "Heating [kW]": [(-1.0, 0.0, "give [scale] Q_heat = -1 if its sign is reversed, or Q_cool"),
+                         (0.0, 2.0, "is 2 in all rows: does the sensor or meter work?"),
+                         (1000.0, 0.0, "values reach 3000 kW: are they W?"), (1.0, 0.0, "")],
+        sun: [(0.0, 300.0, "is 0.3 in all rows"), (1.0, 0.0, "")],
+    }  # fmt: skip
+    for name, cases in changed.items():
+        for factor, offset, words in cases:
+            report = LogReport(heat.assign(**{name: factor * heat[name] + offset}))
+            found = [f.text for f in report.findings if f.where == name]
+            assert [words in text for text in found] == ([True] if words else []), (name, factor, found)
+    never = LogReport(heat.assign(**{"Heating [kW]": 2.0}))
+    assert "the effect of Q_heat: it never changed." in never.cannot
+
+
 def test_infinite_values_are_an_error(frame):
     room = frame.columns[0]
     frame.iloc[:, 0] = -np.inf

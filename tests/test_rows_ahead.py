@@ -208,6 +208,14 @@ def test_a_fit_tells_what_it_leaves_out_and_doubts(frame):
         ZoneModel.fit(settings_from(SETTINGS), swapped)
 
 
+def test_a_column_without_values_is_named(frame):
+    with pytest.raises(ValueError, match=r"'AI02' \(q_sol\) has no values in the log; log it, or take it out"):
+        ZoneModel.fit(settings_from(SETTINGS), frame[:N].assign(q_sol=np.nan))
+    columns = {"Q_heat" if role == "Q_hvac" else role: name for role, name in SETTINGS["columns"].items()}
+    with pytest.raises(ValueError, match=r"'heat' \(Q_hvac\) has no values"):
+        ZoneModel.fit(settings_from({**SETTINGS, "columns": columns}), frame[:N].assign(Q_hvac=np.nan))
+
+
 @pytest.fixture(scope="module")
 def short(frame):
     return ZoneModel.fit(settings_from(SETTINGS), frame[N - 4 * DAY : N])

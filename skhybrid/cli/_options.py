@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,9 @@ WEATHER = click.option(
     type=click.Path(path_type=Path),
     help="Weather to come: CSV (with set-points, if it has them), EPW, or Open-Meteo's forecast JSON.",
 )
+#: options that name files, in words
+_FILES = {"log": "the log", "source": "the source", "weather": "the weather"}
+_FILES |= {name: f"--{name}" for name in ("config", "model", "out")}
 HELP_NAMES = {"help_option_names": ["-h", "--help"]}
 MODEL = click.option(
     "--model", type=click.Path(path_type=Path), metavar="zone.skops", required=True, help="Model file."
@@ -55,6 +59,7 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
         @functools.wraps(function)
         def run(*, as_json: bool, strict: bool, quiet: bool, **options: Any) -> int:
             say = Progress(quiet)
+            _refuse_one_file_twice(options)
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 code = function(say=say, as_json=as_json, **options) or DONE
@@ -74,6 +79,14 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
         return made
 
     return decorate
+
+
+def _refuse_one_file_twice(options: Mapping[str, Any]) -> None:
+    """Refuse what would be written over what is read; a log may have the weather to come."""
+    named = {words: Path(options[name]).resolve() for name, words in _FILES.items() if options.get(name) is not None}
+    for one, other in combinations(named, 2):
+        if named[one] == named[other] and {one, other} != {_FILES["log"], _FILES["weather"]}:
+            raise click.UsageError(f"{named[one]} is named as {one} and as {other}; give each a file of its own")
 
 
 def as_group(name: str, commands: Sequence[click.Command], summary: str, example: str) -> InOrder:

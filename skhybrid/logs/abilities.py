@@ -79,6 +79,9 @@ def abilities(
         if not ran > 0.0:
             cannot.append(f"the effect of {role}: it never ran.")
             steps.append(f"log days on which {role} runs, if the plant can.")
+        elif moved["lowest"][role] == moved["highest"][role]:
+            cannot.append(f"the effect of {role}: it never changed.")
+            steps.append(f"see that {role} is measured, and that it changes.")
         elif not ran >= _FEW_HOURS:
             cannot.append(f"the effect of {role}: it ran for {ran:.1f} full-load hours only.")
             steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) show its effect.")

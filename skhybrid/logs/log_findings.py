@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from .._ranges import range_of
+from .._ranges import is_in_watts, range_of
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
 from .counters import counter_jumps, counter_resets
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
+_UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
 _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
 _ABSENT = 0.02  # share of rows without a value, from which on it is named
@@ -106,6 +107,21 @@ def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | N
         yield from _jumping(name, known, _JUMP[role])
     if role.startswith("q_sol"):
         yield from _sun_clock(name, known)
+    if role.startswith(("q_sol", "u_", "Q_")):
+        yield from _odd_power(role, name, known)
+
+
+def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
+    """Remarks on irradiance and plants that never change, heating that is always negative, and W that are called kW."""
+    low, high = float(known.min()), float(known.max())
+    if known.index.max() - known.index.min() >= _UNCHANGED and low == high != 0.0:
+        yield Finding("warning", name, f"is {low:.4g} in all rows: does the sensor or meter work?")
+    elif role.startswith("Q_heat") and low < 0.0 >= high:
+        text = f"heat into the room is positive, but this is never: give [scale] {role} = -1 if its sign is reversed"
+        yield Finding("warning", name, f"{text}, or Q_cool if it is cooling.")
+    elif role.startswith("Q_") and is_in_watts(known.to_numpy(dtype=np.float64), None):
+        text = f"values reach {max(high, -low):.4g} kW: are they W? Then give that as its unit."
+        yield Finding("warning", name, text)
 
 
 def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:
@@ -194,14 +210,15 @@ def swap_findings(name: str, room: pd.Series, outdoor: pd.Series) -> Iterator[Fi
         yield Finding("warning", name, f"{text} {low:.0f} to {high:.0f} degC: are the two columns swapped?")
 
 
-def remarks_on_room(frame: pd.DataFrame, role: str) -> Iterator[str]:
-    """Remarks on a room's temperature at even stamps: its longest standstill, and whether it is that of outdoors."""
-    found = standstills("T_za", frame[role])
-    if len(found):
-        at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
-        text = f"{role} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck?"
-        yield f"{text} Such rows are taken as missing."
-    if "T_oa" in frame:
+def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:
+    """Remarks on temperatures at even stamps: the longest standstill of each, and a room that is that of outdoors."""
+    for role in (role for role in (*rooms, "T_oa") if role in frame):
+        found = standstills("T_za", frame[role])
+        if len(found):
+            at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
+            text = f"{role} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck?"
+            yield text + ("" if role == "T_oa" else " Such rows are taken as missing.")
+    for role in rooms if "T_oa" in frame else ():
         yield from (finding.text for finding in swap_findings(role, frame[role], frame["T_oa"]))
 
 

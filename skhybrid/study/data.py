@@ -15,7 +15,7 @@ from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import remarks_on_room, unit_switch, without_standstills
+from ..logs.log_findings import doubts_on_temperatures, unit_switch, without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
 from .plant import Performance
@@ -204,7 +204,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     temperatures = settings.roles_of("T_za")
     frame = _checked(frame, temperatures)
-    doubted = [remark for role in temperatures for remark in remarks_on_room(frame, role)]
+    doubts = tuple(doubts_on_temperatures(frame, temperatures))
     frame = _usable(frame, settings)
     inputs = inputs_of(frame, temperatures)
     known = np.flatnonzero(frame[temperatures].notna().any(axis=1).to_numpy())
@@ -229,7 +229,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         future,
         _setpoints(frame, settings, history, future),
         held_out,
-        tuple(doubted),
+        doubts,
     )
 
 

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import pandas as pd
 
+from .._table import is_plant, listed
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
-from ..logs.log_findings import remarks_on_room
+from ..logs.log_findings import doubts_on_temperatures
 from ..study.data import with_facades
 from ..study.settings import Settings
 from .dead_meters import without_dead_meters
 from .outages import complete_rows, stretches
 
 _LEAST_DAYS = 3
+
+
+def refuse_empty(frame: pd.DataFrame, settings: Settings) -> None:
+    """Refuse a log of whose inputs, or rooms, one has no value at all."""
+    for role in map(str, frame):
+        if frame[role].isna().all() and (role in settings.columns or is_plant(role)):
+            meters = [role] if role in settings.columns else [one for one in settings.columns if is_plant(one)]
+            names = listed(settings.columns[one] for one in meters)
+            raise ValueError(f"{names} ({role}) has no values in the log; log it, or take it out of [columns].")
 
 
 def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.DataFrame:
@@ -30,10 +40,11 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
         If it is shorter than three days.
     """
     rooms = settings.roles_of("T_za")
-    doubts = [remark for role in rooms if role in frame for remark in remarks_on_room(frame, role)]
+    doubts = doubts_on_temperatures(frame, [role for role in rooms if role in frame])
     alive, remarks = without_dead_meters(frame, settings)
     for remark in (*doubts, *remarks):
         warn_user(remark, SkhybridWarning)
+    refuse_empty(alive, settings)
     rows = complete_rows(with_facades(alive, settings), rooms)
     step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")
     last = rows[rows.index > rows.index[-1] - days * day] if len(rows) else rows
