@@ -343,10 +343,11 @@ def test_a_missing_file_and_a_wrong_command_are_told(files, capsys):
     assert main(["run", "--help"]) == 0
 
 
-def test_a_folder_that_cannot_be_made_is_told_before_the_work(files, capsys):
+def test_a_folder_that_cannot_be_made_is_told_before_the_work(files, tmp_path, capsys):
     arguments = ["run", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out"]
-    assert main([*arguments, str(files / "log.csv")]) == 1
-    assert main([*arguments, str(files / "log.csv" / "out")]) == 1
+    (tmp_path / "file").touch()
+    assert main([*arguments, str(tmp_path / "file")]) == 1
+    assert main([*arguments, str(tmp_path / "file" / "out")]) == 1
     err = capsys.readouterr().err
     assert "[1/" not in err
     assert "is a file; give a folder" in err
@@ -984,6 +985,11 @@ def test_a_forecast_without_an_interval_shows_none():
     first, second = _text(SimpleNamespace(frame=frame, summary={})).splitlines()[2:4]
     assert first.split()[2:] == ["20.0", "-"]
     assert second.split()[2:] == ["21.0", "20.5", "to", "21.5"]
+
+
+def test_a_model_that_cannot_be_written_is_refused_before_the_fit(files, tmp_path, capsys):
+    assert main(["fit", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--model", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == f"skhybrid: error: --model {tmp_path} is a folder; give a file.\n"
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from skhybrid.logs import LogReport, RawLog, to_left_label
 from skhybrid.logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from skhybrid.logs.log_findings import (
     _skipped_hours,
+    clock_findings,
     counter_findings,
     gap_findings,
     gaps_of,
@@ -275,6 +276,14 @@ def test_jumps_gaps_duplicates_and_the_clock(frame):
     assert report.gaps["hours"].tolist() == [10.25]
     shifted = LogReport(frame.set_axis(frame.index + pd.Timedelta("6h"), axis=0))
     assert any("culminates at 18:" in f.text for f in shifted.findings)
+
+
+@pytest.mark.parametrize(("day", "asked"), [("2023-10-29", True), ("2023-10-24", False)])
+def test_a_clock_that_was_put_back_is_suspected_on_a_sunday_of_autumn(day, asked):
+    index = pd.date_range(day, periods=48, freq="1h")
+    twice = pd.DatetimeIndex([*index[:3], *index[2:]])
+    (text,) = [f.text for f in clock_findings(twice, pd.Timedelta("1h"), "left") if "occurs twice" in f.text]
+    assert ("end of daylight saving?" in text) == asked
 
 
 def test_electricity_is_not_taken_for_heat(frame):

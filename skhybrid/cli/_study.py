@@ -65,10 +65,10 @@ def print_result(result: StudyResult | BuildingResult, progress: Progress, writt
     return DONE
 
 
-def refuse_unwritable(out: Path, kind: str = "folder") -> None:
-    """Refuse ``--out``, a folder or a file, that cannot be written to, before minutes of work and not after them."""
+def refuse_unwritable(out: Path, kind: str = "folder", option: str = "--out") -> None:
+    """Refuse a folder or a file that cannot be written to, before minutes of work and not after them."""
     if out.exists() and out.is_dir() != (kind == "folder"):
-        raise ValueError(f"--out {out} is a {'file' if kind == 'folder' else 'folder'}; give a {kind}.")
+        raise ValueError(f"{option} {out} is a {'file' if kind == 'folder' else 'folder'}; give a {kind}.")
     nearest = next(p for p in out.absolute().parents if p.exists())
     if not nearest.is_dir() or not os.access(out if out.exists() else nearest, os.W_OK):
-        raise ValueError(f"--out {out} cannot be written to; give another {kind}.")
+        raise ValueError(f"{option} {out} cannot be written to; give another {kind}.")

@@ -20,7 +20,9 @@ def command(log: str, config: Path | None, model: Path, days: int, say: Progress
     settings = settings_at(config, several=True)
     from ..study import read_log
     from ..zone import ZoneModel
+    from ._study import refuse_unwritable
 
+    refuse_unwritable(model, "file", "--model")
     say(1, 2, "reading the log")
     frame, report = read_log(log, settings)
     for line in report.splitlines():

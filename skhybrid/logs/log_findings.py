@@ -40,8 +40,9 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
     if (back := int((np.diff(ticks) < 0).sum())) > 0:
         yield Finding("note", "clock", f"stamps go back {several(back, 'time')}; rows are sorted.")
     if (twice := int(index.duplicated().sum())) > 0:
-        first = index[index.duplicated()][0]
-        hint = ": a local clock at the end of daylight saving?" if index.tz is None and first.month in (10, 11) else ""
+        again = index[index.duplicated()]
+        first, sundays = again[0], bool((again.day_of_week == 6).all() and again.month.isin((10, 11)).all())
+        hint = ": a local clock at the end of daylight saving?" if index.tz is None and sundays else ""
         occur = f"{several(twice, 'stamp')} {'occurs' if twice == 1 else 'occur'} twice"
         text = f"{occur}, first {first}{hint}; the first value of each column is used."
         yield Finding("warning", "clock", text)
