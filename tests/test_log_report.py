@@ -245,6 +245,16 @@ def test_a_room_and_outdoors_that_are_swapped_are_found(frame):
     assert not [f for f in outdoors.findings if "swapped" in f.text], "a cold attic is as cold as it is outdoors"
 
 
+def test_what_contradicts_itself_is_an_error(frame):
+    room, out = frame.columns[:2]
+    same = LogReport(frame.assign(**{out: frame[room]})).findings[0]
+    assert (same.level, same.where) == ("error", room)
+    assert same.text == "T_za and T_oa hold the same values; one is of another column."
+    crossed = LogReport(frame.assign(T_heat_set=24.0, T_cool_set=np.where(np.arange(960) < 3, 26.0, 21.0))).findings[0]
+    words = f"is above T_cool_set in 957 rows, first at {frame.index[3]}: are they swapped?"
+    assert (crossed.level, crossed.where, crossed.text) == ("error", "T_heat_set", words)
+
+
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_no_room_of_a_shipped_log_is_taken_for_outdoors(number):
     log = load_dutch_home(number).X

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import is_in_watts, range_of
+from .._table import SETPOINT_ROLES
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
 from .counters import counter_jumps, counter_resets
@@ -198,17 +199,31 @@ def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
 
 
 def swap_findings(name: str, room: pd.Series, outdoor: pd.Series) -> Iterator[Finding]:
-    """A remark where a room's temperature is that of outdoors and the other way round, by their values [degC].
+    """A remark where a room's temperature is that of outdoors, or the two are swapped, by their values [degC].
 
-    Outdoors is then always as warm as a room, while the room moves more, and is at times far colder.
+    Where they are, outdoors is always as warm as a room, while the room moves more, and is at times far colder.
     """
     if not (room.notna().any() and outdoor.notna().any()):
+        return
+    if np.array_equal(room.to_numpy(), outdoor.to_numpy(), equal_nan=True):
+        yield Finding("error", name, f"{room.name} and {outdoor.name} hold the same values; one is of another column.")
         return
     (room_low, room_high), (low, high) = (values.quantile([0.01, 0.99]) for values in (room, outdoor))
     like_room = _INDOORS[0] <= low < high <= _INDOORS[1]
     if like_room and room_high - room_low > _MORE_MOVED * (high - low) and room_low < low - _COLDER:
         text = f"{room.name} goes from {room_low:.0f} to {room_high:.0f} degC while {outdoor.name} stays within"
         yield Finding("warning", name, f"{text} {low:.0f} to {high:.0f} degC: are the two columns swapped?")
+
+
+def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
+    """A remark on the set-points of each zone that heat to more than they cool to; ``frame`` has roles as columns."""
+    heat, cool = SETPOINT_ROLES
+    zones = [str(role).removeprefix(heat) for role in frame if str(role).startswith(heat)]
+    for low, high in ((heat + zone, cool + zone) for zone in zones if cool + zone in frame):
+        crossed = frame.index[frame[low] > frame[high]]
+        if len(crossed):
+            text = f"is above {high} in {several(len(crossed), 'row')}, first at {crossed[0]}: are they swapped?"
+            yield Finding("error", low, text)
 
 
 def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:

@@ -26,6 +26,7 @@ from .log_findings import (
     gaps_of,
     guessed_label,
     sensor_findings,
+    set_point_findings,
     swap_findings,
 )
 from .log_report_html import report_html
@@ -338,6 +339,7 @@ class LogReport:
                 found.append(Finding("warning", channel.name, text))
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
+        found += set_point_findings(self.even)
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 
 
