@@ -307,6 +307,7 @@ def test_the_module_runs_and_tells_its_version():
         ('step = "1h"', 'step = "1h"\ndecimal = ",,"', "decimal = ',,' must be one character"),
         ("random_state = 1", "random_state = 1.5", "random_state = 1.5"),
         ('"room_temp"', '["room_temp"]', "[columns] T_za = ['room_temp']"),
+        ('"room_temp"', '"outdoor_temp"', "[columns] T_oa and T_za are both 'outdoor_temp'"),
         ("[units]", 'heat = "hvac_kW"\n[units]', "[columns] heat is not a role"),
         ("n_starts = 2", "n_starts = 0", "n_starts = 0"),
         ("n_starts = 2", 'known = { C_za = "x" }', "known: C_za = 'x' must be a number"),
@@ -703,7 +704,8 @@ def test_capacities_are_proposed_with_their_signs_and_known_where_they_are_given
 
 
 def test_roles_whose_kw_the_settings_fix():
-    columns = dict.fromkeys(["T_oa", "T_za_hall", "u_heat_hall", "u_cool_hall", "T_za_attic", "Q_heat_attic"], "x")
+    roles = ("T_oa", "T_za_hall", "u_heat_hall", "u_cool_hall", "T_za_attic", "Q_heat_attic")
+    columns = {role: role for role in roles}
     known = {"columns": columns, "estimator": {"known": {"Q_h": 6.0}}}
     assert settings_from(known).scaled_roles == ["u_heat_hall"]
     of_one = {"T_za": "a", "T_oa": "b", "Q_heat": "c", "u_heat_2": "d"}

@@ -257,6 +257,11 @@ def _check_tables(settings: Settings) -> None:
                 raise ValueError(f"[{table}] {role} is not a role; roles are {', '.join(name for name, *_ in ROLES)}.")
             if not isinstance(value, str):
                 raise ValueError(f"[{table}] {role} = {value!r} must be text in quotes.")
+    role_of_column: dict[str, str] = {}
+    for role in ("T_oa", *settings.roles_of("T_za")):
+        column = settings.columns.get(role)
+        if column is not None and (other := role_of_column.setdefault(column, role)) != role:
+            raise ValueError(f"[columns] {other} and {role} are both {column!r}; give each a column of its own.")
     n_starts = settings.estimator.get("n_starts", 1)
     if isinstance(n_starts, bool) or not isinstance(n_starts, int) or n_starts < 1:
         raise ValueError(f"[estimator] n_starts = {n_starts!r} must be an integer of at least 1.")
