@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from numbers import Real
 from typing import Any
 
@@ -25,6 +25,7 @@ def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("h
 def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], *pasts: Any) -> pd.DataFrame:
     """History and future as one frame of the columns ``names`` and ``pasts``, which are missing in the future."""
     stamps = in_zone_of(future.index, history.index)
+    _refuse_apart(history.index, stamps)
     refuse_absent([name for name in names if name in history.columns], future, "history")
     whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
     for past in [name for name in pasts if name in whole]:
@@ -38,13 +39,33 @@ def join_tables(history: ZoneTable, future: ZoneTable, training: ZoneTable) -> Z
     return concatenate_tables([history, unmeasured(future, training)])
 
 
+def _refuse_apart(history: pd.Index, future: pd.Index) -> None:
+    """Raise a ValueError if stamps of one step do not go on from history to future, or only one of them has stamps."""
+    dated = [isinstance(index, pd.DatetimeIndex) for index in (history, future)]
+    if any(dated) and not all(dated):
+        raise ValueError(f"{'future' if dated[0] else 'history'} has no time stamps; give it a DatetimeIndex.")
+    steps = {index[-1] - index[-2] for index in (history, future) if all(dated) and len(index) > 1}
+    if len(steps) == 1 and (step := steps.pop()) > pd.Timedelta(0) and future[0] != history[-1] + step:
+        raise _apart(future, history, step)
+
+
+def _apart(future: pd.Index, history: pd.Index, step: pd.Timedelta) -> ValueError:
+    return ValueError(
+        f"future begins at {future[0]}, but history ends at {history[-1]}; it must begin one step of {spell(step)} "
+        "later."
+    )
+
+
+def refuse_unmeasured(history: ZoneTable, roles: Sequence[str], column_of: Callable[[str], Any]) -> None:
+    """Raise a ValueError if a history lacks what is measured, the columns of some ``roles``."""
+    if absent := [column_of(role) for role in roles if role not in history.history]:
+        raise ValueError(f"history has no column {absent[0]!r}; give what was measured, NaN where nothing was.")
+
+
 def refuse_unless_following(future: ZoneTable, history: ZoneTable) -> None:
     """Raise a ValueError if the future does not begin one step after the history."""
     if not future.follows(history):
-        raise ValueError(
-            f"future begins at {future.index[0]}, but history ends at {history.index[-1]}; it must begin one step of "
-            f"{spell(history.step)} later."
-        )
+        raise _apart(future.index, history.index, history.step)
 
 
 def refuse_absent(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:

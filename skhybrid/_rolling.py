@@ -249,6 +249,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         names = [self._column_of(role) for role in plant]
         filled, n_known = fill_ahead(X, [name for name in names if name in fitted])
         table, n_tail = self._with_history(filled)
+        self._refuse_lost_past(table, n_tail)
         origins = origin_rows(table.time[n_tail:], self.horizon, getattr(self, "origin_step", None), table.step)
         return table, n_tail, origins[origins <= n_known]
 

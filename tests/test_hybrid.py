@@ -207,10 +207,29 @@ def test_forecast_wherever_the_history_begins(begin, hybrid, office):
 
 
 def test_forecast_refuses_what_does_not_join(hybrid, office):
-    with pytest.raises(ValueError, match="not evenly spaced"):
-        hybrid.forecast(office.X[: 2 * DAY], office.X[3 * DAY : 4 * DAY])
-    with pytest.raises(ValueError, match="future has no column 'T_oa'"):
-        hybrid.forecast(office.X[: 2 * DAY], office.X[2 * DAY : 3 * DAY].drop(columns="T_oa"))
+    past, ahead = office.X[: 2 * DAY], office.X[2 * DAY : 3 * DAY].drop(columns="T_za")
+    for model in (hybrid, hybrid.gray_box_):
+        with pytest.raises(ValueError, match=r"begins at 2023-07-11 .* ends at 2023-07-09 .* 15 min later"):
+            model.forecast(past, office.X[3 * DAY : 4 * DAY])
+        with pytest.raises(ValueError, match=r"future begins at 2023-07-10 00.* history ends at 2023-07-10 01"):
+            model.forecast(office.X[: 2 * DAY + 5], ahead)
+        with pytest.raises(ValueError, match=r"not evenly spaced: .* where most steps are 15 min"):
+            model.forecast(past, ahead[::4])
+        with pytest.raises(ValueError, match="future has no time stamps; give it a DatetimeIndex"):
+            model.forecast(past, ahead.reset_index(drop=True))
+        with pytest.raises(ValueError, match="future has no column 'T_oa'"):
+            model.forecast(past, ahead.drop(columns="T_oa"))
+
+
+def test_a_history_and_a_load_need_the_measured_temperature(hybrid, office):
+    past, ahead = office.X[: 30 * DAY].drop(columns="T_za"), office.X[30 * DAY : 31 * DAY].drop(columns="T_za")
+    for model in (hybrid, hybrid.gray_box_):
+        with pytest.raises(ValueError, match="history has no column 'T_za'; give what was measured"):
+            model.forecast(past, ahead)
+        with pytest.raises(ValueError, match="history has no column 'T_za'"):
+            model.affine_forecast(past, ahead, inputs=["u_heat"])
+        with pytest.raises(ValueError, match="X has no column 'T_za' and does not begin one step after"):
+            model.predict_load(ahead, 21.0)
 
 
 def test_future_needs_no_temperature_under_any_name(office):

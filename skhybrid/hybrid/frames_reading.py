@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._joining import join_frames, join_tables, refuse_absent, unmeasured, with_measured
+from .._joining import join_frames, join_tables, refuse_absent, refuse_unmeasured, unmeasured, with_measured
 from .._table import SETPOINT_ROLES, ZoneTable, append_tables, is_plant, refuse_gap
 from .scheme_intervals import HybridQuantilesMixin
 
@@ -50,6 +50,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
             whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
         table = self._read_X(whole)
         refuse_gap(table)
+        refuse_unmeasured(table, ("T_za",), self._column_of)
         n_past = len(history.index)
         n_known = self._scheme.rows.n_known_of(table.rows(slice(0, n_past)))  # they are not taken in twice
         table, n_tail = self._after_tail(table.rows(slice(n_known, None)))

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from .._joining import join_frames, join_tables, read_now, refuse_no_frames, with_measured
+from .._joining import join_frames, join_tables, read_now, refuse_no_frames, refuse_unmeasured, with_measured
 from .._rolling import RollingForecastMixin
 from .._table import UNLIMITED, ZoneTable, append_tables, refuse_gap
 from .._threads import one_blas_thread
@@ -276,11 +276,16 @@ class ForecastAheadMixin(RollingForecastMixin):
         if isinstance(filled, ZoneTable):
             tail = self.filtered_network_.rolling.tail
             whole: Any = filled if history is None else join_tables(history, filled, tail)
-            table, n_tail = self._with_history(whole.replace(history=whole.history if history is not None else {}))
+            whole = whole.replace(history=whole.history if history is not None else {})
         elif history is None:
-            table, n_tail = self._with_history(filled.drop(columns=[name for name in past if name in filled]))
+            whole = filled.drop(columns=[name for name in past if name in filled])
         else:
-            table, n_tail = self._with_history(join_frames(history, filled, self._names_in(history), *past))
+            whole = join_frames(history, filled, self._names_in(history), *past)
+        read = self._read_X(whole)
+        refuse_gap(read)
+        if history is not None:
+            refuse_unmeasured(read, self.network_.history_roles, self._column_of)
+        table, n_tail = self._after_tail(read)
         if history is None and not n_tail:
             self._refuse_apart(table)
         first = table.n_rows - n_rows
