@@ -199,8 +199,8 @@ def as_numbers(values: Any, label: str) -> np.ndarray:
 
 def target_numbers(y: Any) -> np.ndarray:
     """(n_samples,) float64 copy of a target, NaN where missing or masked."""
-    if isinstance(y, pd.DataFrame) and y.shape[1] == 1:
-        y = y.iloc[:, 0]
+    if isinstance(y, pd.DataFrame):
+        y = y.iloc[:, 0] if y.shape[1] == 1 else y.to_numpy()  # a name may come twice
     if isinstance(y, pd.Series) and y.dtype != bool:
         y = numeric(y, "y")
     y = unmasked(y, "y")
@@ -208,8 +208,9 @@ def target_numbers(y: Any) -> np.ndarray:
     if np.iscomplexobj(checked):
         raise ValueError("Complex data not supported: y must be real.")
     _refuse_bools(checked, "y")
+    column = column_or_1d(checked, warn=True)
     try:
-        return column_or_1d(checked, warn=True).astype(np.float64, copy=True)
+        return column.astype(np.float64, copy=True)
     except (TypeError, ValueError) as error:
         raise ValueError(f"y is not numeric ({error}); convert it to float first.") from None
 

@@ -49,7 +49,7 @@ from ._ranges import check_range
 from ._target import UNLIMITED as UNLIMITED
 from ._target import is_target as is_target
 from ._target import read_max_missing as read_max_missing
-from ._target import refuse_missing, refuse_other_quantity, refuse_target_among
+from ._target import refuse_missing, refuse_other_quantity, refuse_target_among, warn_if_still, warn_if_temperature
 from ._target import refuse_order as refuse_order
 from ._time import Stamps, clock_of_training, joined_stamps, read_index, spell
 
@@ -372,8 +372,12 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str |
         if role in table.history:
             refuse_other_quantity(table.history[role], target, role)
         if role.startswith("T_"):
+            if max_missing is not UNLIMITED:
+                warn_if_still(target, table.step)
             by_position = None if table.named else {column: j for j, column in enumerate(table.order)}
             refuse_target_among(table.inputs, target, columns=by_position)
+        elif max_missing is not UNLIMITED:
+            warn_if_temperature(table.history, target)
     return target
 
 

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._warnings import percent
+from ._warnings import percent, warn_user
+from .exceptions import ExcitationWarning, UnitWarning
 
 #: ``max_missing`` of a target that is not learned from
 UNLIMITED: Any = object()
+#: for so long no room has one temperature, whatever the resolution of its sensor
+_STILL = pd.Timedelta("1D")
 #: largest usual difference between the history in X and y [degC]: two sensors of one zone
 _MOST_APART = 5.0
 #: rows from which on it is no coincidence how alike two columns are
@@ -98,6 +101,27 @@ def refuse_target_among(inputs: Mapping[str, np.ndarray], y: np.ndarray, *, colu
                 f"{where} is y itself, scaled or not, which no forecast knows ahead; keep the names of the columns "
                 f"in the steps before (.set_output(transform='pandas')), or pass {remedy}."
             )
+
+
+def warn_if_temperature(history: Mapping[str, np.ndarray], y: np.ndarray) -> None:
+    """Warn of a disturbance y (n,) that is the measured temperature of X."""
+    if "T_za" in history and is_target(history["T_za"], y, scaled=False):
+        warn_user(
+            "y is the temperature T_za of X, where the disturbance is expected; give that, such as "
+            "estimate_disturbance(X) of an identification; HybridPredictor and ARXRegressor forecast temperatures.",
+            UnitWarning,
+        )
+
+
+def warn_if_still(y: np.ndarray, step: pd.Timedelta) -> None:
+    """Warn of a temperature (n,) that never changes, from which nothing can be learned."""
+    known = y[np.isfinite(y)]
+    if len(known) >= _ENOUGH_ROWS and len(known) * step >= _STILL and np.ptp(known) == 0:
+        warn_user(
+            f"y is {known[0]:.4g} in all {len(known)} measured rows: is the sensor stuck? Nothing can be learned from "
+            "them; give rows in which it worked.",
+            ExcitationWarning,
+        )
 
 
 def is_target(values: np.ndarray, y: np.ndarray, *, scaled: bool) -> bool:

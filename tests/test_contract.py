@@ -33,7 +33,7 @@ from skhybrid._table import append_tables, concatenate_tables, last_rows, read_t
 from skhybrid._time import ASSUMED_START, Stamps, joined_stamps, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
-from skhybrid.exceptions import RoleWarning, UnitWarning
+from skhybrid.exceptions import ExcitationWarning, RoleWarning, UnitWarning
 from skhybrid.forecasting import BoostedRegressor
 from skhybrid.identification import frequency_response, make_state_space
 from skhybrid.model_selection import RollingOriginSplit, backtest
@@ -629,6 +629,24 @@ def test_a_disturbance_in_another_unit_is_refused():
         DisturbanceForecaster("profile").fit(X.assign(zeta=1000 * y), y)
 
 
+def test_a_temperature_as_disturbance_is_told(recwarn):
+    hourly = make_office(n_days=8, sampling_time="1h", random_state=0)
+    DisturbanceForecaster("profile").fit(hourly.X, hourly.heat_gain)
+    assert not [w for w in recwarn if issubclass(w.category, UnitWarning)]
+    with pytest.warns(UnitWarning, match=r"y is the temperature T_za of X, .* HybridPredictor and ARXRegressor"):
+        DisturbanceForecaster("profile").fit(hourly.X, hourly.y)
+
+
+def test_a_temperature_that_never_changes_is_told(office):
+    still = office.y * 0.0 + 21.0
+    with pytest.warns(ExcitationWarning, match=rf"y is 21 in all {len(still)} measured rows: is the sensor stuck\?"):
+        model = ARXRegressor(intervals=False).fit(office.X.assign(T_za=still), still)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ExcitationWarning)
+        model.score(office.X.assign(T_za=still), still)
+        ARXRegressor(intervals=False).fit(office.X[:90].assign(T_za=still), still[:90])  # for less than a day it may
+
+
 # ------------------------------------------------------------------------------------- values under a mask, and times
 def test_masked_values_are_missing(office):
     columns = {"u_heat": 2, "u_cool": 3, "T_za": 4}
@@ -685,6 +703,8 @@ def test_targets_of_any_kind_become_float64(office):
     for words in (office.y.astype(object).where(office.y > 20, "off"), ["off"] * len(office.y)):
         with pytest.raises(ValueError, match=r"^y is not numeric .could not convert"):
             read_target(words, read(office.X))
+    with pytest.raises(ValueError, match=r"^y should be a 1d array, got an array of shape .*, 2\)"):
+        read_target(pd.concat([y, y], axis=1), read(office.X))
 
 
 @pytest.mark.parametrize("kind", [pd.Series, pd.Series.to_frame, pd.Series.to_numpy, pd.Series.tolist])

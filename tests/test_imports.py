@@ -75,7 +75,7 @@ STRICT = {
     "_pandas_data": {"_time"},
     "_skops": set(),
     "_ranges": {"_warnings", "exceptions"},
-    "_target": {"_warnings"},
+    "_target": {"_warnings", "exceptions"},
     "_columns": {"_arguments", "_warnings", "exceptions"},
     "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
