@@ -375,8 +375,10 @@ def test_a_gray_box_says_what_its_new_methods_need(fitted, tables):
         model.affine_forecast(X[N_TRAIN:NOW], future, quantiles=[0.5])
     with pytest.raises(ValueError, match="has no column 'T_za'"):
         model.update(X[N_TRAIN:NOW].drop(columns="T_za"))
-    with pytest.raises(ValueError, match="the last known row is"):
+    with pytest.raises(ValueError, match=r"^X begins at .*the last known row is"):
         model.update(X[N_TRAIN + 1 : NOW])
+    with pytest.raises(ValueError, match=r"^future begins at .*the last known row is"):
+        model.forecast(None, X[N_TRAIN + 1 : NOW])
 
 
 def test_a_measured_state_changes_nothing_after_it():

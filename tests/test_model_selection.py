@@ -340,7 +340,9 @@ def test_a_backtest_that_cannot_be_made_says_why():
     model = CountsFromOrigin().fit(X, y)
     with pytest.raises(ValueError, match="X has 96 rows, but y has the shape"):
         backtest(model, X, y[:-1])
-    with pytest.raises(ValueError, match="too short to be forecast"):
+    with pytest.raises(
+        ValueError, match=r"too short to be forecast: 19 rows follow the first origin, row 0, and .* needs 24"
+    ):
         backtest(model, X[:20], y[:20])
     with pytest.raises(ValueError, match="origin_step='90min'"):
         backtest(model, X, y, origin_step="90min")

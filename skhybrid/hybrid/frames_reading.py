@@ -38,7 +38,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
         else:
             refuse_absent(self._input_columns(future), future, "the training table")
             table = self._read_following(future)
-        self._scheme.rows.refuse_unless_following(table)
+        self._scheme.rows.refuse_unless_following(table, "future")
         return table
 
     def _read_both(self, history: Any, future: Any, T_za: float | None = None) -> tuple[ZoneTable, np.ndarray]:

@@ -152,14 +152,14 @@ class KnownRows:
                 "known rows stay as they are, so give NaN there, or fit again."
             )
 
-    def refuse_unless_following(self, table: ZoneTable) -> None:
-        """Raise a ValueError if a table does not begin one step after the last known row."""
+    def refuse_unless_following(self, table: ZoneTable, name: str = "X") -> None:
+        """Raise a ValueError if a table, the argument ``name``, does not begin one step after the last known row."""
         latest = self.latest
         refuse_other_clock(table, latest)
         if table.utc is not None and not table.follows(latest):
             raise ValueError(
-                f"X begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one step "
-                f"of {spell(latest.step)} later."
+                f"{name} begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one "
+                f"step of {spell(latest.step)} later."
             )
 
 

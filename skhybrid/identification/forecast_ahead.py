@@ -287,7 +287,7 @@ class ForecastAheadMixin(RollingForecastMixin):
             refuse_unmeasured(read, self.network_.history_roles, self._column_of)
         table, n_tail = self._after_tail(read)
         if history is None and not n_tail:
-            self._refuse_apart(table)
+            self._refuse_apart(table, "future")
         first = table.n_rows - n_rows
         if now is not None:
             for role, value in zip(self.network_.history_roles, now, strict=True):
@@ -311,11 +311,11 @@ class ForecastAheadMixin(RollingForecastMixin):
             raise ValueError(f"T_za={T_za!r} is not one temperature [degC] per measured node; give {o} of them.")
         return np.array([read_now(value, index) for value in values])
 
-    def _refuse_apart(self, table: ZoneTable) -> None:
-        """Refuse rows that do not follow the last known one."""
+    def _refuse_apart(self, table: ZoneTable, name: str = "X") -> None:
+        """Refuse rows, the argument ``name``, that do not follow the last known one."""
         tail = self._tail
         if table.utc is None or not table.follows(tail):
             raise ValueError(
-                f"X begins at {table.index[0]}, but the last known row is {tail.index[-1]}; give the rows that follow "
-                "it, with time stamps."
+                f"{name} begins at {table.index[0]}, but the last known row is {tail.index[-1]}; give the rows that "
+                "follow it, with time stamps."
             )

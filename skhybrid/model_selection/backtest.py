@@ -258,8 +258,8 @@ def _with_leads(origins: np.ndarray, n_leads: int, n_rows: int, sampling: pd.Tim
     found = origins[origins + n_leads < n_rows]
     if not len(found):
         raise ValueError(
-            f"X is too short to be forecast: its {n_rows} rows cover {spell(n_rows * sampling)}, and the first "
-            f"forecast over {spell(n_leads * sampling)} does not end within them; give more rows."
+            f"X is too short to be forecast: {n_rows - 1 - origins[0]} rows follow the first origin, row {origins[0]}, "
+            f"and a forecast over {spell(n_leads * sampling)} needs {n_leads}; give more rows, or an earlier start."
         )
     return found
 
