@@ -385,6 +385,13 @@ def test_who_wants_a_forecast_is_not_warned_and_who_plans_is(log, monkeypatch):
         assert len([w for w in caught if w.category is GainWarning]) == 1
 
 
+def test_heat_of_the_reversed_sign_is_warned_of(log):
+    X = log[0][:N_TRAIN]
+    reversed_ = X.assign(Q_hvac=-X["Q_hvac"])
+    with pytest.warns(GainWarning, match=r"a kW of Q_hvac cools the zone, by .* is its sign reversed\?"):
+        SchedulePredictor(intervals=False).fit(reversed_, X["T_za"])
+
+
 def test_a_plan_without_jumps_is_warned_of():
     X, _ = heated(lambda hour, row: 1.0 + np.sin(row / 8.0), n_days=8)
     with pytest.warns(GainWarning, match=r"hardly jumped .* days of random set-points"):

@@ -27,8 +27,9 @@ class SchedulePredictor(BaseHybrid):
     Where the training does not determine what a plant does, ``fit`` warns
     (:class:`~skhybrid.exceptions.ExcitationWarning`), takes a network of the usual size, and lets no other member of
     the blend say what that plant does.  A :class:`~skhybrid.exceptions.GainWarning` is given where a gain is
-    unreliable: by ``fit`` with ``purpose="plan"`` where no jumps of the heat determine it, and by
-    :meth:`affine_forecast` and :meth:`to_state_space` where the members of the blend disagree on it.
+    unreliable: by ``fit`` where heat cools the zone, as it does if its sign is reversed, and with ``purpose="plan"``
+    where no jumps of the heat determine it; by :meth:`affine_forecast` and :meth:`to_state_space` where the members of
+    the blend disagree on it.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class ScheduleScheme(Scheme):
         """Fit the members and weigh them by their errors on left-out blocks of days."""
         self._learn(measured, like._others if isinstance(like, ScheduleScheme) else ())
         if like is None:  # else the other has warned of the zone's heat
-            warn_of_gain(self._physics.fit_, self.rows.training, self.known)
+            warn_of_gain(self._physics.fit_, self.rows.training, self.known, lambda: self.gain_)
         return self
 
     def _learn(self, measured: ZoneTable, like: Sequence[Member] = ()) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -77,8 +77,10 @@ def disagreement(fit: LeadFit, members: Sequence[Member], gains: pd.DataFrame, r
     )
 
 
-def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
-    """Warn of plants of whose effect the training says next to nothing, and of a plan whose gain no jumps determine."""
+def warn_of_gain(
+    fit: LeadFit, training: ZoneTable, known: Mapping[str, float], gains_of: Callable[[], pd.DataFrame]
+) -> None:
+    """Warn of plants of whose effect the training says next to nothing or the reverse, and of a plan without jumps."""
     _warn_of_scale(fit, training, known)
     capacity = {s.role: s.parameter for s in fit.plan.network.sources(training.inputs)}
     for role in fit.undetermined:
@@ -92,6 +94,13 @@ def warn_of_gain(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) 
             ExcitationWarning,
         )
     plant, pull = determined_plant(fit, training), fit.problem.pull
+    if plant and (gains := gains_of()["blend"]).max() < 0.0:
+        warn_user(
+            f"in the training a kW of {plant} cools the zone, by {-gains.iloc[-1]:.2g} K after "
+            f"{gains.index[-1] / pd.Timedelta('1h'):g} h, so that loads and plans are wrong: is its sign reversed? "
+            "Heat into the zone is positive, cooling negative.",
+            GainWarning,
+        )
     if plant and pull is not None and not pull.observed:
         warn_user(
             "the heat hardly jumped in the training, so that its effect is that of a network fitted to forecasts, "
