@@ -277,7 +277,7 @@ def read_input(v: np.ndarray, name: str, index: pd.Index) -> np.ndarray:
     """Check that an input is finite; return a copy."""
     refuse_infinite(v, f"column {name}", index)
     bad = np.isnan(v)
-    if len(v) and bad.all():
+    if len(v) > 1 and bad.all():  # of one row nothing says that the column is of no use
         raise ValueError(f"column {name} is empty: it contains NaN in all {len(v)} rows; give its values, or drop it.")
     if bad.any():
         raise ValueError(

@@ -176,6 +176,8 @@ def test_rows_that_do_not_follow_are_refused(office, fitted):
         model.forecast(None, X[N_TRAIN + 1 : N_TRAIN + 9])
     with pytest.raises(ValueError, match="future has no column 'T_oa'"):
         model.forecast(None, X[N_TRAIN : N_TRAIN + 9].drop(columns="T_oa"))
+    with pytest.raises(ValueError, match=r"column 'T_oa' contains NaN in 1 row .first at"):
+        model.update(X[N_TRAIN : N_TRAIN + 1].assign(T_oa=np.nan))
     model.update(X[N_TRAIN : N_TRAIN + 4])  # what was refused left nothing behind
     assert model.forecast(None, X[N_TRAIN + 4 : N_TRAIN + 8]).shape == (4, 2)
 
