@@ -112,7 +112,7 @@ def forecast() -> Iterator[str]:
     yield f"leads ({many:.2f} of the default's error, geometric mean) and ARX re-fitted ({refit:.2f})."
     yield f"in Oakland, ARX re-fitted is better ({replayed.loc['make_office oakland', 'ARX re-fitted']:.2f})."
     rivals = results.competitors().apply(lambda column: column.str.split().str[0].astype(float))
-    ratio = rivals.div(rivals["hybrid, full"], axis=0)
+    ratio = rivals.div(rivals["default"], axis=0)
     home, new = ratio.index.str.contains("home"), ratio.index.str.contains("new")
     refit, boosted = ratio["ARX, multi-step, re-fitted"], ratio["boosting on ARX"]
     yield (f"it has {span(refit[~home])} of the default's error in the offices and {span(refit[home])} in the homes")
