@@ -11,7 +11,7 @@ from ..study import Settings, StudyData, StudyResult, read_log, run_study, split
 from ..study.building_outputs import building_metrics, format_zones, write_building
 from ..study.building_study import BuildingResult, run_building, verdicts_by_zone
 from ..study.outputs import format_table, metrics_text
-from ..zone.dead_meters import without_dead_meters
+from ..zone.dead_meters import part_without_dead_meters
 from ._output import DONE, Progress, check_stopped
 
 
@@ -45,7 +45,7 @@ def read_study(log: str, settings: Settings, progress: Progress) -> StudyData:
     frame, report = read_log(log, settings)
     for line in report.splitlines():
         progress.note(line)
-    alive, remarks = without_dead_meters(frame, settings)
+    alive, remarks = part_without_dead_meters(frame, settings)
     data = split_log(alive, settings)
     return data._replace(remarks=(*remarks, *data.remarks))
 

@@ -6,8 +6,6 @@ from typing import Any
 
 import pandas as pd
 
-from .._warnings import warn_user
-from ..exceptions import SkhybridWarning
 from ..study.compared_models import make_gray_box
 from ..study.data import FACADES, NO_ROWS, TRAINING_DAYS
 from ..study.identified_building import describe
@@ -29,10 +27,7 @@ def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
     """Identify the rooms of a building on the last weeks of a log, and describe them."""
     rows = complete_rows(frame, settings.roles_of("T_za"))
     if rows.empty:
-        alive, remarks = without_dead_meters(frame, settings)
-        for remark in remarks:
-            warn_user(remark, SkhybridWarning)
-        rows = complete_rows(alive, settings.roles_of("T_za"))
+        rows = complete_rows(without_dead_meters(frame, settings), settings.roles_of("T_za"))
     return identify_zones(settings, _last_weeks(rows))
 
 

@@ -8,12 +8,22 @@ from typing import Any
 import pandas as pd
 
 from .._table import is_plant, listed
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
 from ..study.settings import Settings
 from ..study.zone_part import roles_of
 from .outages import BRIDGED, up_to_measured
 
 
-def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """The log of :func:`part_without_dead_meters`, with a warning for each of its remarks."""
+    alive, remarks = part_without_dead_meters(frame, settings)
+    for remark in remarks:
+        warn_user(remark, SkhybridWarning)
+    return alive
+
+
+def part_without_dead_meters(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
     """A log without the heat of rooms that ends more than twelve hours before the temperatures, and remarks on it."""
     dead = dead_meters(frame, settings)
     named = {zone: listed(settings.columns.get(role, role) for role in roles) for zone, roles in dead.items()}

@@ -40,10 +40,9 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
         If it is shorter than three days.
     """
     rooms = settings.roles_of("T_za")
-    doubts = doubts_on_temperatures(frame, [role for role in rooms if role in frame])
-    alive, remarks = without_dead_meters(frame, settings)
-    for remark in (*doubts, *remarks):
-        warn_user(remark, SkhybridWarning)
+    for doubt in doubts_on_temperatures(frame, [role for role in rooms if role in frame]):
+        warn_user(doubt, SkhybridWarning)
+    alive = without_dead_meters(frame, settings)
     refuse_empty(alive, settings)
     rows = complete_rows(with_facades(alive, settings), rooms)
     step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")

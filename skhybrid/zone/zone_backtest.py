@@ -7,8 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._warnings import warn_user
-from ..exceptions import SkhybridWarning
 from ..model_selection import backtest
 from ..study.building_study import N_STEPS, backtest_zones, judge_zone, verdicts_by_zone, zone_table
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
@@ -82,9 +80,7 @@ def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progres
 
     The result has the errors of all zones together and of each, without loads.  ``progress`` as for :func:`run_study`.
     """
-    alive, remarks = without_dead_meters(frame, settings)
-    for remark in remarks:
-        warn_user(remark, SkhybridWarning)
+    alive = without_dead_meters(frame, settings)
     rows = complete_rows(with_facades(alive, settings), settings.roles_of("T_za"))
     train, test = train_and_test(rows, settings)
     later = rows.loc[train.index[-1] : test.index[-1]].iloc[1:]
