@@ -68,8 +68,8 @@ table.round(2)
 # %%
 # Bode magnitudes
 # ---------------
-# How strongly the room follows each input.  All models agree on heating and cooling within hours; they differ in the
-# sun, the outdoor temperature, and whatever lasts for days.
+# The gain of the room temperature from each input, by frequency.  All models agree on heating and cooling within hours;
+# they differ in the sun, the outdoor temperature, and whatever lasts for days.
 true = make_state_space("2R2C", office.theta)
 bode = BodeDisplay.from_estimator(models, truth=true)
 bode.figure_.suptitle("Bode magnitudes", x=0.99, ha="right")

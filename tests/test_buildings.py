@@ -287,43 +287,37 @@ def test_replayed_heat_stands_in_for_the_air_loop_where_there_is_some(makers):
     assert exchange.set == {8: -1500.0, 9: energyplus._FORCE_OFF}
 
 
-def test_a_replay_follows_other_people_and_leaves_a_day_to_the_thermostat(makers, monkeypatch):
-    """The heat of days two and three is that of a run under another draw of people."""
-    buildings, runs = makers[0], []
-    building = buildings.Building("b", "m", "c", ("Z",), "office", 1)
+def replaying(runs, lights):
+    """A simulation of a zone that notes its runs (occupancy, replayed heat)."""
+    keys = ("T", "heating", "cooling", "set_heat", "set_cool", "people")
+    gains = ("gain_convective", "gain_radiant", "gain_visible", "gain_return")
+    names = (*(f"{key}:Z" for key in (*keys, *gains)), "T_out", "dni", "dhi", "altitude")
 
     def simulate(document, weather, zones=(), overrides=None, replay=None):
         runs.append((overrides["occ"], replay))
-        keys = (
-            "T",
-            "heating",
-            "cooling",
-            "set_heat",
-            "set_cool",
-            "gain_convective",
-            "gain_radiant",
-            "gain_visible",
-            "gain_return",
-        )
         index = pd.date_range("2018-01-01 00:15", periods=DAYS * 96, freq="15min")
-        columns = {f"{key}:Z": 0.0 for key in (*keys, "people")} | dict.fromkeys(
-            ("T_out", "dni", "dhi", "altitude"), 0.0
-        )
-        run = pd.DataFrame(columns, index)
+        run = pd.DataFrame(dict.fromkeys(names, 0.0), index)
         if replay is None:
             return run.assign(**{"heating:Z": 3000.0 + 1000.0 * overrides["occ"].mean()})
         # lights heat the return air, which stays in the zone and counts as delivered, a step later
         heating = np.where(np.isfinite(replay["Z"]), np.roll(lights, 1), 0.0)
-        gains = {"gain_convective:Z": 500.0 + np.nan_to_num(replay["Z"]), "gain_return:Z": lights}
-        return run.assign(**gains, **{"heating:Z": heating})
+        given = {"gain_convective:Z": 500.0 + np.nan_to_num(replay["Z"]), "gain_return:Z": lights}
+        return run.assign(**given, **{"heating:Z": heating})
 
+    return simulate
+
+
+def test_a_replay_follows_other_people_and_leaves_a_day_to_the_thermostat(makers, monkeypatch):
+    """The heat of days two and three is that of a run under another draw of people."""
+    buildings, runs = makers[0], []
+    building = buildings.Building("b", "m", "c", ("Z",), "office", 1)
     lights = 300.0 * _workday(0.05, 0.9)
     reference = {"occ": _workday(0, 0.95), "light": _workday(0.05, 0.9), "plug": _workday(0.4, 0.9)}
     monkeypatch.setattr(buildings, "load_model", lambda model: {})
     monkeypatch.setattr(buildings, "prepare", lambda document, weather: {})
     monkeypatch.setattr(buildings, "schedules_of", lambda *_: GAINS | {"heat": set(), "cool": set()})
     monkeypatch.setattr(buildings, "read_schedules", lambda *_: reference)
-    monkeypatch.setattr(buildings, "simulate", simulate)
+    monkeypatch.setattr(buildings, "simulate", replaying(runs, lights))
     monkeypatch.setattr(buildings, "site", lambda climate: {"time_zone": -6.0})
     monkeypatch.setitem(sys.modules, "pyenergyplus.dataset", SimpleNamespace(weather_files={"c": "c"}))
     monkeypatch.setitem(sys.modules, "pyenergyplus", SimpleNamespace())

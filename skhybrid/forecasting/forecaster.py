@@ -95,7 +95,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         Whether a network is trained again on all rows, the validation block included, for as many epochs as validation
         found best.
     device : str, default "cpu"
-        Where torch trains networks: ``"cpu"``, ``"cuda"`` (worth while for dozens of networks at once, see
+        Device on which torch trains networks: ``"cpu"``, ``"cuda"`` (worth while for dozens of networks at once, see
         :func:`~skhybrid.forecasting.fit_many`), or ``"auto"``.  Forecasts are computed on the CPU.
 
     Attributes
