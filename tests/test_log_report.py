@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.datasets import load_dutch_home
-from skhybrid.logs import LogReport, RawLog, to_left_label
+from skhybrid.logs import LogReport, RawLog, read_log, to_left_label
 from skhybrid.logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from skhybrid.logs.log_findings import (
     _skipped_hours,
@@ -85,6 +85,10 @@ def frame():
         ("Kältezähler", "Q_cool", None),
         ("Cooling energy", "Q_cool", None),
         ("Heat counter [m3]", "u_heat", None),
+        ("Compteur de chaleur", "Q_heat", None),
+        ("compteur_chaleur_kWh", "Q_heat", "kWh"),
+        ("Kessel Modulation %", "u_heat", "percent"),
+        ("Cooling (tons)", "Q_cool", "tons"),
         ("Room thermometer", None, None),
         ("temperature_2m (°C)", "T_oa", "degC"),
     ],
@@ -138,6 +142,14 @@ def test_seconds_of_a_stage_are_not_scaled_by_their_largest_value(frame):
     assert LogReport(seconds).frame["u_heat"].iloc[0] == pytest.approx(90 / 900)
     raw = RawLog(seconds, "ecobee", {"Heat Stage 1 (sec)": "s"}, scale={"Heat Stage 1 (sec)": 1 / 300})
     assert LogReport(raw).frame["u_heat"].iloc[0] == pytest.approx(0.3)
+
+
+def test_seconds_of_a_stage_are_not_among_the_units_that_are_not_converted(tmp_path):
+    rows = [f"2024-01-15 00:{m:02d},20.0,{60 * (m % 20)},{m}" for m in range(0, 60, 5)]
+    (tmp_path / "log.csv").write_text("\n".join(["time,Room temp (°C),Heat Stage 1 (sec),Wind (m/s)", *rows]))
+    (note,) = [note for note in read_log(tmp_path / "log.csv").notes if "not converted" in note]
+    assert "'Wind (m/s)' in m/s" in note
+    assert "Heat Stage" not in note
 
 
 def test_a_stage_beyond_every_known_scale_is_not_used(frame):
@@ -306,11 +318,22 @@ def test_electricity_is_not_taken_for_heat(frame):
     assert not any(text.startswith("kW of") for text in told.cannot)
 
 
-@pytest.mark.parametrize("name", ["Heat pump electricity [kW]", "Heat pump power [kW]", "Heat Pump Energy (kWh)"])
+@pytest.mark.parametrize(
+    "name",
+    ["Heat pump electricity [kW]", "Heat pump power [kW]", "Heat Pump Energy (kWh)", "warmtepomp_vermogen_kW",
+     "Waermepumpe [kW]", "Pompe à chaleur (kW)"],
+)  # fmt: skip
 def test_a_heat_pump_is_electricity_with_a_proposed_plant(frame, name):
     report = LogReport(frame.iloc[:, :2].assign(**{name: 1.0 + np.arange(960) % 7}))
     assert report.electricity() == ["Q_heat"]
     assert "\n[plant]\nelectricity = true" in propose_settings("log.csv", report)
+
+
+@pytest.mark.parametrize("name", ["WP Heizleistung [kW]", "Heat pump thermal power [kW]"])
+def test_the_heat_of_a_heat_pump_is_heat(frame, name):
+    report = LogReport(frame.iloc[:, :2].assign(**{name: 1.0 + np.arange(960) % 7}))
+    assert report.roles["Q_heat"] == name
+    assert report.electricity() == []
 
 
 def test_what_a_log_cannot_tell(frame):
@@ -382,7 +405,10 @@ def test_numbers_and_units_in_words(frame):
 )  # fmt: skip
 def test_a_proposal_asks_for_the_local_zone_where_the_log_has_none(frame, zone, line):
     index = pd.date_range("2024-01-15", periods=960, freq="15min", tz=zone, name="time")
-    assert f"\n{line}" in propose_settings("log.csv", LogReport(frame.set_axis(index, axis=0)))
+    report = LogReport(frame.set_axis(index, axis=0))
+    assert f"\n{line}" in propose_settings("log.csv", report)
+    texts = [finding.text for finding in report.findings if finding.where == "clock"]
+    assert any("without daylight saving; give timezone" in text for text in texts) == (zone in ("UTC", "-06:00"))
 
 
 def test_power_that_cannot_be_is_asked_about(frame):

@@ -12,6 +12,7 @@ import pandas as pd
 
 from .._warnings import several
 from .cell_numbers import NumberColumn
+from .naming import unit_in_name
 from .raw_log import RawLog
 from .stamp_cells import joined_cells, read_stamps
 from .stamps import in_zone, localize
@@ -238,7 +239,7 @@ def _finish(
     written |= {n: text for n, text in pieces.units.items() if n not in written or unit_or_energy(text)}
     written |= {n: _unit_of_cells(c, n, pieces.where) for n, c in channels.items() if c.units}
     units = {str(name): unit for name in frame if (unit := unit_or_energy(written.get(name, ""))) is not None}
-    others = [f"{name!r} in {written[name]}" for name in frame if name in written and name not in units]
+    others = [f"{n!r} in {written[n]}" for n in frame if n in written and n not in units and not unit_in_name(str(n))]
     if others:
         pieces.notes.append(f"units that are not converted: {', '.join(others)}")
     if choice.held is None:

@@ -51,9 +51,19 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
         text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right"
         skipped = _skipped_hours(index, step)
         yield Finding("warning", "clock", f"{text}{skipped}.")
+    elif not is_local(index):
+        text = f"stamps are in {index.tz}, without daylight saving; give timezone = the local zone"
+        yield Finding(
+            "note", "clock", f"{text}, so that hours, days and set-points by the clock are those of the room."
+        )
     if label is None:
         text = "the log does not say whether a stamp begins (left) or ends (right) the interval of its means"
         yield Finding("note", "clock", f"{text}; {guessed_label(index, step)} is assumed.")
+
+
+def is_local(index: pd.DatetimeIndex) -> bool:
+    """Whether stamps have the zone of a place, which knows of daylight saving, and not a fixed offset."""
+    return "/" in (zone := str(index.tz)) and not zone.startswith("Etc/")
 
 
 def guessed_label(index: pd.DatetimeIndex, step: pd.Timedelta) -> str:

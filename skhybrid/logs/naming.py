@@ -27,7 +27,7 @@ _SET = (
 _SET_POINT = r"set ?point|\bsp\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
 _HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
-    r"\bhtg|\bhhwv?\b"
+    r"\bhtg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
 )
 _COOL = r"cool|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|\bclg|\bchwv?\b"
 _TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
@@ -37,9 +37,13 @@ _STAGE = (
 )
 UNPLACED = "a temperature, but its name does not say of what"
 _POWER = r"power|leistung|vermogen|puissance|potenza|thermal|hvac|energy|energie|delivered|heat meter|warmtemeter|load"
-_METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|energ"
+_METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
-_ELECTRICITY = r"elec|strom(?!ung)|stroom|heat ?pump|warmepumpe|\bwp\b|\bhp\b|consumption|verbrauch|plug|socket"
+_ELECTRICITY = (
+    r"elec|strom(?!ung)|stroom|heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor|"
+    r"\b(pac|wp|hp)\b|consumption|verbrauch|plug|socket"
+)
+_DELIVERED = r"thermal|thermique|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
 #: what no model reads
 _OTHER = (
     r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
@@ -105,7 +109,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 1, UNPLACED)
     if of == "irradiance":
         return Guess("q_sol", 3, "its name or unit is that of irradiance")
-    electric = bool(re.search(_ELECTRICITY, words))
+    electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
     if of == "power" and (heat or cool or electric or re.search(_POWER, words)):
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way

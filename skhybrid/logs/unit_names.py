@@ -18,6 +18,7 @@ _SPELLINGS = {
     "MW": ("MW", "megawatt", "megawatts"),
     "Btu/h": ("btu/h", "btu/hr", "btuh"),
     "kBtu/h": ("kbtu/h", "kbtu/hr", "kbtuh", "mbh"),
+    "tons": ("tons", "ton", "tonr", "rt", "tonsrefrigeration", "tonsofrefrigeration"),
 }
 _UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 #: units of energy [kWh]: per row, or a counter where the readings only rise; they become kW once the step is known
@@ -34,7 +35,7 @@ _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?W/m(?:2|²|\^2)|percent|pct|k?W|k?Btu/?h|Celsius|"
-    r"Fahrenheit|(?i:[km]?wh|[mg]j|kbtu)))\s*\Z"
+    r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|kbtu)))\s*\Z"
 )
 _SYMBOLS = (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("⋅", ""), ("*", ""), ("⁻", "-"))
 

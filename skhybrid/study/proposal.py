@@ -11,6 +11,7 @@ import pandas as pd
 from .._table import SETPOINT_ROLES
 from .._time import SHORTEST_GAP, wall_clock
 from ..logs import LogReport, read_log, to_left_label
+from ..logs.log_findings import is_local
 from .settings import SCHEDULE, as_toml
 
 _SHORTEST_LOG = 4  # fewest days to train and test on
@@ -61,8 +62,7 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
     index = pd.DatetimeIndex(report.raw.frame.index)
     # pandas writes a fixed offset as "UTC-06:00", and reads "-06:00"
     zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
-    local = "/" in zone and not zone.startswith("Etc/")
-    hint = "" if local else '  # better the local zone, such as "Europe/Amsterdam"'
+    hint = "" if is_local(index) else '  # better the local zone, such as "Europe/Amsterdam"'
     return [
         f"# Proposed for {name} ({report.raw.format}); check every line.",
         f"name = {as_toml(name)}",
