@@ -356,10 +356,12 @@ def test_a_plan_beyond_training_is_warned_of(name, fitted, tables, recwarn):
     model = fitted(name).update(X[N_TRAIN:NOW])
     model.affine_forecast(None, future)
     model.affine_forecast(None, future.drop(columns="Q_hvac"))
+    model.forecast(None, future)
     assert not [w for w in recwarn if issubclass(w.category, PlanWarning)]
     wild = future.copy()
     wild.iloc[: DAY // 4, wild.columns.get_loc("Q_hvac")] = 40.0
-    for call in (model.affine_forecast, model.to_state_space):
+    clipping = () if name == "output" else (model.forecast,)
+    for call in (model.affine_forecast, model.to_state_space, *clipping):
         with pytest.warns(PlanWarning, match="Q_hvac outside of .* in 25 % of the rows ahead"):
             call(None, wild)
 

@@ -469,7 +469,7 @@ def test_rooms_that_only_look_alike_are_not_exchanged(two_stages, rooms):
     assert two_stages.score(shared, y.assign(study=y["hall"])[["study", "kitchen", "hall"]]) > -np.inf
     assert two_stages.score(X.assign(T_za_hall=20.0), y.assign(study=20.0)) > -np.inf
     bare = X.drop(columns=T_OF)
-    assert copy.deepcopy(two_stages).update(bare, y.to_numpy()).known_until_ == X.index[-1].tz_localize("UTC")
+    assert copy.deepcopy(two_stages).update(bare, y.to_numpy()).known_until_ == X.index[-1]
 
 
 def test_a_failed_update_changes_nothing(building, later):
@@ -502,7 +502,7 @@ def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
 
 
 def test_what_is_known_and_learned_of_each_zone(building, rooms, later):
-    assert building.known_until_ == rooms[0].index[N_TRAIN - 1].tz_localize("UTC")
+    assert building.known_until_ == rooms[0].index[N_TRAIN - 1]
     model = copy.deepcopy(building).update(later[:3])
     assert model.known_until_ == later.index[2].tz_localize("UTC")
     assert model.thermostat_learned_ == dict.fromkeys(ZONES, False)
@@ -524,7 +524,7 @@ def test_new_rows_are_learned_by_each_zone(rooms, later, tomorrow):
     alone, shares = copy.deepcopy(model.own_["hall"]), model.shares_
     updated = copy.deepcopy(model).update(X[both][: 2 * DAY]).partial_fit(X[both], y[both])
     model.partial_fit(X[both], y[both])
-    assert model.known_until_ == updated.known_until_ == X.index[N_TRAIN - 1].tz_localize("UTC")
+    assert model.known_until_ == updated.known_until_ == X.index[N_TRAIN - 1]
     learned = model.forecast(None, tomorrow)
     np.testing.assert_allclose(updated.forecast(None, tomorrow), learned, atol=1e-9)
     pd.testing.assert_frame_equal(model.shares_, shares)

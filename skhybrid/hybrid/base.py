@@ -143,9 +143,10 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
 
     @property
     def known_until_(self) -> pd.Timestamp | None:
-        """Stamp of the last row that the model knows; None where the training had no stamps."""
+        """Stamp of the last row that the model knows, in the zone of the training's; None where it had no stamps."""
         check_is_fitted(self)
-        return self._scheme.rows.last_stamp
+        latest = self._scheme.rows.latest
+        return None if latest.utc is None else pd.Timestamp(latest.index[-1])
 
     @property
     def thermostat_learned_(self) -> bool:

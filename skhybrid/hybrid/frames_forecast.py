@@ -80,6 +80,11 @@ class FramesForecastMixin(FramesReadingMixin):
             If the two do not join evenly or a column is missing, or ``T_za`` is no temperature; under a thermostat, if
             set-points are missing or crossed, the training had no plant, or if quantiles are wanted and it had no
             set-points.
+
+        Warns
+        -----
+        PlanWarning
+            If the heat in ``future`` leaves what training covered.
         """
         check_is_fitted(self)
         refuse_no_frames(history, future)
@@ -101,8 +106,11 @@ class FramesForecastMixin(FramesReadingMixin):
     ) -> pd.DataFrame:
         """The forecast with the heat of ``future``; ``now`` is the temperature of its first row, where measured."""
         if history is None:
-            return pd.DataFrame(self._columns_ahead(self._read_future(future), now, levels, weather), future.index)
+            ahead = self._read_future(future)
+            self._warn_of_plan(ahead, len(future.index))
+            return pd.DataFrame(self._columns_ahead(ahead, now, levels, weather), future.index)
         table, origin = self._read_both(history, future, now)
+        self._warn_of_plan(table, len(future.index))
         paths = self._present_scheme().forecast(table, origin, len(future.index) - (now is not None))
         found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
         bands = {} if levels is None else self._band_columns(table, origin, paths, now, levels, weather)

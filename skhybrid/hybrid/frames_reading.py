@@ -9,6 +9,7 @@ import pandas as pd
 
 from .._joining import join_frames, join_tables, refuse_absent, refuse_unmeasured, unmeasured, with_measured
 from .._table import SETPOINT_ROLES, ZoneTable, append_tables, is_plant, refuse_gap
+from ..control import Plan, covered_by, warn_uncovered
 from .scheme_intervals import HybridQuantilesMixin
 
 
@@ -85,3 +86,8 @@ class FramesReadingMixin(HybridQuantilesMixin):
     def _refuse_without_plant(self, so: str) -> None:
         if not self._plant:
             raise ValueError(f"the training has no heating or cooling, so that {so}.")
+
+    def _warn_of_plan(self, table: ZoneTable, n_ahead: int) -> None:
+        """Warn where the plant of the last rows of a table leaves what training covered."""
+        covered = covered_by(self._scheme.rows.training.inputs, self._plant)
+        warn_uncovered(Plan.of(table, self._plant, n_ahead), self._plant, covered)

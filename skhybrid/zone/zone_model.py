@@ -95,8 +95,7 @@ class ZoneModel:
     @property
     def known_until(self) -> pd.Timestamp:
         """The last stamp that the model knows, in the time zone of the log."""
-        stamp = pd.Timestamp(next(iter(self._of_zones.values())).known_until_)
-        return stamp if stamp.tz is None else stamp.tz_convert(self.learned_until.tz)
+        return pd.Timestamp(next(iter(self._of_zones.values())).known_until_)
 
     @property
     def learned_until(self) -> pd.Timestamp:

@@ -297,6 +297,8 @@ class BuildingForecastMixin:
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             table = with_neighbour_temperatures(tables[zone], T)
+            if not T:
+                model._warn_of_plan(table, len(ahead.index))
             return model._columns_ahead(table, T_now.get(zone), None if T else levels)
 
         return of

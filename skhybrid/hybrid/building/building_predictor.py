@@ -223,7 +223,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     @property
     def known_until_(self) -> pd.Timestamp | None:
-        """Stamp of the last row that the model knows; None where the training had no stamps."""
+        """Stamp of the last row that the model knows, in the zone of the training's; None where it had no stamps."""
         check_is_fitted(self)
         return self.own_[self.zones_[0]].known_until_
 
