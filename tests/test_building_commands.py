@@ -247,6 +247,17 @@ def test_every_zone_without_a_set_point_is_named():
         )
 
 
+def test_a_shared_plant_asks_for_its_stage_and_not_for_set_points():
+    index = pd.date_range("2024-01-05", periods=4, freq="1h")
+    plan, roles = pd.DataFrame({"T_oa": 5.0}, index), ["T_oa", "T_za_a", "T_za_b", "u_heat"]
+    settings = settings_from({"columns": {role: role for role in roles}, "step": "1h"})
+    for schedule in (None, Schedule.of_text("21")):
+        with pytest.raises(ValueError, match=r"zones share the plant u_heat, .* as u_heat in rows of the log after"):
+            rows_ahead(settings, index[0], ["T_oa", "u_heat"], plan=plan, schedule=schedule)
+    planned = rows_ahead(settings, index[0], ["T_oa", "u_heat"], plan=plan.assign(u_heat=0.5))
+    assert planned.planned
+
+
 def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):
     model = tmp_path / "house.skops"
     model.write_bytes((folder / "house.skops").read_bytes())

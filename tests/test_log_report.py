@@ -339,6 +339,11 @@ def test_the_heat_of_a_heat_pump_is_heat(frame, name):
 def test_what_a_log_cannot_tell(frame):
     without_plant = LogReport(frame.iloc[:, :2])
     assert any("no column shows when the plant ran" in text for text in without_plant.cannot)
+    room, outdoor, _, valve, _ = (frame[name] for name in frame)
+    rooms = pd.DataFrame({"T_za_a": room, "T_za_b": room + 1.0, "T_oa": outdoor, "u_heat": valve / 100.0})
+    shared = LogReport(rooms, {name: name for name in rooms})
+    assert "tomorrow from set-points: the zones share the plant u_heat." in shared.cannot
+    assert not any("no set-point is logged" in text for text in shared.cannot)
     unnamed = LogReport(frame.iloc[:, [0]].set_axis(["Sensor 3"], axis=1))
     assert any("no room temperature" in text for text in unnamed.cannot)
     assert unnamed.roles == {}

@@ -156,9 +156,10 @@ def _check_cover(
     if hours[0] > wanted[0] + 1e-9 or hours[-1] + row < ends - 1e-9 or len(gap):
         first, last = (given[gap[0]], given[gap[0] + 1]) if len(gap) else (given[0], given[-1])
         covers = f"has nothing between {first} and {last}" if len(gap) else f"reaches from {first} to {last}"
+        other = f", or a log that ends no earlier than {first}" if hours[0] > wanted[0] + 1e-9 else ""
         raise ValueError(
             f"the weather {covers}, but the forecast needs {time[0]} to {time[-1]} and the step after it; give weather "
-            "for all of it."
+            f"for all of it{other}."
         )
 
 

@@ -94,7 +94,11 @@ def abilities(
     if not any(role.startswith("q_sol") for role in have):
         cannot.append("the heat of the sun: no column has irradiance; it becomes part of the unmeasured heat.")
         steps.append("add the global irradiance, from a sensor or a weather service.")
-    if not any(role.startswith(SETPOINT_ROLES) for role in have) and plants:
+    shared = [role for role in plants if not any(role.endswith(room.removeprefix("T_za")) for room in rooms)]
+    if len(rooms) > 1 and shared:
+        cannot.append(f"tomorrow from set-points: the zones share the plant {shared[0]}.")
+        steps.append(f"give {shared[0]} in rows ahead to forecast the temperatures.")
+    elif not any(role.startswith(SETPOINT_ROLES) for role in have) and plants:
         cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
         steps.append("log the set-points, with which the thermostat is learned.")
     return Abilities(can, cannot, steps)

@@ -93,6 +93,12 @@ def _setpoints(
         if any(values.notna().any() for values in given.values()):
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
+    shared = [role for role in plant if not any(role.endswith(f"_{zone}") for zone in settings.zones)]
+    if settings.zones and shared:
+        raise ValueError(
+            f"the zones share the plant {shared[0]}, and one stage cannot hold the set-points of several: give what "
+            f"it will do, as {shared[0]} in rows of the log after the last measured one, and no set-points."
+        )
     if found is None:
         names = " and ".join(plant) or "heat"
         raise ValueError(
