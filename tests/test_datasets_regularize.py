@@ -204,6 +204,20 @@ def test_a_held_value_ends_after_the_longest_hold():
     assert not report.filled
 
 
+def test_a_room_is_not_known_while_a_whole_log_of_changes_is_silent():
+    index = pd.date_range("2024-01-01", periods=600, freq="5min")
+    log = pd.DataFrame({"T_za": 20.0, "u_heat": np.nan}, index)
+    log.iloc[::50, 1] = 1.0
+    broken = log.drop(index[100:200])  # 8.4 hours
+    out = regularize(broken, "15min", held=["T_za", "u_heat"])
+    assert out["u_heat"].notna().all()
+    assert out.index[out["T_za"].isna()].equals(out.index[(out.index > index[99]) & (out.index < index[200])])
+    brief = log.drop(index[100:120])  # shorter than three hours
+    assert regularize(brief, "15min", held=["T_za", "u_heat"])["T_za"].notna().all()
+    rare = log[::24].drop(index[96:192], errors="ignore")  # a change every two hours: eight without one say little
+    assert regularize(rare, "15min", held=["T_za", "u_heat"])["T_za"].notna().all()
+
+
 def test_a_set_point_holds_over_a_weekend():
     index = pd.date_range("2024-01-05 19:00", "2024-01-15 19:00", freq="1h")  # from a Friday
     log = pd.DataFrame({"T_oa": 5.0, "T_heat_set": np.nan, "T_cool_set": np.nan, "u_heat": np.nan}, index)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_history, is_instant, is_set_point, numeric
-from .._time import duration_from_zero, positive_duration, spell
+from .._time import SHORTEST_GAP, duration_from_zero, positive_duration, spell
 from .._warnings import several
 from ..preprocessing._gaps import fill_gaps, stamp_hours
 
@@ -18,6 +18,9 @@ from ..preprocessing._gaps import fill_gaps, stamp_hours
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
 CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
 _SET_POINT_HOLD = pd.Timedelta("7D")  # a set-point stays in force until the next, also over a weekend
+_SILENCE = (
+    10.0  # times all but the longest hundredth of the distances of rows, from which on a log of changes is silent
+)
 _MOST_ROWS = 40_000_000  # more than a year of one-second steps comes from a mistaken step or stamp
 
 
@@ -111,7 +114,8 @@ def regularize(
     until the next one, or for one source step before a gap, and a step that is less than half covered is missing.  A
     boundary temperature (``T_...``) is interpolated linearly.  History (``T_za``, ``T_za_<zone>``, ``zeta``) takes the
     measurement nearest to the stamp and is never filled, so no later measurement leaks into it.  A held temperature is
-    the last value at the stamp.
+    the last value at the stamp; where no column has a row for hours, though the log usually has many, it is an outage,
+    and held history is missing in it.
     """
     _check_frame(frame)
     _check_held(frame, held)
@@ -130,6 +134,8 @@ def regularize(
         else resample_column(name, numeric(ordered[name]), stamps, grid, target, source)
         for name in names
     }
+    silent = _silent(stamps, grid) if len(held) else np.zeros(len(grid), dtype=bool)
+    raw = {n: np.where(silent, np.nan, v) if n in held and is_history(n) else v for n, v in raw.items()}
     hours = stamp_hours(grid)
     full = {
         n: v if n in held or is_history(n) else fill_gaps(v, hours, span, hold=is_set_point(n)) for n, v in raw.items()
@@ -286,6 +292,15 @@ def _held_column(
     seconds = step.total_seconds()
     spans = np.minimum(np.diff(logged, append=wanted[-1] + seconds), longest)  # the last one holds to the end
     return _means(wanted, logged, values[known], seconds, spans)
+
+
+def _silent(index: pd.DatetimeIndex, grid: pd.DatetimeIndex) -> np.ndarray:
+    """Even stamps within an outage of the whole log: at least three hours without a row, unusual for it."""
+    ticks, even = index.as_unit("ns").asi8, grid.as_unit("ns").asi8
+    spacing = np.diff(ticks)
+    outage = spacing >= max(SHORTEST_GAP.value, _SILENCE * float(np.quantile(spacing, 0.99)))
+    before = np.clip(np.searchsorted(ticks, even, side="right") - 1, 0, len(spacing) - 1)
+    return outage[before] & (even > ticks[before]) & (even < ticks[before + 1])
 
 
 def _nearest(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
