@@ -86,7 +86,10 @@ def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
 def read_now(T_za: Any, index: pd.Index) -> float:
     """The temperature that is measured now [degC], at the first of some rows ahead."""
     if isinstance(T_za, bool | np.bool_) or not isinstance(T_za, Real) or not np.isfinite(float(T_za)):
-        raise ValueError(f"T_za={T_za!r} is not a number; give the temperature [degC] measured at {index[0]}.")
+        raise ValueError(
+            f"T_za={T_za!r} is not a number; give the temperature [degC] measured at {index[0]}, or leave it out where "
+            "there is none."
+        )
     value = float(T_za)
     check_range(np.array([value]), "T_za", "T_za", index[:1])
     return value

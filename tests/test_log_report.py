@@ -85,6 +85,8 @@ def frame():
         ("Kältezähler", "Q_cool", None),
         ("Cooling energy", "Q_cool", None),
         ("Heat counter [m3]", "u_heat", None),
+        ("T° ambiante", "T_za", None),
+        ("Température ambiante extérieure", "T_oa", None),
         ("Compteur de chaleur", "Q_heat", None),
         ("compteur_chaleur_kWh", "Q_heat", "kWh"),
         ("Kessel Modulation %", "u_heat", "percent"),
@@ -96,6 +98,11 @@ def frame():
 def test_names_in_the_languages_of_buildings(name, role, unit):
     assert unit_in_name(name) == unit
     assert guess_role(name, unit).role == role
+
+
+def test_a_name_without_a_quantity_says_so():
+    for name in ("outdoor", "woonkamer"):
+        assert guess_role(name).reason == "its name says where it measures, but not what"
 
 
 def test_a_role_has_one_column():

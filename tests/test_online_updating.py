@@ -172,7 +172,7 @@ def test_rows_that_do_not_follow_are_refused(office, fitted):
         words = f"X begins at {X.index[begin]}, but the last known row is {X.index[N_TRAIN - 1]}; it must begin one"
         with pytest.raises(ValueError, match=words):
             model.update(X[begin : begin + 4])
-    with pytest.raises(ValueError, match=r"^future begins at .* but the last known row is"):
+    with pytest.raises(ValueError, match=r"^future begins at .* but the last known row is .* give update the rows"):
         model.forecast(None, X[N_TRAIN + 1 : N_TRAIN + 9])
     with pytest.raises(ValueError, match="future has no column 'T_oa'"):
         model.forecast(None, X[N_TRAIN : N_TRAIN + 9].drop(columns="T_oa"))

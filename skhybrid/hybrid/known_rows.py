@@ -157,9 +157,10 @@ class KnownRows:
         latest = self.latest
         refuse_other_clock(table, latest)
         if table.utc is not None and not table.follows(latest):
+            first = ": give update the rows between first" if self._n_known(table) == 0 else ""
             raise ValueError(
                 f"{name} begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one "
-                f"step of {spell(latest.step)} later."
+                f"step of {spell(latest.step)} later{first}."
             )
 
 

@@ -14,7 +14,7 @@ from .unit_names import ENERGY, unit_or_energy, unit_text
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _ROOM = (
     r"\b(zone|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
-    r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|salon|interno|habitacion"
+    r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion"
 )
 _OUT = (
     r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
@@ -119,6 +119,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
         return Guess("u_heat", 1, "its name is that of a valve, taken for a radiator's")
+    if re.search(_ROOM, words) or re.search(_OUT, words):
+        return Guess(None, 0, "its name says where it measures, but not what")
     return Guess(None, 0, "its name says nothing of a role")
 
 
