@@ -504,7 +504,7 @@ def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
 def test_what_is_known_and_learned_of_each_zone(building, rooms, later):
     assert building.known_until_ == rooms[0].index[N_TRAIN - 1]
     model = copy.deepcopy(building).update(later[:3])
-    assert model.known_until_ == later.index[2].tz_localize("UTC")
+    assert model.known_until_ == later.index[2]
     assert model.thermostat_learned_ == dict.fromkeys(ZONES, False)
     X = rooms[0].assign(T_heat_set_hall=rooms[0]["T_za_hall"].round())
     model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=[])
