@@ -61,7 +61,7 @@ _BEYOND_UNITS = 900.0
 _LEAST_SHARE, _LEAST_ROWS = 0.05, 4
 #: no building is that warm all the time [degC]
 _WARMEST_MEDIAN = 42.0
-#: no zone takes more than a large hall does while its plant runs [kW], by the median
+#: no zone takes more than a large hall does while its plant runs [kW], by the median, or has so much unmeasured heat
 _MOST_HEAT = 400.0
 #: heat that is more times that of the training, and more [kW], is in W, unless the plant hardly ran there [kW]
 _MOST_GROWTH, _LEAST_WATTS, _LEAST_TRAINED = 20.0, 30.0, 0.1
@@ -99,7 +99,8 @@ def check_range(
         if bad.any() and not (named and unit and _is_unit(known, kind)):
             raise ValueError(_refusal(v, bad, kind, name, index))
     warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
-    watts = role.startswith("Q_") and is_in_watts(known, trained)
+    share = 0.9 if role.startswith("zeta") else 0.5  # people and sun are there for some hours only
+    watts = role.startswith(("Q_", "zeta")) and is_in_watts(known, trained, share)
     if warns and (warm or watts or low < kind.usual_lowest or high > kind.usual_highest):
         likely = f"likely {unit}" if unit and (warm or watts or high > kind.usual_highest) else "unusual"
         before = f", in training from {trained[0]:.4g} to {trained[1]:.4g}" if watts and trained else ""
@@ -110,13 +111,16 @@ def check_range(
         )
 
 
-def is_in_watts(heat: np.ndarray, trained: tuple[float, float] | None) -> bool:
-    """Whether heat (n,) is too much to be in kW, beside the lowest and highest value of the training where known."""
+def is_in_watts(heat: np.ndarray, trained: tuple[float, float] | None, share: float = 0.5) -> bool:
+    """Whether heat (n,) is too much to be in kW, beside the lowest and highest value of the training where known.
+
+    Where they are not known, the quantile ``share`` of what is not 0 is judged by itself.
+    """
     running = np.abs(heat[np.isfinite(heat) & (heat != 0.0)])
     if not len(running):
         return False
     if trained is None:
-        return bool(np.median(running) > _MOST_HEAT)
+        return bool(np.quantile(running, share) > _MOST_HEAT)
     most = max(map(abs, trained))
     return bool(most >= _LEAST_TRAINED and running.max() > max(_MOST_GROWTH * most, _LEAST_WATTS))
 

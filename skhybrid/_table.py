@@ -249,14 +249,17 @@ class _Request(NamedTuple):
 
     def known_roles(self, estimator: Any) -> list[str]:
         """Roles of the training table; empty in ``fit``, and where none of its columns had the name of a role."""
-        return [] if self.reset else roles_as_fitted(self.columns, getattr(estimator, "feature_names_in_", ()))
+        known = [] if self.reset else roles_as_fitted(self.columns, getattr(estimator, "feature_names_in_", ()))
+        trained = getattr(getattr(estimator, "training_", None), "ranges", {}) if known else {}
+        return [*known, *(role for role in trained if role not in known)]  # ``columns`` may have changed since ``fit``
 
     def refuse_absent(self, known: list[str], present: Iterable[str], names: Mapping[str, Any], here: Any) -> None:
         """Refuse a table that lacks an input of the training table; history it need not have."""
-        here_or_past = {*present, *self.history_roles}
-        absent = [role for role in known if role not in here_or_past and self.reads(role)]
+        absent = [role for role in known if role not in {*present, *self.history_roles} and self.reads(role)]
         if absent:
             name = names.get(absent[0], absent[0])
+            if name is None or name in here:
+                raise ValueError(f"columns= gives role {absent[0]!r} of the training table no column of its own.")
             raise ValueError(f"X has no column {name!r}, which the training table has; it has {listed(here)}.")
 
 

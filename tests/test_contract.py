@@ -223,6 +223,7 @@ def test_missing_role_names_the_role_and_the_columns(office):
     [
         ({"T_oa": "out"}, "gives 'T_oa' the column 'out', but X has 'T_oa'"),
         ({"outdoor": "T_oa"}, "names the role 'outdoor', which is none of T_oa, q_sol"),
+        ({"T_za": "T_oa", "T_oa": "T_oa"}, "gives 'T_za' and 'T_oa' the same column 'T_oa'; give each its own"),
         ({"T_oa": ["T_oa"]}, r"gives 'T_oa' the column \['T_oa'\]; give one name"),
         (["T_oa"], r"columns=\['T_oa'\] must be a mapping of roles to columns"),
     ],
@@ -236,6 +237,23 @@ def test_columns_that_cannot_be(office, columns, message):
     gray = TwoStagePredictor(GrayBoxRC(columns=columns, known=office.theta), DisturbanceForecaster("profile"))
     with pytest.raises(ValueError, match=message):
         gray.fit(office.X, office.y)
+
+
+@pytest.mark.parametrize("model", [GrayBoxRC(n_starts=1), ARXRegressor(), SchedulePredictor(intervals=False)])
+def test_columns_may_change_after_fit_to_those_of_another_table(model, office):
+    """Roles are those of the training: a KeyError named one that was not found under the new names."""
+    other = office.X.rename(columns={"T_oa": "out"})
+    model = clone(model).set_params(columns={"T_oa": "out"}).fit(other, office.y)
+    expected = model.predict(other)
+    for columns in (None, {"T_oa": "T_oa"}):
+        model.set_params(columns=columns)
+        with pytest.raises(ValueError, match="X has no column 'T_oa', which the training table has; it has 'out'"):
+            model.predict(other)
+        np.testing.assert_array_equal(model.predict(office.X), expected)
+    for columns in ({"q_sol": None}, {"T_za": "q_sol"}):
+        model.set_params(columns=columns)
+        with pytest.raises(ValueError, match="columns= gives role 'q_sol' of the training table no column of its own"):
+            model.predict(office.X)
 
 
 @pytest.mark.parametrize(
@@ -627,6 +645,16 @@ def test_a_disturbance_in_another_unit_is_refused():
     DisturbanceForecaster("profile").fit(X.assign(zeta=y), y)
     with pytest.raises(ValueError, match="role 'zeta' of X and y are not the same quantity"):
         DisturbanceForecaster("profile").fit(X.assign(zeta=1000 * y), y)
+    with pytest.warns(UnitWarning, match=r"y \(role zeta\) ranges from .* likely W rather than kW"):
+        DisturbanceForecaster("profile").fit(X, 1000 * y)
+
+
+def test_unmeasured_heat_in_watts_is_told(office, recwarn):
+    model = gray_box(office)
+    model.simulate(office.X, heat_gain=office.heat_gain)
+    assert not [w for w in recwarn if issubclass(w.category, UnitWarning)]
+    with pytest.warns(UnitWarning, match=r"heat_gain .* likely W rather than kW"):
+        model.simulate(office.X, heat_gain=1000 * office.heat_gain)
 
 
 def test_a_temperature_as_disturbance_is_told(recwarn):

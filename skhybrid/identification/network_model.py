@@ -327,7 +327,7 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
         raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] per row{each}.")
     _refuse_missing("heat_gain", heat)
     for column in heat.T:
-        check_range(column, "Q_gain", "heat_gain", here.index)
+        check_range(column, "zeta", "heat_gain", here.index)
     return heat
 
 
