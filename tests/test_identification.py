@@ -511,6 +511,13 @@ def test_shares_of_one_heat_are_at_most_1_together(office):
         free.fit(office.X[:96], office.y[:96])
 
 
+def test_a_warm_up_of_more_than_half_of_the_rows_is_told(office):
+    """The first half alone sets the first state, and was taken in silence."""
+    X, y = office.X.iloc[: 4 * 96], office.y.iloc[: 4 * 96]
+    with pytest.warns(ExcitationWarning, match="warmup='3D' is more than half of the 96 h .* only 48 h set the first"):
+        GrayBoxRC(known=office.theta, warmup="3D").fit(X, y)
+
+
 def test_missing_role_names_what_was_there(office):
     with pytest.raises(ValueError, match="role 'T_oa' is missing: X has 'q_sol', 'u_heat', 'u_cool', 'T_za'"):
         GrayBoxRC().fit(office.X.drop(columns="T_oa"), office.y)

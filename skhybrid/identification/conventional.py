@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
-from .._time import rows_covering
+from .._time import rows_covering, spell
+from .._warnings import warn_user
+from ..exceptions import ExcitationWarning
 from ..thermal import RCNetwork
 from .disturbance_models import Conventional
 from .experiment import Experiment
@@ -54,7 +56,17 @@ class GrayBoxRC(LeastSquaresIdentifier):
     """
 
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
-        return Conventional(rows_covering(self.warmup, pd.Timedelta(hours=experiment.hours)))
+        step = pd.Timedelta(hours=experiment.hours)
+        setting = Conventional(rows_covering(self.warmup, step))
+        longest = int(np.diff([*experiment.breaks, len(experiment.y)]).max())
+        if (used := setting.filtered(longest)) < setting.warmup_rows:
+            warn_user(
+                f"{type(self).__name__}: warmup={self.warmup!r} is more than half of the {spell(longest * step)} of "
+                f"rows without a gap, so only {spell(used * step)} set the first state; give a shorter one, or more "
+                "rows.",
+                ExcitationWarning,
+            )
+        return setting
 
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         return simulation_errors(self.filtered_network_, table, self.warmup, self.noise_std_)

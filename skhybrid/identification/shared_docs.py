@@ -23,7 +23,8 @@ _BLOCKS = {
     horizon : timedelta-like, optional
         How far ahead ``predict`` looks; None simulates from the first row on.
     warmup : timedelta-like, default="1D"
-        How much of the training table's end is kept as history; CONV sets its first state over such a span.
+        How much of the training table's end is kept as history; CONV sets its first state over such a span, at
+        most half of the rows.
     columns : dict of role to column, optional
         Columns whose names are not their roles.
     sampling_time : timedelta-like, optional
