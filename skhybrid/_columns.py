@@ -201,8 +201,11 @@ def unmasked(values: Any, label: str) -> Any:
 def as_numbers(values: Any, label: str) -> np.ndarray:
     """Values as float64, NaN where a mask hides them.
 
-    Refused where they are times, words, True and False, or rows of unequal length.
+    Refused where they are times, words, True and False, or rows of unequal length; so are digits in quotes, outside of
+    a table's columns.
     """
+    if not isinstance(values, pd.Series | pd.DataFrame) and _kind(values) in ("U", "S"):
+        raise ValueError(f"{label} is text; give numbers.")
     return _floats(unmasked(values, label), label)
 
 
@@ -224,8 +227,16 @@ def target_numbers(y: Any) -> np.ndarray:
         raise ValueError(f"y is not numeric ({error}); convert it to float first.") from None
 
 
+def _kind(values: Any) -> str:
+    """The kind of NumPy's type for values; empty where they are rows of unequal length."""
+    try:
+        return np.asarray(values).dtype.kind
+    except ValueError:
+        return ""
+
+
 def _floats(values: Any, label: str) -> np.ndarray:
-    if np.iscomplexobj(values):
+    if _kind(values) == "c":
         raise ValueError(f"Complex data not supported: {label} must be real.")
     try:
         numbers = np.asarray(values, dtype=np.float64)
@@ -237,7 +248,7 @@ def _floats(values: Any, label: str) -> np.ndarray:
 
 def _refuse_bools(values: Any, label: str) -> None:
     """Refuse True and False, which NumPy takes for 1 and 0."""
-    if np.asarray(values).dtype == bool:
+    if _kind(values) == "b":
         raise ValueError(f"{label} is true or false; give numbers.")
 
 

@@ -35,6 +35,7 @@ from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
 from skhybrid.exceptions import ExcitationWarning, RoleWarning, UnitWarning
 from skhybrid.forecasting import BoostedRegressor
+from skhybrid.forecasting.quantiles import read_quantiles
 from skhybrid.identification import frequency_response, make_state_space
 from skhybrid.model_selection import RollingOriginSplit, backtest
 from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
@@ -743,6 +744,14 @@ def test_true_and_false_are_no_temperatures(office, kind):
         read_target(warm, read(office.X))
     with pytest.raises(ValueError, match=r"^heat_gain is true or false; give numbers"):
         as_numbers(warm, "heat_gain")
+
+
+@pytest.mark.parametrize("text", ["21", ["21", "22"], [21.0, "22"], np.array(["21"])])
+def test_digits_in_quotes_are_no_numbers(office, text):
+    with pytest.raises(ValueError, match=r"^setpoint is text; give numbers"):
+        gray_box(office).predict_load(office.X, text)
+    with pytest.raises(ValueError, match=r"quantiles=.* must be numbers between 0 and 1"):
+        read_quantiles("0.1" if isinstance(text, str) else ["0.1", "0.9"])
 
 
 # ---------------------------------------------------------------------------------------- rows of X and rows of y

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._calendar import day_type_hour
 from .._last_known import last_known_row
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable
+from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
@@ -220,8 +220,8 @@ class QuantileForecastMixin(RollingForecastMixin):
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
     """Quantiles as an array (n_quantiles,), which must increase within (0, 1)."""
     try:
-        levels = np.atleast_1d(np.asarray(quantiles, dtype=np.float64))
-    except (TypeError, ValueError):  # words, or rows of unequal lengths
+        levels = np.atleast_1d(as_numbers(quantiles, "quantiles"))
+    except ValueError:  # words, or rows of unequal lengths
         levels = np.empty(0)
     if levels.ndim != 1 or not levels.size or not ((levels > 0) & (levels < 1)).all() or (np.diff(levels) <= 0).any():
         raise ValueError(f"quantiles={quantiles!r} must be numbers between 0 and 1, in increasing order.")
