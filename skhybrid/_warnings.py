@@ -57,6 +57,19 @@ def warnings_to(receiver: Callable[[SkhybridWarning], object]) -> Iterator[None]
         _receiver.reset(outer)
 
 
+@contextmanager
+def recorded_warnings() -> Iterator[list[warnings.WarningMessage]]:
+    """Record the warnings of the block, each time anew; where it fails they go where they would have gone."""
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield caught
+    except Exception:
+        for w in caught:
+            warnings.warn_explicit(w.message, w.category, w.filename, w.lineno)
+        raise
+
+
 def ignore(warning: SkhybridWarning) -> None:
     """Receive a warning of which the user knows."""
 

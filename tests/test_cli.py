@@ -25,9 +25,12 @@ import pytest
 
 import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
+from skhybrid._warnings import recorded_warnings, warn_user
 from skhybrid.cli import _group, _output, main
+from skhybrid.cli._options import as_command
 from skhybrid.cli.forecast import _text
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import ExcitationWarning
 from skhybrid.logs import LogReport
 from skhybrid.logs import read_log as read_any_log
 from skhybrid.model_selection import backtest
@@ -956,6 +959,19 @@ def test_a_shell_completes_the_file_of_a_log(words):
     *before, last = words.split()
     found = ShellComplete(_group(), {}, "skhybrid", "_SKHYBRID_COMPLETE").get_completions([*before, last], "th")
     assert [item.type for item in found] == ["file"]
+
+
+def test_a_command_that_fails_says_what_it_warned_of(capsys):
+    """So does a study inside it, which records its warnings."""
+
+    def fail(**options):
+        with recorded_warnings():
+            warn_user("the stage never moved", ExcitationWarning)
+            raise ValueError("too few rows")
+
+    with pytest.raises(ValueError, match="too few rows"):
+        as_command("fail", "skhybrid fail")(fail).main([], standalone_mode=False)
+    assert capsys.readouterr().err == "warning: the stage never moved\n"
 
 
 def test_stages_alone_give_no_kilowatt_and_no_heat_loss(files, capsys):

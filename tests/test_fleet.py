@@ -13,7 +13,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from unittest import mock
 
@@ -24,6 +27,7 @@ import pytest
 from sklearn.base import clone
 
 from skhybrid import ARXRegressor, HybridPredictor, _files
+from skhybrid._warnings import warn_user
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
@@ -534,6 +538,22 @@ def ray():
 
 
 ENGINES = pytest.mark.parametrize(("engine", "n_jobs"), [(processes, 2), (dask, None), (ray, None)])
+
+
+def test_zones_in_threads_keep_their_own_warnings():
+    """``warnings.catch_warnings`` gave those of one to the other, and left its own filters where the two overlap."""
+    both = threading.Barrier(2)
+
+    def say(zone):
+        both.wait(10)
+        warn_user(f"of {zone}", SkhybridWarning)
+        both.wait(10)
+
+    filters = list(warnings.filters)
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(lambda zone: dispatch.attempt(zone, say, zone), "ab"))
+    assert [outcome.warnings for outcome in found] == [("of a",), ("of b",)]
+    assert warnings.filters == filters
 
 
 @pytest.mark.slow

@@ -62,10 +62,12 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
             _refuse_one_file_twice(options)
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                code = function(say=say, as_json=as_json, **options) or DONE
-            texts = dict.fromkeys(one_line(w.message) for w in caught if issubclass(w.category, UserWarning))
-            for text in texts:
-                say.note(f"warning: {text}")
+                try:
+                    code = function(say=say, as_json=as_json, **options) or DONE
+                except Exception:
+                    _tell(caught, say)
+                    raise
+            texts = _tell(caught, say)
             return FAILED if strict and (texts or say.n_warnings) and code == DONE else code
 
         for option in (
@@ -79,6 +81,14 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
         return made
 
     return decorate
+
+
+def _tell(caught: Sequence[warnings.WarningMessage], say: Progress) -> list[str]:
+    """Write the warnings for a user, each once; their texts."""
+    texts = list(dict.fromkeys(one_line(w.message) for w in caught if issubclass(w.category, UserWarning)))
+    for text in texts:
+        say.note(f"warning: {text}")
+    return texts
 
 
 def _refuse_one_file_twice(options: Mapping[str, Any]) -> None:

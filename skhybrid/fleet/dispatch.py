@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import errno
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from joblib import delayed
 
 from .._threads import one_blas_thread
+from .._warnings import warnings_to
 from ..parallel.workers import Workers
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # errors that every further zone would meet as well
@@ -33,8 +33,8 @@ class Outcome(NamedTuple):
 @one_blas_thread
 def attempt(zone: str, call: Callable[..., Any], *given: Any, **named: Any) -> Outcome:
     """Call for a zone; its errors and warnings are part of the outcome."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    said: dict[str, None] = {}
+    with warnings_to(lambda warning: said.setdefault(str(warning))):  # zones may run in threads
         value, error, stop = None, None, None
         try:
             value = call(*given, **named)
@@ -42,8 +42,7 @@ def attempt(zone: str, call: Callable[..., Any], *given: Any, **named: Any) -> O
             error, stop = str(failure), failure if failure.errno in _FULL else None
         except Exception as failure:  # whatever it is, the other zones go on
             error = str(failure) or type(failure).__name__
-    texts = dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, UserWarning))
-    return Outcome(zone, value, error, tuple(texts), stop)
+    return Outcome(zone, value, error, tuple(said), stop)
 
 
 def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs: int | None) -> Iterator[Outcome]:

@@ -18,6 +18,8 @@ from .least_squares import LeastSquaresIdentifier
 from .one_step_errors import Innovations, simulation_errors
 from .shared_docs import shared_docs
 
+_LEAST_TOLD = pd.Timedelta("1D")  # of less than two days of rows it is told that they are few
+
 
 @shared_docs
 class GrayBoxRC(LeastSquaresIdentifier):
@@ -59,7 +61,8 @@ class GrayBoxRC(LeastSquaresIdentifier):
         step = pd.Timedelta(hours=experiment.hours)
         setting = Conventional(rows_covering(self.warmup, step))
         longest = int(np.diff([*experiment.breaks, len(experiment.y)]).max())
-        if (used := setting.filtered(longest)) < setting.warmup_rows:
+        used = setting.filtered(longest)
+        if used < setting.warmup_rows and used * step >= _LEAST_TOLD:
             warn_user(
                 f"{type(self).__name__}: warmup={self.warmup!r} is more than half of the {spell(longest * step)} of "
                 f"rows without a gap, so only {spell(used * step)} set the first state; give a shorter one, or more "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant
+from .._warnings import recorded_warnings
 from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
 from .compared_models import HYBRID, YESTERDAY, make_models
@@ -104,8 +104,7 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
     begun = time.perf_counter()
     remarks = list(data.remarks)
     say = counted(progress, N_STEPS + 2)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with recorded_warnings() as caught:
         model, frames, seconds = backtest_zones(settings, data.train, data.later, data.test_start, say, remarks)
         say("identification of the rooms")
         identified = None

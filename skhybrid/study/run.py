@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, ZoneTable, is_plant
-from .._warnings import without_class
+from .._warnings import recorded_warnings, without_class
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
@@ -127,8 +127,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     """
     refuse_holes(data, settings)
     begun = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with tempfile.TemporaryDirectory() as folder, recorded_warnings() as caught:
         models = make_models(settings, memory=folder)
         say = counted(progress, len(models) + 1)
         remarks = list(data.remarks)
