@@ -32,7 +32,8 @@ from skhybrid.filtering import (
     with_products,
 )
 from skhybrid.filtering.covariance import propagate
-from skhybrid.thermal import CATALOGUE, RCNetwork
+from skhybrid.thermal import RCNetwork
+from skhybrid.thermal.catalogue import CATALOGUE
 
 ROLES = ("T_oa", "q_sol", "u_heat", "u_cool", "Q_other")
 HOURS = (1 / 60, 0.25, 1.0, 24.0)

@@ -21,7 +21,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.filtering import Model, discretize, filter_channels, kalman_filter, one_step_sensitivities
 from skhybrid.identification.disturbance_models import measurement_variance
-from skhybrid.thermal import CATALOGUE
+from skhybrid.thermal.catalogue import CATALOGUE
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 ROLES = ("q_sol", "u_heat", "u_cool", "Q_other")

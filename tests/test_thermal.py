@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm_frechet
 
-from skhybrid.thermal import CATALOGUE, Parameter, get_network
+from skhybrid.thermal import Parameter, get_network
+from skhybrid.thermal.catalogue import CATALOGUE
 
 OFFICE = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
 PAPER_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")

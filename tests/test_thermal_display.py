@@ -11,7 +11,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from skhybrid.thermal import CATALOGUE, RCNetwork, building_network, draw
+from skhybrid.thermal import RCNetwork, building_network, draw
+from skhybrid.thermal.catalogue import CATALOGUE
 
 ROOMS = ("north", "south")
 FLAT = RCNetwork(

@@ -1,6 +1,6 @@
 """Thermal networks declared as data, their matrices with exact derivatives, and a catalogue of usual ones."""
 
-from .catalogue import CATALOGUE, get_network, list_networks
+from .catalogue import get_network, list_networks
 from .declaration import Source
 from .drawing import draw
 from .joined_rooms import building_network, room_network
@@ -9,7 +9,6 @@ from .network import RCNetwork
 from .parameters import Parameter
 
 __all__ = [
-    "CATALOGUE",
     "MatrixBuilder",
     "Parameter",
     "RCNetwork",

@@ -224,7 +224,7 @@ NOT_CALLED = {
     ),
     **dict.fromkeys(("list_sizes", "GainStatistics", "StateSpace", "make_state_space", "step_response"), _NUMBERS),
     **dict.fromkeys(("frequency_response", "BodeDisplay", "StepResponseDisplay", "ScheduleDisplay"), _NUMBERS),
-    **dict.fromkeys(("DesignMatrix", "design_matrix", "CATALOGUE", "Parameter", "Source", "draw"), _NUMBERS),
+    **dict.fromkeys(("DesignMatrix", "design_matrix", "Parameter", "Source", "draw"), _NUMBERS),
     **dict.fromkeys(("list_networks", "MatrixBuilder", "WeatherError", "show_versions"), _NUMBERS),
     **dict.fromkeys(("read_zone_csv", "read_epw", "read_weather"), "the targets csv and logs"),
     **dict.fromkeys(("Settings", "read_settings", "read_log", "make_models"), "the target toml"),
