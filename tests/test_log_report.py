@@ -18,11 +18,10 @@ from skhybrid.logs.log_findings import (
     gap_findings,
     gaps_of,
     sensor_findings,
-    standstills,
     unit_switch,
-    without_standstills,
 )
 from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
+from skhybrid.logs.standstills import standstills, without_standstills
 from skhybrid.study import propose_settings
 
 
@@ -248,9 +247,25 @@ def test_a_stuck_sensor_is_found_and_not_used(frame):
     found = [f for f in LogReport(frame).findings if f.where == room]
     assert "stuck" in found[0].text
     assert "2024-01-18" in found[0].text
-    cleaned = without_standstills(frame[room])
+    cleaned = without_standstills(frame, room)
     assert cleaned["2024-01-18":"2024-01-19"].notna().sum() == 1
     assert cleaned["2024-01-20":].notna().all()
+
+
+@pytest.mark.parametrize("zone", ["", "_hall"])
+def test_a_room_that_its_plant_holds_is_not_stuck(zone):
+    """A simulation holds its set-point exactly for days; a stuck sensor lets no control change the heat."""
+    index = pd.date_range("2024-01-15", periods=240, freq="1h", tz="Europe/Berlin")
+    wave = np.sin(np.arange(240) / 4)
+    T, Q, low = f"T_za{zone}", f"Q_hvac{zone}", f"T_heat_set{zone}"
+    frame = pd.DataFrame({T: 20.0 + wave, "T_oa": wave, Q: 3.0 + wave, low: 21.0}, index)
+    at, n = slice(48, 120), 72
+    for value, heat, n_stuck in ((21.0, 3.0 + wave[at], 0), (21.0, 3.0, n), (20.5, 3.0 + wave[at], n)):
+        spell = frame.copy()
+        spell.iloc[at, [0, 2]] = np.column_stack([np.full(n, value), np.broadcast_to(heat, n)])
+        assert without_standstills(spell, T).isna().sum() == max(n_stuck - 1, 0)
+        said = [f.text for f in LogReport(spell, {name: name for name in spell}).findings if f.where == T]
+        assert len([text for text in said if "stuck" in text]) == bool(n_stuck)
 
 
 def test_a_room_and_outdoors_that_are_swapped_are_found(frame):

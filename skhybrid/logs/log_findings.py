@@ -13,8 +13,8 @@ from .._table import SETPOINT_ROLES
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
 from .counters import counter_jumps, counter_resets
+from .standstills import controlled_rows, standstills
 
-_STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
 _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
 _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
@@ -101,8 +101,13 @@ def gap_findings(gaps: pd.DataFrame, index: pd.DatetimeIndex) -> Iterator[Findin
         yield Finding("warning", "clock", f"{text}: are these stamps right?")
 
 
-def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | None = None) -> Iterator[Finding]:
-    """Remarks on one column in its contract unit; ``even`` are its values at even steps, where it is held."""
+def sensor_findings(
+    role: str, name: str, values: pd.Series, even: pd.Series | None = None, controlled: pd.Series | None = None
+) -> Iterator[Finding]:
+    """Remarks on one column in its contract unit.
+
+    ``even`` are its values at even steps, where it is held, and ``controlled`` the rows of :func:`controlled_rows`.
+    """
     known = values.dropna()
     if known.empty:
         yield Finding("error" if role in ("T_za", "T_oa") else "warning", name, "no row has a number.")
@@ -114,7 +119,7 @@ def sensor_findings(role: str, name: str, values: pd.Series, even: pd.Series | N
         span = f"from {longest[0]} to {longest[-1]}"
         yield Finding("note", name, f"no value {span}; gaps of more than 3 h are not filled.")
     yield from _beyond(role, name, known)
-    yield from _standing_still(role, name, known)
+    yield from _standing_still(role, name, values, controlled)
     if role in _JUMP:
         yield from _jumping(name, known, _JUMP[role])
     if role.startswith("q_sol"):
@@ -239,7 +244,7 @@ def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
 def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:
     """Remarks on temperatures at even stamps: the longest standstill of each, and a room that is that of outdoors."""
     for role in (role for role in (*rooms, "T_oa") if role in frame):
-        found = standstills("T_za", frame[role])
+        found = standstills("T_za", frame[role], controlled_rows(frame, role))
         if len(found):
             at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
             text = f"{role} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck?"
@@ -248,40 +253,8 @@ def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterato
         yield from (finding.text for finding in swap_findings(role, frame[role], frame["T_oa"]))
 
 
-def standstills(role: str, values: pd.Series) -> pd.DataFrame:
-    """Spells in which a temperature does not change for longer than one can: first and last stamp, value.
-
-    Equal values before and after an outage are no spell.
-    """
-    least = _STANDSTILL.get(role)
-    known = values.dropna()
-    if least is None or known.empty:
-        return pd.DataFrame({"first": [], "last": [], "value": []})
-    stamps = pd.Series(known.index, index=known.index)
-    spells = ((known != known.shift()) | (stamps.diff() > least / 2)).cumsum()
-    by_spell = stamps.groupby(spells)
-    found = pd.DataFrame({"first": by_spell.first(), "last": by_spell.last(), "value": known.groupby(spells).first()})
-    return found[found["last"] - found["first"] >= least].reset_index(drop=True)
-
-
-def without_standstills(temperature: pd.Series) -> pd.Series:
-    """A room's temperature whose standstills are missing, but for their first value."""
-    out = temperature.copy()
-    for first, last, _ in _rows(standstills("T_za", temperature)):
-        out[(out.index > first) & (out.index <= last)] = np.nan
-    return out
-
-
-def _rows(found: pd.DataFrame) -> list[tuple[pd.Timestamp, pd.Timestamp, float]]:
-    """First stamp, last stamp and value of each standstill."""
-    return [
-        (pd.Timestamp(a), pd.Timestamp(b), float(v))
-        for a, b, v in zip(found["first"], found["last"], found["value"], strict=True)
-    ]
-
-
-def _standing_still(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
-    for first, last, value in _rows(standstills(role, known))[:_MOST_NAMED]:
+def _standing_still(role: str, name: str, values: pd.Series, controlled: pd.Series | None) -> Iterator[Finding]:
+    for first, last, value in standstills(role, values, controlled).head(_MOST_NAMED).itertuples(index=False):
         hours = (last - first) / pd.Timedelta("1h")
         text = f"stays at {value:.4g} {range_of(role).unit} for {hours:.0f} h from {first}: is the sensor stuck?"
         yield Finding("warning", name, text + (" These rows are taken as missing." if role == "T_za" else ""))

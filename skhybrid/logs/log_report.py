@@ -32,6 +32,7 @@ from .log_findings import (
 from .log_report_html import report_html
 from .naming import NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
+from .standstills import controlled_rows
 from .unit_names import ENERGY
 from .zone_names import zone_guesses, zone_roles, zones_of
 
@@ -328,7 +329,8 @@ class LogReport:
                 text = f"{several(n_infinite, 'value')} {'is' if n_infinite == 1 else 'are'} infinite."
                 found.append(Finding("error", channel.name, text))
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
-            found += sensor_findings(role, channel.name, self.frame[channel.role], self.even[channel.role])
+            controlled = controlled_rows(self.frame, channel.role) if role == "T_za" else None
+            found += sensor_findings(role, channel.name, self.frame[channel.role], self.even[channel.role], controlled)
             if (counter := counter_of(raw, channel)) is not None:
                 found += counter_findings(channel.name, counter)
             if role == "T_za" and "T_oa" in self.frame:

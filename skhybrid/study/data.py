@@ -15,7 +15,8 @@ from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import doubts_on_temperatures, unit_switch, without_standstills
+from ..logs.log_findings import doubts_on_temperatures, unit_switch
+from ..logs.standstills import without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
 from .plant import Performance
@@ -243,7 +244,7 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
-    moving = {role: without_standstills(frame[role]) for role in temperatures}
+    moving = {role: without_standstills(frame, role) for role in temperatures}
     return with_facades(frame.assign(**moving).iloc[complete[0] : complete[-1] + 1], settings)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, listed
-from ..logs.log_findings import standstills, without_standstills
+from ..logs.standstills import controlled_rows, standstills, without_standstills
 from ..study.data import SETPOINT
 
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
@@ -68,7 +68,7 @@ def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame
     of_zones = () if measured == ["T_za"] else tuple(f"{role}_" for role in SETPOINT_ROLES)
     set_points = [role for role in frame if role in SETPOINT_ROLES or str(role).startswith(of_zones)]
     held = {str(role): frame[role].ffill().bfill() for role in set_points}
-    frame = frame.assign(**{role: without_standstills(frame[role]) for role in measured}, **held)
+    frame = frame.assign(**{role: without_standstills(frame, role) for role in measured}, **held)
     known = np.flatnonzero(frame[measured].notna().any(axis=1).to_numpy())
     return frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
 
@@ -76,7 +76,8 @@ def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame
 def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timestamp) -> None:
     """Refuse a log that ends with temperatures of a sensor that stands still, so that its last known row is old."""
     for role in measured:
-        known, found = frame[role].dropna(), standstills("T_za", frame[role])
+        known = frame[role].dropna()
+        found = standstills("T_za", frame[role], controlled_rows(frame, role))
         last = pd.DatetimeIndex(known.index).max()
         if len(found) and found["last"].iloc[-1] == last > origin:
             begin, value = found["first"].iloc[-1], found["value"].iloc[-1]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from .._warnings import several
-from ..logs.log_findings import without_standstills
+from ..logs.standstills import without_standstills
 from ..study.building_study import worst_first
 from ..study.doubts import drift_days
 from ..study.judgement import load_of, plant_roles
@@ -129,7 +129,7 @@ def measured_rows(
     frame: pd.DataFrame, settings: Settings, origin: pd.Timestamp, last: pd.Timestamp | None = None
 ) -> pd.DataFrame:
     """Temperatures and heat up to an origin: of all rows, or of those after the ``last`` archived and a week before."""
-    moving = {role: without_standstills(frame[role]) for role in settings.roles_of("T_za")}
+    moving = {role: without_standstills(frame, role) for role in settings.roles_of("T_za")}
     rows = frame.assign(**moving).loc[:origin]
     heat = {"Q_hvac": _heat(rows, settings)}
     if settings.zones:
