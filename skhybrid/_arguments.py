@@ -21,6 +21,12 @@ def check_integer(name: str, value: Any, least: int = 1, most: int | None = None
         raise ValueError(f"{name}={value!r} must be an integer {span}.")
 
 
+def check_n_jobs(n_jobs: Any) -> None:
+    """Refuse a number of workers that is neither None nor an integer other than 0."""
+    if n_jobs is not None and (not isinstance(n_jobs, int | np.integer) or isinstance(n_jobs, bool) or n_jobs == 0):
+        raise ValueError(f"n_jobs={n_jobs!r} must be a number of workers, -1 for one per core, or None.")
+
+
 def check_bool(name: str, value: Any) -> None:
     """Refuse a value that is neither True nor False: any word would count as True."""
     if not isinstance(value, bool | np.bool_):

@@ -250,7 +250,8 @@ class _Request(NamedTuple):
     def known_roles(self, estimator: Any) -> list[str]:
         """Roles of the training table; empty in ``fit``, and where none of its columns had the name of a role."""
         known = [] if self.reset else roles_as_fitted(self.columns, getattr(estimator, "feature_names_in_", ()))
-        trained = getattr(getattr(estimator, "training_", None), "ranges", {}) if known else {}
+        own = bool(known) and self.columns == getattr(estimator, "columns", None)
+        trained = getattr(getattr(estimator, "training_", None), "ranges", {}) if own else {}
         return [*known, *(role for role in trained if role not in known)]  # ``columns`` may have changed since ``fit``
 
     def refuse_absent(self, known: list[str], present: Iterable[str], names: Mapping[str, Any], here: Any) -> None:
@@ -317,9 +318,7 @@ def _columns_by_name(estimator: Any, X: pd.DataFrame, wanted: _Request) -> dict[
     columns = wanted.columns or {}
     places = {role: columns.get(role, role) for role in [*known, *sorted(wanted.history_roles)]}
     taken = {column for role, column in columns.items() if column != role}
-    found = {
-        role: column for role, column in places.items() if column in X and (role in columns or column not in taken)
-    }
+    found = {role: c for role, c in places.items() if c in X and (role in columns or c not in taken)}
     wanted.refuse_absent(known, found, columns, X.columns)
     return found
 

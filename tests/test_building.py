@@ -127,8 +127,10 @@ def test_a_boiler_for_all_and_one_sun():
         ((3,), "zones is 3; give one name or several, as text"),
         (([["a"], ["b"]],), r"zones is \[\['a'\], \['b'\]\]; give one name or several"),
         ((AB, 5), "adjacency has 5; give pairs of zones"),
+        ((AB, "ab"), "adjacency has 'ab'; give pairs of zones"),
         ((AB, [("a", ["b"])]), r"adjacency has \('a', \['b'\]\); give pairs of zones"),
-        ((AB, None, {"room": "5R1C"}), "network='5R1C' is not in the catalogue"),
+        ((AB, None, {"room": "5R1C"}), "room='5R1C' is not in the catalogue"),
+        (({"a": "1R1C", "b": "5R1C"},), r"zones\['b'\]='5R1C' is not in the catalogue"),
         (({"a": "1R1C", "b": building_network(["c", "d"])},), r"network building of zone 'b' names .* as measured"),
     ],
 )

@@ -265,7 +265,10 @@ def test_wrong_settings_are_refused(office):
     with pytest.raises(ValueError, match="there is no estimator"):
         compare_models({}, office.X, office.y)
     for given in ([Ridge()], {"0": Ridge()}):
-        with pytest.raises(TypeError, match="estimators gives Ridge as 0, which identifies no network"):
+        with pytest.raises(TypeError, match="estimators holds a Ridge, which identifies no network"):
+            compare_models(given, office.X, office.y)
+    for given in (["1R1C"], "1R1C", {"a": "1R1C"}):
+        with pytest.raises(TypeError, match="estimators holds '1R1C', which identifies no network"):
             compare_models(given, office.X, office.y)
     with pytest.raises(ValueError, match="estimators is one GrayBoxRC; give a list of those to compare"):
         compare_models(GrayBoxRC(), office.X, office.y)

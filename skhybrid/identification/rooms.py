@@ -10,6 +10,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import clone
 
+from .._arguments import check_n_jobs
 from .._table import checked_columns, listed, refuse_order
 from ..thermal import RCNetwork, get_network, room_network
 from .base import NetworkIdentifier
@@ -65,6 +66,7 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
         If the network is no building, rooms are coupled by nodes that are not measured, heat in kW is shared, or y
         lacks a zone.
     """
+    check_n_jobs(n_jobs)
     network = get_network(estimator.network)
     if not network.zones:
         raise ValueError(f"the network {network.name} has no zones; make it by thermal.building_network.")

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from .._arguments import check_level
+from .._arguments import check_level, check_n_jobs
 from .._warnings import first_sentence
 from ..identification import Diagnostics
 from .assessment import assess
@@ -145,6 +145,7 @@ def compare_models(
     if purpose not in ("parameters", "forecast"):
         raise ValueError(f"purpose={purpose!r} is neither 'parameters' nor 'forecast'.")
     check_level(level)
+    check_n_jobs(n_jobs)
     if isinstance(cv, str) or not (cv is None or hasattr(cv, "split")):
         raise ValueError(f"cv={cv!r} must be a splitter into consecutive rows, such as RollingOriginSplit().")
     splitter = default_split(X, horizon) if cv is None else cv
@@ -171,14 +172,16 @@ def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
     """Candidates by name: the given one, or class and network."""
     if hasattr(estimators, "fit"):
         raise ValueError(f"estimators is one {type(estimators).__name__}; give a list of those to compare.")
+    estimators = [estimators] if isinstance(estimators, str) else estimators
     given = dict(estimators) if isinstance(estimators, Mapping) else dict(enumerate(estimators))
     if not given:
         raise ValueError("there is no estimator to compare: pass at least one.")
-    for name, estimator in given.items():
+    for estimator in given.values():
         if not hasattr(estimator, "innovations"):
+            shown = repr(estimator) if isinstance(estimator, str) else f"a {type(estimator).__name__}"
             raise TypeError(
-                f"estimators gives {type(estimator).__name__} as {name}, which identifies no network; give "
-                "identifications, such as PeriodicDisturbanceID(), or compare forecasts with backtest."
+                f"estimators holds {shown}, which identifies no network; give identifications, such as "
+                "PeriodicDisturbanceID('2R2C'), or compare forecasts with backtest."
             )
     if isinstance(estimators, Mapping):
         return {str(name): estimator for name, estimator in given.items()}

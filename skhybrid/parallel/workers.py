@@ -9,6 +9,8 @@ from typing import Any, Self
 from joblib import Parallel, effective_n_jobs
 from joblib.parallel import get_active_backend
 
+from .._arguments import check_n_jobs
+
 _MAX_SENT = 10_000  # joblib's own workers map larger arrays from disk instead of getting them with every task [bytes]
 
 
@@ -16,6 +18,7 @@ class Workers:
     """One pool of joblib workers, here or on a cluster, kept until all is done."""
 
     def __init__(self, n_jobs: int | None) -> None:
+        check_n_jobs(n_jobs)
         settings = {"n_jobs": n_jobs, "batch_size": 1, "max_nbytes": _MAX_SENT} | _of_dask()
         self._batch_size = None
         try:

@@ -90,12 +90,14 @@ _FAMILY = (
 CATALOGUE: dict[str, RCNetwork] = {network.name: network for network in (*_SIMPLE, *_FAMILY)}  # the networks by name
 
 
-def get_network(network: str | RCNetwork) -> RCNetwork:
+def get_network(network: str | RCNetwork, argument: str = "network") -> RCNetwork:
     """Look up a network by its name in the catalogue; a network is returned as it is.
 
     Parameters
     ----------
     network : str or RCNetwork
+    argument : str
+        What an error calls it.
 
     Raises
     ------
@@ -105,7 +107,8 @@ def get_network(network: str | RCNetwork) -> RCNetwork:
     if isinstance(network, RCNetwork):
         return network
     if not isinstance(network, str) or network not in CATALOGUE:
-        raise ValueError(f"network={network!r} is not in the catalogue: {', '.join(CATALOGUE)}; or pass an RCNetwork.")
+        known = ", ".join(CATALOGUE)
+        raise ValueError(f"{argument}={network!r} is not in the catalogue: {known}; or pass an RCNetwork.")
     return CATALOGUE[network]
 
 

@@ -82,7 +82,7 @@ def building_network(
     ('T_za_north', 'T_za_south')
     """
     rooms = {zone: _checked_room(zone, network) for zone, network in _rooms(zones, room).items()}
-    pairs = _checked_pairs(adjacency, rooms)
+    pairs = checked_pairs(adjacency, rooms)
     renamed = {zone: {node: f"{node}_{zone}" for node in network.nodes} for zone, network in rooms.items()}
     own = {f"{r}_{z}": _ends(ends, renamed[z]) for z, network in rooms.items() for r, ends in network.resistors.items()}
     joined = _partitions(rooms, pairs, couple, own)
@@ -108,7 +108,9 @@ def _rooms(zones: Any, room: str | RCNetwork) -> dict[str, RCNetwork]:
     for zone in names:
         if not re.fullmatch(r"\w+", zone, re.ASCII):
             raise ValueError(f"zones has {zone!r}, which cannot be part of a column's name; use letters, digits and _.")
-    return {zone: get_network(zones[zone] if isinstance(zones, Mapping) else room) for zone in names}
+    if isinstance(zones, Mapping):
+        return {zone: get_network(zones[zone], f"zones[{zone!r}]") for zone in names}
+    return dict.fromkeys(names, get_network(room, "room"))
 
 
 def _names(argument: str, given: Any) -> tuple[str, ...]:
@@ -134,9 +136,11 @@ def _checked_room(zone: str, network: RCNetwork) -> RCNetwork:
     return network
 
 
-def _checked_pairs(adjacency: Any, zones: Mapping[str, RCNetwork]) -> list[tuple[str, str]]:
+def checked_pairs(adjacency: Any, zones: Collection[str]) -> list[tuple[str, str]]:
+    """The pairs of neighbours, refused where they are no pairs of two different zones."""
     pairs: list[tuple[str, str]] = []
-    for pair in () if adjacency is None else adjacency if isinstance(adjacency, Iterable) else (adjacency,):
+    several = isinstance(adjacency, Iterable) and not isinstance(adjacency, str)
+    for pair in () if adjacency is None else adjacency if several else (adjacency,):
         both = tuple(pair) if isinstance(pair, Iterable) and not isinstance(pair, str) else ()
         if len(both) != 2 or not all(isinstance(zone, str) for zone in both):
             raise ValueError(f"adjacency has {pair!r}; give pairs of zones, such as ('north', 'south').")

@@ -14,6 +14,7 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from ..._arguments import check_n_jobs
 from ..._summary import SummaryMixin
 from ..._table import ZoneTable, as_numbers, as_pandas, checked_columns, read_array
 from ..._time import rows_of
@@ -111,17 +112,16 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         Raises
         ------
         ValueError
-            If zones of X and y differ or are exchanged, ``adjacency`` names others, or a zone's table is refused; the
-            message names it.
+            If zones of X and y differ or are exchanged, ``adjacency`` names others, or a zone's table is refused.
         """
         template = HybridPredictor() if self.estimator is None else self.estimator
         if not isinstance(template, BaseHybrid):
             raise ValueError(f"estimator={template!r} must be a hybrid predictor; give a HybridPredictor or None.")
+        check_n_jobs(self.n_jobs)
         X, y = self._read(X, reset=True), as_pandas(y, "y")
         check_consistent_length(X, y)
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
-        X = self._prepared(X)
-        T = read_temperatures(y, X)
+        T = read_temperatures(y, X := self._prepared(X))
         self._single = np.asanyarray(y).ndim == 1
         self._columns = ZoneColumns.of(X, tuple(T.columns), template.columns)
         self._columns.refuse_exchanged(X, T)
@@ -170,7 +170,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """The predictor of a zone, by itself or with its neighbours, which then is ``like`` that by itself."""
         settings: dict[str, Any] = {"preprocess": None}
         if isinstance(X, pd.DataFrame):
-            settings["columns"] = {**(template.columns or {}), **self._columns.of_zone(str(y.name))} or None
+            settings["columns"] = self._columns.in_zone(str(y.name), template.columns or {}) or None
         if neighbours:
             network = get_network(template.get_params()["network"] or DEFAULT_NETWORK)
             settings |= {"network": with_neighbours(network, neighbours), "intervals": False}

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..._last_known import carried_forward
 from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, is_plant, listed, numeric, role_of
+from ...thermal.joined_rooms import checked_pairs
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
@@ -73,6 +74,12 @@ class ZoneColumns:
         # the plants of others would be read by their names, their temperatures are not
         others = (role for role, owner in owners.items() if owner not in (None, zone) and role not in out)
         return out | {role: None for role in others if not role.startswith(MEASURED)}
+
+    def in_zone(self, zone: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        """The parameter ``columns`` of a predictor of that zone alone, by the one that was ``given``."""
+        own = self.of_zone(zone)
+        moved = {column for role, column in own.items() if given.get(role) != column and column is not None}
+        return {role: column for role, column in given.items() if column not in moved} | own
 
     @staticmethod
     def _plain(role: str, zone: str) -> str:
@@ -150,16 +157,9 @@ def _same(one: np.ndarray, other: np.ndarray) -> bool:
 def neighbours_of(zones: Sequence[str], adjacency: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
     """The neighbours of each zone by pairs of zones."""
     out: dict[str, list[str]] = {zone: [] for zone in zones}
-    for pair in adjacency:
-        ends = tuple(pair) if not isinstance(pair, str) else (pair,)
-        unknown = [end for end in ends if end not in out]
-        if unknown:
-            raise ValueError(f"adjacency names the zone {unknown[0]!r}, but y has {listed(zones)}.")
-        if len(ends) != 2 or ends[0] == ends[1]:
-            raise ValueError(f"adjacency holds {pair!r}; give pairs of two different zones.")
-        for one, other in (ends, ends[::-1]):
-            if other not in out[one]:
-                out[one].append(other)
+    for one, other in checked_pairs(adjacency, zones):
+        out[one].append(other)
+        out[other].append(one)
     return {zone: tuple(found) for zone, found in out.items()}
 
 
