@@ -104,8 +104,10 @@ def check_range(
     if warns and (warm or watts or low < kind.usual_lowest or high > kind.usual_highest):
         likely = f"likely {unit}" if unit and (warm or watts or high > kind.usual_highest) else "unusual"
         before = f", in training from {trained[0]:.4g} to {trained[1]:.4g}" if watts and trained else ""
+        of = f" (role {role})" if name.startswith("column") else ""
+        values = f"is {low:.4g}" if low == high else f"ranges from {low:.4g} to {high:.4g}"
         warn_user(
-            f"{name} (role {role}) ranges from {low:.4g} to {high:.4g}{before}: {likely}; convert it with "
+            f"{name}{of} {values}{before}: {likely}; convert it with "
             "skhybrid.preprocessing.UnitConverter, or check the sensor.",
             UnitWarning,
         )

@@ -420,9 +420,14 @@ def test_names_of_zones(rooms):
         (lambda X, y, m: (X, y.drop(columns="hall"), m), "y has no temperature of the zone 'hall'"),
         (lambda X, y, m: (X.drop(columns="T_za_hall"), y, m), "X has no temperature of the zone 'hall'"),
         (lambda X, y, m: (X, y.rename(columns={"hall": "the hall"}), m), "zone 'the hall'"),
-        (lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "attic")])), "zone 'attic'"),
-        (lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "hall")])), "two different zones"),
-        (lambda X, y, m: (X, y, m.set_params(adjacency=["hall"])), "two different zones"),
+        (
+            lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "attic")])),
+            "adjacency names 'attic', which is none of",
+        ),
+        (lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "hall")])), "couples 'hall' with itself"),
+        (lambda X, y, m: (X, y, m.set_params(adjacency=["hall"])), "adjacency has 'hall'; give pairs of zones"),
+        (lambda X, y, m: (X, y, m.set_params(adjacency="hall")), "adjacency has 'hall'; give pairs of zones"),
+        (lambda X, y, m: (X, y, m.set_params(n_jobs="a")), "n_jobs='a' must be a number of workers"),
         (lambda X, y, m: (X, y.assign(hall=np.nan), m), "zone 'hall': Input y contains NaN"),
         (lambda X, y, m: (X.assign(Q_hvac_hall=np.nan), y, m), "zone 'hall'.*Q_hvac_hall.*NaN"),
         (lambda X, y, m: (X, y[:-1], m), "inconsistent numbers of samples"),
@@ -440,6 +445,15 @@ def test_what_cannot_be_right_is_refused(rooms, change, message):
     with pytest.raises(ValueError, match=message):
         model.fit(X, y)
     assert not hasattr(model, "own_")
+
+
+def test_a_setpoint_in_degf_is_told_once_a_zone(building, later):
+    """The second forecasts, with neighbours, repeated it, and named columns that the user does not have."""
+    with pytest.warns(UnitWarning) as caught:
+        building.predict_load(later[:DAY], 70.0)
+    said = [str(w.message) for w in caught if w.category is UnitWarning]
+    assert [text.partition(":")[0] for text in said] == [f"zone {zone!r}" for zone in ZONES]
+    assert all("setpoint is 70: likely degF rather than degC" in text for text in said)
 
 
 def test_exchanged_rooms_are_refused(two_stages, rooms):

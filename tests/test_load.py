@@ -348,7 +348,7 @@ def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
         (-9999.0, None, r"setpoint holds -9999 degC in 96 rows .first at 2023-11-20 00:00:00.*fill value"),
         ((21.0, -299.5), None, "the cooling set-point holds -299.5 degC"),
         (pd.Series("warm", range(96)), None, "setpoint bears other"),
-        (["warm"] * 96, None, "setpoint is not numeric .could not convert"),
+        (["warm"] * 96, None, "setpoint is text; give numbers"),
         (np.ma.masked_values(np.where(np.arange(96) == 7, -1.0, 21.0), -1.0), None, "setpoint contains NaN.*01:45"),
         (21.0, (-9999.0, 5.0), "the lower limit holds -9999 kW in 96 rows"),
     ],
@@ -362,10 +362,10 @@ def test_what_is_refused(setpoint, limits, message, hybrid, plain, office):
 @pytest.mark.parametrize(
     ("setpoint", "limits", "message"),
     [
-        (72.0, None, "setpoint .role T_za. ranges from 72 to 72: likely degF"),
+        (72.0, None, "setpoint is 72: likely degF"),
         ((68.0, None), None, "the heating set-point .* likely degF"),
         (295.0, None, "setpoint .* likely K"),
-        (21.0, (0.0, 6000.0), "the upper limit .role Q_hvac. ranges from 6000 to 6000: likely W rather than kW"),
+        (21.0, (0.0, 6000.0), "the upper limit is 6000: likely W rather than kW"),
     ],
 )
 def test_other_units_are_warned_of(setpoint, limits, message, hybrid, plain, office):

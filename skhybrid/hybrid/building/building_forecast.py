@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..._joining import read_now, refuse_no_frames
 from ..._table import as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
-from ..._warnings import warnings_prefixed_with
+from ..._warnings import ignore, warnings_prefixed_with, warnings_to
 from ...control import heat_column
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ..base import BaseHybrid
@@ -369,7 +369,7 @@ class BuildingForecastMixin:
         found = dict(own)
         for zone, one in self.coupled_.items():
             T = {other: own[other]["T_za"] for other in one.neighbours}
-            with of_zone(zone):
+            with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
                 found[zone] = _blended(own[zone], of(one.model, zone, T), one, first_lead)
         return {f"{name}_{zone}": values for zone, columns in found.items() for name, values in columns.items()}
 
