@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from numbers import Real
 from typing import Any
 
@@ -12,6 +12,10 @@ import pandas as pd
 from ._ranges import check_range
 from ._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
 from ._time import refuse_one_zone, spell
+from ._warnings import warn_user
+from .exceptions import MeasurementWarning
+
+_HISTORY_ENDS, LAST_KNOWN = "history ends at", "the last known row is"  # after which other rows must begin
 
 
 def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("history", "future")) -> pd.Index:
@@ -46,13 +50,16 @@ def _refuse_apart(history: pd.Index, future: pd.Index) -> None:
         raise ValueError(f"{'future' if dated[0] else 'history'} has no time stamps; give it a DatetimeIndex.")
     steps = {index[-1] - index[-2] for index in (history, future) if all(dated) and len(index) > 1}
     if len(steps) == 1 and (step := steps.pop()) > pd.Timedelta(0) and future[0] != history[-1] + step:
-        raise _apart(future, history, step)
+        raise _apart(future, history, step, "future", _HISTORY_ENDS)
 
 
-def _apart(future: pd.Index, history: pd.Index, step: pd.Timedelta) -> ValueError:
+def _apart(ahead: pd.Index, known: pd.Index, step: pd.Timedelta, name: str, last: str) -> ValueError:
+    dated = isinstance(ahead, pd.DatetimeIndex)
+    how = ", with time stamps" if not dated else ""
+    if dated and last == LAST_KNOWN and ahead[0] > known[-1]:
+        how = ": give update the rows between first"
     return ValueError(
-        f"future begins at {future[0]}, but history ends at {history[-1]}; it must begin one step of {spell(step)} "
-        "later."
+        f"{name} begins at {ahead[0]}, but {last} {known[-1]}; it must begin one step of {spell(step)} later{how}."
     )
 
 
@@ -62,10 +69,23 @@ def refuse_unmeasured(history: ZoneTable, roles: Sequence[str], column_of: Calla
         raise ValueError(f"history has no column {absent[0]!r}; give what was measured, NaN where nothing was.")
 
 
-def refuse_unless_following(future: ZoneTable, history: ZoneTable) -> None:
-    """Raise a ValueError if the future does not begin one step after the history."""
-    if not future.follows(history):
-        raise _apart(future.index, history.index, history.step)
+def refuse_unless_following(
+    ahead: ZoneTable, known: ZoneTable, name: str = "future", last: str = _HISTORY_ENDS
+) -> None:
+    """Raise a ValueError if rows, the argument ``name``, do not begin one step after the known ones."""
+    if not ahead.follows(known):
+        raise _apart(ahead.index, known.index, known.step, name, last)
+
+
+def warn_if_unmeasured(table: ZoneTable, roles: Iterable[str], column_of: Callable[[str], Any]) -> None:
+    """Warn where nothing is measured of some ``roles`` in a table before which no row is known."""
+    for role in roles:
+        if np.isnan(table.history.get(role, np.zeros(1))).all():
+            warn_user(
+                f"{column_of(role)} is missing in all rows, which do not follow the last known one: the forecast "
+                "begins at the mean of the training; give what was measured.",
+                MeasurementWarning,
+            )
 
 
 def refuse_absent(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:

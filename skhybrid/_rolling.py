@@ -12,6 +12,7 @@ from sklearn.metrics import r2_score
 from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
+from ._joining import warn_if_unmeasured
 from ._summary import SummaryMixin
 from ._table import (
     UNLIMITED,
@@ -210,7 +211,10 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         return paths
 
     def _refuse_lost_past(self, table: ZoneTable, n_tail: int) -> None:
-        """Refuse rows without the history that the training table had, where they do not follow the known rows."""
+        """Refuse rows without the history that the training table had, where they do not follow the known rows.
+
+        Where nothing of it was measured, warn.
+        """
         names = [self._column_of(role) for role in self._past_roles() if role not in table.history]
         lost = [name for name in names if name in getattr(self, "feature_names_in_", ())]
         if lost and not n_tail:
@@ -219,6 +223,8 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
                 f"X has no column {lost[0]!r} and does not begin one step after the last known row; give what was "
                 f"measured, NaN where nothing was{other}."
             )
+        if not n_tail:
+            warn_if_unmeasured(table, self._past_roles(), self._column_of)
 
     def _check_spans(self, step: pd.Timedelta) -> None:
         """Refuse spans that are no multiples of the step, or an ``origin_step`` that leaves rows beyond the horizon."""

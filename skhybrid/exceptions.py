@@ -43,7 +43,7 @@ class GainWarning(SkhybridWarning):
 
 
 class MeasurementWarning(SkhybridWarning):
-    """A zone has no measurement, and is forecast from what was known before and from its neighbours."""
+    """A zone has no measurement: it is forecast from what was known before, its neighbours, or the training's mean."""
 
 
 class PlanWarning(SkhybridWarning):

@@ -30,7 +30,7 @@ from skhybrid import (
 )
 from skhybrid._holidays import NO_HOLIDAYS
 from skhybrid.datasets import load_small_office, make_office
-from skhybrid.exceptions import ScaleNotIdentifiableWarning, SkhybridWarning, UnitWarning
+from skhybrid.exceptions import MeasurementWarning, ScaleNotIdentifiableWarning, SkhybridWarning, UnitWarning
 from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
 from skhybrid.hybrid.predictor import takes_two_stages
 from skhybrid.hybrid.tables import join_steps, steps_table
@@ -230,6 +230,25 @@ def test_a_history_and_a_load_need_the_measured_temperature(hybrid, office):
             model.affine_forecast(past, ahead, inputs=["u_heat"])
         with pytest.raises(ValueError, match="X has no column 'T_za' and does not begin one step after"):
             model.predict_load(ahead, 21.0)
+
+
+def test_a_forecast_from_nothing_is_told(hybrid, office):
+    """It begins at the mean of the training; in silence, where the column was there without a value."""
+    past, ahead = office.X[30 * DAY : 31 * DAY].assign(T_za=np.nan), office.X[31 * DAY : 32 * DAY].drop(columns="T_za")
+    words = "T_za is missing in all rows, which do not follow the last known"
+    for model in (hybrid, hybrid.gray_box_):
+        for call in (
+            model.predict,
+            lambda X, m=model: m.predict_load(X, 21.0),
+            lambda X, m=model: m.forecast(X, ahead),
+        ):
+            with pytest.warns(MeasurementWarning, match=words):
+                call(past)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", MeasurementWarning)
+        hybrid.predict(past.assign(T_za=office.X["T_za"].where(office.X.index == past.index[3])))
+        hybrid.predict(office.X[28 * DAY : 29 * DAY].assign(T_za=np.nan))  # follows the training
+        hybrid.forecast(past, ahead, T_za=21.0)
 
 
 def test_future_needs_no_temperature_under_any_name(office):

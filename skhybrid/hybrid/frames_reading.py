@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._joining import join_frames, join_tables, refuse_absent, refuse_unmeasured, unmeasured, with_measured
+from .._joining import (
+    join_frames,
+    join_tables,
+    refuse_absent,
+    refuse_unmeasured,
+    unmeasured,
+    warn_if_unmeasured,
+    with_measured,
+)
 from .._table import SETPOINT_ROLES, ZoneTable, append_tables, is_plant, refuse_gap
 from ..control import Plan, covered_by, warn_uncovered
 from .scheme_intervals import HybridQuantilesMixin
@@ -55,6 +63,8 @@ class FramesReadingMixin(HybridQuantilesMixin):
         n_past = len(history.index)
         n_known = self._scheme.rows.n_known_of(table.rows(slice(0, n_past)))  # they are not taken in twice
         table, n_tail = self._after_tail(table.rows(slice(n_known, None)))
+        if not n_tail and T_za is None:
+            warn_if_unmeasured(table, ("T_za",), self._column_of)
         return _at_now(table, n_tail + n_past - n_known, T_za)
 
     def _input_columns(self, frame: pd.DataFrame) -> list[Any]:

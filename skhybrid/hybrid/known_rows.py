@@ -8,9 +8,8 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._joining import in_zone_of
+from .._joining import LAST_KNOWN, in_zone_of, refuse_unless_following
 from .._table import ZoneTable, append_tables, concatenate_tables, last_rows, refuse_other_clock
-from .._time import spell
 from .plausible_range import PlausibleRange
 from .tables import KEPT
 
@@ -154,14 +153,9 @@ class KnownRows:
 
     def refuse_unless_following(self, table: ZoneTable, name: str = "X") -> None:
         """Raise a ValueError if a table, the argument ``name``, does not begin one step after the last known row."""
-        latest = self.latest
-        refuse_other_clock(table, latest)
-        if table.utc is not None and not table.follows(latest):
-            first = ": give update the rows between first" if self._n_known(table) == 0 else ""
-            raise ValueError(
-                f"{name} begins at {table.index[0]}, but the last known row is {latest.index[-1]}; it must begin one "
-                f"step of {spell(latest.step)} later{first}."
-            )
+        refuse_other_clock(table, self.latest)
+        if table.utc is not None:
+            refuse_unless_following(table, self.latest, name, LAST_KNOWN)
 
 
 def _fewer(recent: tuple[ZoneTable, ...]) -> tuple[ZoneTable, ...]:

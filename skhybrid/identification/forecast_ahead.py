@@ -10,7 +10,17 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from .._joining import join_frames, join_tables, read_now, refuse_no_frames, refuse_unmeasured, with_measured
+from .._joining import (
+    LAST_KNOWN,
+    join_frames,
+    join_tables,
+    read_now,
+    refuse_no_frames,
+    refuse_unless_following,
+    refuse_unmeasured,
+    warn_if_unmeasured,
+    with_measured,
+)
 from .._rolling import RollingForecastMixin
 from .._table import UNLIMITED, ZoneTable, append_tables, refuse_gap
 from .._threads import one_blas_thread
@@ -92,7 +102,7 @@ class ForecastAheadMixin(RollingForecastMixin):
         check_is_fitted(self)
         table, known, roles = self._read_X(X), self.filtered_network_, self.network_.history_roles
         refuse_gap(table)
-        self._refuse_apart(table)
+        refuse_unless_following(table, self._tail, "X", LAST_KNOWN)
         if y is not None:
             target = self._read_target(y, table)
             table = table.replace(history=dict(zip(roles, np.atleast_2d(target.T), strict=True)))
@@ -287,7 +297,9 @@ class ForecastAheadMixin(RollingForecastMixin):
             refuse_unmeasured(read, self.network_.history_roles, self._column_of)
         table, n_tail = self._after_tail(read)
         if history is None and not n_tail:
-            self._refuse_apart(table, "future")
+            refuse_unless_following(table, self._tail, "future", LAST_KNOWN)
+        if not n_tail and now is None:
+            warn_if_unmeasured(table, self.network_.history_roles, self._column_of)
         first = table.n_rows - n_rows
         if now is not None:
             for role, value in zip(self.network_.history_roles, now, strict=True):
@@ -310,12 +322,3 @@ class ForecastAheadMixin(RollingForecastMixin):
         if not isinstance(values, list | tuple | np.ndarray) or len(values) != o:
             raise ValueError(f"T_za={T_za!r} is not one temperature [degC] per measured node; give {o} of them.")
         return np.array([read_now(value, index) for value in values])
-
-    def _refuse_apart(self, table: ZoneTable, name: str = "X") -> None:
-        """Refuse rows, the argument ``name``, that do not follow the last known one."""
-        tail = self._tail
-        if table.utc is None or not table.follows(tail):
-            raise ValueError(
-                f"{name} begins at {table.index[0]}, but the last known row is {tail.index[-1]}; give the rows that "
-                "follow it, with time stamps."
-            )
