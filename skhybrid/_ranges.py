@@ -59,6 +59,8 @@ _LEAST_FILL = min(map(abs, _FILL_VALUES))
 _BEYOND_UNITS = 900.0
 #: least share of the values other than 0, and least number of rows, to be taken for a unit and not for a failed sensor
 _LEAST_SHARE, _LEAST_ROWS = 0.05, 4
+#: no temperature falls to exactly 0 that is else above this [degC]
+_FAR_FROM_ZERO = 5.0
 #: no building is that warm all the time [degC]
 _WARMEST_MEDIAN = 42.0
 #: no zone takes more than a large hall does while its plant runs [kW], by the median, or has so much unmeasured heat
@@ -98,6 +100,8 @@ def check_range(
             bad = ((v < lowest) | (v > highest)) & np.isfinite(v) | np.isin(v, _FILL_VALUES)
         if bad.any() and not (named and unit and _is_unit(known, kind)):
             raise ValueError(_refusal(v, bad, kind, name, index))
+    if warns and named and role.startswith(("T_za", "T_oa")):
+        _warn_of_zeros(v, name, index)
     warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
     share = 0.9 if role.startswith("zeta") else 0.5  # people and sun are there for some hours only
     watts = role.startswith(("Q_", "zeta")) and is_in_watts(known, trained, share)
@@ -109,6 +113,17 @@ def check_range(
         warn_user(
             f"{name}{of} {values}{before}: {likely}; convert it with "
             "skhybrid.preprocessing.UnitConverter, or check the sensor.",
+            UnitWarning,
+        )
+
+
+def _warn_of_zeros(T: np.ndarray, name: str, index: pd.Index) -> None:
+    """Warn of 0 degC among temperatures (n,) that are else far from it, as where a file is filled with 0."""
+    zeros, others = T == 0.0, T[np.isfinite(T) & (T != 0.0)]
+    if zeros.any() and len(others) and others.min() > _FAR_FROM_ZERO:
+        warn_user(
+            f"{name} is 0 degC in {several(int(zeros.sum()), 'row')} (first at {index[int(np.argmax(zeros))]}) and "
+            f"else never below {others.min():.4g}: likely a fill value; set such values to NaN.",
             UnitWarning,
         )
 

@@ -650,6 +650,19 @@ def test_a_disturbance_in_another_unit_is_refused():
         DisturbanceForecaster("profile").fit(X, 1000 * y)
 
 
+@pytest.mark.parametrize("role", ["T_za", "T_oa"])
+def test_zeros_that_fill_a_file_are_told(role, office):
+    """A summer never comes near 0 degC, so that 0 is no measurement; in a winter it may be one."""
+    filled = office.X[role].where(np.arange(len(office.X)) % 50 != 7, 0.0)
+    words = rf"column '{role}' is 0 degC in 8 rows .first at 2023-07-08 01:45:00. and else never below \d.*fill value"
+    with pytest.warns(UnitWarning, match=words):
+        read(office.X.assign(**{role: filled}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UnitWarning)
+        read(office.X.assign(**{role: filled.where(np.arange(len(filled)) != 3, 1.5)}))
+        read(office.X.assign(**{role: 0.0}))
+
+
 def test_unmeasured_heat_in_watts_is_told(office, recwarn):
     model = gray_box(office)
     model.simulate(office.X, heat_gain=office.heat_gain)

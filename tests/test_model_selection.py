@@ -344,6 +344,8 @@ def test_a_backtest_that_cannot_be_made_says_why():
         ValueError, match=r"too short to be forecast: 19 rows follow the first origin, row 0, and .* needs 24"
     ):
         backtest(model, X[:20], y[:20])
+    with pytest.raises(ValueError, match="y has no value in 96 rows"):
+        backtest(model, X, y * np.nan)
     with pytest.raises(ValueError, match="origin_step='90min'"):
         backtest(model, X, y, origin_step="90min")
 

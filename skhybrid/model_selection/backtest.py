@@ -12,6 +12,7 @@ from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
 from .._time import assumed_clock, even_step, positive_duration, rows_of, spell, wall_clock
+from .._warnings import several
 from ..forecasting.quantiles import quantile_columns
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
@@ -200,6 +201,8 @@ def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
     if isinstance(y, pd.Series | pd.DataFrame) and isinstance(getattr(X, "index", None), pd.Index):
         refuse_order(y.index, X.index)
     refuse_infinite(truth, "y", X.index if isinstance(X, pd.DataFrame | ZoneTable) else np.arange(n_rows))
+    if np.isnan(truth).all():
+        raise ValueError(f"y has no value in {several(n_rows, 'row')}, so that no forecast can be compared with it.")
     return truth.reshape(n_rows, len(zones))
 
 
