@@ -79,8 +79,8 @@ STRICT = {
     "_columns": {"_arguments", "_warnings", "exceptions"},
     "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
-    "_joining": {"_ranges", "_table", "_time"},
-    "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
+    "_joining": {"_ranges", "_table", "_time", "_warnings", "exceptions"},
+    "_rolling": {"_joining", "_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
 READERS = {"model_selection", "inspection", "study", "zone", "fleet", "server", "cli"}
