@@ -54,9 +54,10 @@ def _refuse_apart(history: pd.Index, future: pd.Index) -> None:
 
 
 def _apart(ahead: pd.Index, known: pd.Index, step: pd.Timedelta, name: str, last: str) -> ValueError:
-    dated = isinstance(ahead, pd.DatetimeIndex)
-    how = ", with time stamps" if not dated else ""
-    if dated and last == LAST_KNOWN and ahead[0] > known[-1]:
+    how = ""
+    if not isinstance(ahead, pd.DatetimeIndex):
+        how = ", with time stamps"
+    elif last == LAST_KNOWN and ahead[0] > known[-1]:
         how = ": give update the rows between first"
     return ValueError(
         f"{name} begins at {ahead[0]}, but {last} {known[-1]}; it must begin one step of {spell(step)} later{how}."
