@@ -190,8 +190,9 @@ class LogReport:
         others = self.columns[self.columns["role"].isna()]
         lines = [self.headline(), "", "Columns"]
         width = max(10, *used["role"].map(len), 0)
-        lines += [f"  {role:{width}}  {name!r}: {_unit_words(row)}; {row['reason']}" for name, role, row in _rows(used)]
-        lines += [f"  {'unused':{width}}  {name!r}, because {row['reason']}" for name, _, row in _rows(others)]
+        for name, row in used.iterrows():
+            lines.append(f"  {row['role']:{width}}  {name!r}: {_unit_words(row)}; {row['reason']}")
+        lines += [f"  {'unused':{width}}  {name!r}, because {reason}" for name, reason in others["reason"].items()]
         lines += ["", "First rows [degC, kW]", self._first_rows().to_string(float_format="{:.2f}".format)]
         for title, texts in self.sections().items():
             lines += ["", title, *(f"  - {text}" for text in texts)]
@@ -374,10 +375,6 @@ def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, i
     weekend = (kind >= 5) & ~free
     counts = {"working days": int((~weekend & ~free).sum()), "weekend days": int(weekend.sum())}
     return counts | ({"holidays": int(free.sum())} if free.any() else {})
-
-
-def _rows(table: pd.DataFrame) -> list[tuple[str, str, Any]]:
-    return [(str(name), str(row["role"]), row) for name, row in table.iterrows()]
 
 
 def _unit_words(row: Any) -> str:
