@@ -11,10 +11,9 @@ import pandas as pd
 from .._time import spell
 from .._warnings import several
 from ..study.doubts import at_ends, drift_days, drifted
-from ..study.verdict import CARE, NOT, USABLE, compare_errors, judge
+from ..study.verdict import CARE, NOT, USABLE, WORST_FIRST, compare_errors, judge
 from .model_store import ModelStore
 
-_ORDER = (NOT, CARE, USABLE)
 _SHORT = pd.Timedelta("3D")  # a training that says little
 _OLD = pd.Timedelta("12h")  # by how much the last row of a zone may be older than the newest of the fleet
 COLUMNS = ("verdict", "last_row", "rmse_yesterday", "rmse_training", "coverage", "drift", "reasons")
@@ -95,7 +94,7 @@ def status_table(
     numbers = ["rmse_yesterday", "rmse_training", "coverage"]
     table[numbers] = table[numbers].astype(float)
     grown = (table["rmse_yesterday"] / table["rmse_training"]).fillna(0.0)
-    order = pd.DataFrame({"verdict": table["verdict"].map(_ORDER.index), "grown": -grown, "zone": table[key]})
+    order = pd.DataFrame({"verdict": table["verdict"].map(WORST_FIRST.index), "grown": -grown, "zone": table[key]})
     table = table.loc[order.sort_values(["verdict", "grown", "zone"]).index].reset_index(drop=True)
     return table, {zone: one.recent for zone, one in found.items()}
 

@@ -128,13 +128,11 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
         axes[0].figure.legend(entries.values(), entries.keys(), **heading_style, **place, **_LEGEND)
 
 
-def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> int:
-    """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter; return the number of bands drawn."""
+def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> None:
+    """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter."""
     levels = sorted(float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_"))
-    pairs = [(low, high) for low, high in zip(levels, levels[::-1], strict=True) if low < high]
-    for low, high in pairs:
+    for low, high in zip(levels[: len(levels) // 2], levels[::-1], strict=False):
         level = percent(high - low, ".3g")
         name = f"{label}, {level}" if label else f"{level} interval"
         edges = (frame[name] for name in quantile_columns((low, high)))
         ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=name)
-    return len(pairs)

@@ -75,7 +75,7 @@ def make_app(
     _add_reading(app, zone)
     _add_posting(app, zone, weather, schedule)
     _add_refusals(app)
-    _describe_rows(app)
+    app.openapi()["components"]["schemas"]["Row"] = Row.model_json_schema()  # which is read by hand
     if token is None:
         app.add_middleware(TrustedHostMiddleware, allowed_hosts=LOOPBACK_NAMES, www_redirect=False)
     app.add_middleware(Guard, token=token)
@@ -176,12 +176,6 @@ def _add_refusals(app: FastAPI) -> None:
     app.add_exception_handler(BlockingIOError, answer(409, {"Retry-After": "5"}))
     for kind, code in ((ModelFileError, 500), (OSError, 500), (ValueError, 422)):
         app.add_exception_handler(kind, answer(code))
-
-
-def _describe_rows(app: FastAPI) -> None:
-    """Put the schema of a row, which is read by hand, into the description."""
-    made = app.openapi()
-    made["components"]["schemas"]["Row"] = Row.model_json_schema()
 
 
 async def _body(request: Request) -> bytes:

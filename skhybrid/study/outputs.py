@@ -73,8 +73,12 @@ def write_outputs(
     OSError
         If the folder cannot be written to, or the disk is full; the folder is then as it was.
     """
+    names = [HYBRID, *result.table.index.drop(HYBRID)]
+    ordered = {name: result.frames[name] for name in names if name in result.frames}
     with staged_files(folder, before_swap) as staged:
-        _write_all(result, staged, truth)
+        write_tables(result, staged, result.parameters, metrics_text(result))
+        write_page(result, staged / "report.html", truth)
+        study_picture(staged / "forecast.png", ordered, result.forecast, title=result.settings.name)
     return [Path(folder) / name for name in NAMES]
 
 
@@ -104,14 +108,6 @@ def _swap(staged: Path, out: Path) -> None:
         (out / name).unlink(missing_ok=True)
     for name in left:
         (staged / name).replace(out / name)
-
-
-def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
-    write_tables(result, out, result.parameters, metrics_text(result))
-    write_page(result, out / "report.html", truth)
-    names = [HYBRID, *result.table.index.drop(HYBRID)]
-    ordered = {name: result.frames[name] for name in names if name in result.frames}
-    study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
 
 
 def write_tables(result: Any, out: Path, parameters: pd.DataFrame, metrics: str) -> None:
