@@ -14,7 +14,7 @@ from .._ranges import range_of
 from .._table import is_plant
 from .._time import spell, wall_clock
 from .._warnings import several
-from .abilities import Abilities, abilities, excitation
+from .abilities import abilities, excitation
 from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
@@ -137,7 +137,7 @@ class LogReport:
         """The frame at even steps, on which the values of some roles hold until the next."""
         return cast("pd.DataFrame", regularize(self.frame, self.even_step, "0h", held=roles))
 
-    def _abilities(self, channels: list[Channel]) -> Abilities:
+    def _abilities(self, channels: list[Channel]) -> tuple[list[str], list[str], list[str]]:
         measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
         stages = {c.role for c in channels if c.role.startswith("u_")}

@@ -118,7 +118,6 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
 
 
 def _latest(zone: ZoneFolder) -> dict[str, Any]:
-    """The latest forecast as an answer has it."""
     model = zone.load()
     views = view_zones(zone, model)
     view = next(iter(views.values()))
@@ -189,7 +188,6 @@ async def _body(request: Request) -> bytes:
 
 
 def _csv_of_json(body: bytes) -> tuple[str, int]:
-    """Rows in JSON as CSV."""
     try:
         rows = ROWS.validate_json(body)
     except ValidationError as error:
