@@ -24,15 +24,7 @@ from .fleet_status import status_table, zone_status
 from .long_table import joined
 from .model_store import ModelStore, TemporaryStore
 from .prior import FleetPrior
-from .zone_jobs import (
-    backtest_zone,
-    fit_zone,
-    forecast_zone,
-    predict_zone,
-    score_zone,
-    tick_zone,
-    update_zone,
-)
+from .zone_jobs import backtest_zone, fit_zone, forecast_zone, predict_zone, score_zone, tick_zone, update_zone
 from .zone_rows import ZoneFiles, zone_files
 
 _UNFITTED = "the store has no model of it; fit it first."

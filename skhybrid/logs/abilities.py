@@ -38,11 +38,7 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def abilities(
-    moved: pd.DataFrame,
-    n_days: int,
-    unsure: set[str],
-    rooms: Sequence[str] = ("T_za",),
-    unplaced: Sequence[str] = (),
+    moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequence[str] = ("T_za",), unplaced: Sequence[str] = ()
 ) -> tuple[list[str], list[str], list[str]]:
     """Facts that a log can tell, those that it cannot, and what would help, from the table of :func:`excitation`.
 

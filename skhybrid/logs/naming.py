@@ -136,9 +136,7 @@ def _kind(words: str, unit: str | None) -> str | None:
 
 
 def assign_roles(
-    units: Mapping[str, str | None],
-    given: Mapping[str, str] | None = None,
-    of_format: Mapping[str, str] | None = None,
+    units: Mapping[str, str | None], given: Mapping[str, str] | None = None, of_format: Mapping[str, str] | None = None
 ) -> dict[str, Guess]:
     """The role of each column, each role once: those given, those of the format, the most certain, then the first.
 

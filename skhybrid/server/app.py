@@ -35,9 +35,7 @@ _BODY = {
         "text/csv": {"schema": {"type": "string", "description": "columns as in the log of the zone"}},
     },
 }
-_REFUSALS: dict[int | str, dict[str, Any]] = {
-    401: {"model": Refusal, "description": "the token is missing or wrong"},
-}
+_REFUSALS: dict[int | str, dict[str, Any]] = {401: {"model": Refusal, "description": "the token is missing or wrong"}}
 _NOTHING: dict[int | str, dict[str, Any]] = {404: {"model": Refusal, "description": "there is no forecast yet"}}
 _POST_REFUSALS = _REFUSALS | {
     403: {"model": Refusal, "description": "a page of another site posts"},

@@ -36,12 +36,7 @@ class _Layout(NamedTuple):
 _PORTAL = _Layout(
     "ecobee portal",
     ("Date", "Time"),
-    {
-        "T_za": "Current Temp",
-        "T_oa": "Outdoor Temp",
-        "T_heat_set": "Heat Set Temp",
-        "T_cool_set": "Cool Set Temp",
-    },
+    {"T_za": "Current Temp", "T_oa": "Outdoor Temp", "T_heat_set": "Heat Set Temp", "T_cool_set": "Cool Set Temp"},
     (r"Heat Stage \d \(sec\)", r"Aux Heat \d \(sec\)", r"Cool Stage \d \(sec\)"),
     None,
 )

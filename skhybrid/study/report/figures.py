@@ -13,13 +13,7 @@ from typing import Any
 import pandas as pd
 
 from ..._files import atomic_path
-from ...inspection import (
-    DayAheadDisplay,
-    DisturbanceWeekDisplay,
-    ForecastDisplay,
-    LeadErrorDisplay,
-    ScheduleDisplay,
-)
+from ...inspection import DayAheadDisplay, DisturbanceWeekDisplay, ForecastDisplay, LeadErrorDisplay, ScheduleDisplay
 from ...inspection.unshown_figure import blank_axes, svg_text
 from ...inspection.zone_panels import days_figure as days_figure
 from ...inspection.zone_panels import errors_figure as errors_figure
