@@ -114,8 +114,7 @@ class ForecastDisplay(Display):
         if zones:
             shared_legend(panels, title)
         else:
-            legend(axes)
-            heading(axes, title)
+            legend(axes, title)
         return self._drawn_on(axes)
 
 
@@ -195,8 +194,7 @@ class LeadErrorDisplay(Display):
         ax.set_ylim(bottom=0)
         if hours.max() % 6 == 0:
             ax.set_xticks(range(0, int(hours.max()) + 1, 6 if hours.max() > 12 else 3))
-        legend(ax)
-        heading(ax, title)
+        legend(ax, title)
         return self._drawn_on(ax)
 
 
