@@ -154,10 +154,7 @@ def _read_states(
         raise ValueError(f"{where} has no entity with numbers, only {some_of(text)}.")
     ends = [(stamps[0], stamps[-1]) for stamps, _ in series.values()]
     grid = even_grid(min(e[0] for e in ends), max(e[1] for e in ends), step, len(series), where)
-    held = {}
-    for c in list(series):
-        stamps, values = series.pop(c)
-        held[c] = hold(stamps, values, grid)
+    held = {c: hold(*series.pop(c), grid) for c in list(series)}  # both would take twice the memory
     frame = pd.DataFrame(held, index=utc_index(grid, timezone))
     notes = [HELD_NOTE, *_blank_outages(database, frame, grid, tables)]
     if text:
