@@ -56,11 +56,6 @@ class BuildingResult:
         return bool((self.zones["unit"] != "-").all())
 
     @property
-    def has_intervals(self) -> bool:
-        """Whether the forecasts have intervals."""
-        return has_intervals(self.frames[HYBRID])
-
-    @property
     def best(self) -> str:
         """Label of the lowest day-ahead error."""
         return str(self.table.index[0])

@@ -114,7 +114,7 @@ def write_tables(result: Any, out: Path, parameters: pd.DataFrame, metrics: str)
     """Write the forecast, the back-tests, the parameters, the metrics and the model of a study."""
     write_csv(result.forecast, out / "forecast.csv")
     write_csv(side_by_side(result.frames).set_index("origin"), out / "backtest.csv")
-    write_csv(parameters, out / "parameters.csv", digits=6)
+    write_csv(parameters, out / "parameters.csv", "%.6g")
     (out / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
 
@@ -176,9 +176,8 @@ def _learned(result: StudyResult) -> dict[str, Any]:
     }
 
 
-def write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
-    """Write a table with so many digits."""
-    form = f"%.{digits}g" if digits > 4 else f"%.{digits}f"
+def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:
+    """Write a table with its numbers and stamps in one form."""
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
 

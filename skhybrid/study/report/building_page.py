@@ -13,6 +13,7 @@ import pandas as pd
 from ..building_study import ALONE, BuildingResult, worst
 from ..compared_models import HYBRID
 from ..identified_building import identified_only
+from ..scores import has_intervals
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
@@ -145,7 +146,8 @@ def _tomorrow(result: BuildingResult) -> str:
         day += "drawn for comparison."
     measured = result.settings.load.get("setpoint", "measured") == "measured" and result.data.held_out
     held = " (here the temperatures that were measured)" if measured else ""
-    band = " Four out of five measurements should lie in the shaded interval." if result.has_intervals else ""
+    shaded = has_intervals(result.frames[HYBRID])
+    band = " Four out of five measurements should lie in the shaded interval." if shaded else ""
     words = (
         f"{day} The temperatures assume the logged or planned heating and cooling. The loads are the heat that would "
         f"hold the set-points{held}, within the limits of the plant.{band}"
