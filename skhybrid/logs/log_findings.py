@@ -255,13 +255,21 @@ def standstills(role: str, values: pd.Series) -> pd.DataFrame:
 def without_standstills(temperature: pd.Series) -> pd.Series:
     """A room's temperature whose standstills are missing, but for their first value."""
     out = temperature.copy()
-    for first, last, _ in standstills("T_za", temperature).itertuples(index=False):
+    for first, last, _ in _rows(standstills("T_za", temperature)):
         out[(out.index > first) & (out.index <= last)] = np.nan
     return out
 
 
+def _rows(found: pd.DataFrame) -> list[tuple[pd.Timestamp, pd.Timestamp, float]]:
+    """First stamp, last stamp and value of each standstill."""
+    return [
+        (pd.Timestamp(a), pd.Timestamp(b), float(v))
+        for a, b, v in zip(found["first"], found["last"], found["value"], strict=True)
+    ]
+
+
 def _standing_still(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
-    for first, last, value in standstills(role, known).head(_MOST_NAMED).itertuples(index=False):
+    for first, last, value in _rows(standstills(role, known))[:_MOST_NAMED]:
         hours = (last - first) / pd.Timedelta("1h")
         text = f"stays at {value:.4g} {range_of(role).unit} for {hours:.0f} h from {first}: is the sensor stuck?"
         yield Finding("warning", name, text + (" These rows are taken as missing." if role == "T_za" else ""))
