@@ -52,7 +52,7 @@ def read_index(
     utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
     breaks = segments(utc) if gaps and len(utc) > 1 else (0,)
     first = slice(breaks[1] if len(breaks) > 1 else None)  # all segments have its step
-    known = even_step(utc[first], index[first]) if len(utc) > 1 else given or expected
+    known = even_step(index[first]) if len(utc) > 1 else given or expected
     if known is None:
         raise ValueError(f"the step of X is unknown, since it has {len(utc)} row(s); pass sampling_time='15min'.")
     step = known
@@ -111,22 +111,22 @@ def segments(utc: pd.DatetimeIndex) -> tuple[int, ...]:
     return (0, *(int(i) for i in ends + 1))
 
 
-def even_step(utc: pd.DatetimeIndex, shown: pd.Index) -> pd.Timedelta:
+def even_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     """The step of an evenly spaced index; a ValueError names the first stamps out of order or unevenly spaced."""
-    gaps = np.diff(utc.as_unit("ns").asi8)
-    hint = ", or localize it if this is daylight saving" if getattr(shown, "tz", None) is None else ""
+    gaps = np.diff(index.as_unit("ns").asi8)
+    hint = ", or localize it if this is daylight saving" if index.tz is None else ""
     if (gaps <= 0).any():
         row = int(np.argmax(gaps <= 0))
         what = "has duplicates" if gaps[row] == 0 else "goes back in time"
         raise ValueError(
-            f"the index {what}: {shown[row]} is followed by {shown[row + 1]}; sort it and drop duplicates "
+            f"the index {what}: {index[row]} is followed by {index[row + 1]}; sort it and drop duplicates "
             f"(skhybrid.datasets.regularize does){hint}."
         )
     usual = int(np.median(gaps))
     if (gaps != usual).any():
         row = int(np.argmax(gaps != usual))
         raise ValueError(
-            f"the index is not evenly spaced: {shown[row]} is followed by {shown[row + 1]}, where most steps are "
+            f"the index is not evenly spaced: {index[row]} is followed by {index[row + 1]}, where most steps are "
             f"{spell(pd.Timedelta(usual, unit='ns'))}; use skhybrid.datasets.regularize{hint}."
         )
     step = pd.Timedelta(usual, unit="ns")

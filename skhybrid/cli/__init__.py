@@ -58,7 +58,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None) -> int:
-    """Run the command line and return its exit code."""
     import click  # here, since signals are handled by now
 
     try:

@@ -22,12 +22,7 @@ def _some(context: click.Context, option: click.Parameter, jobs: int | None) -> 
 
 
 _JOBS = click.option(
-    "--jobs",
-    type=int,
-    default=None,
-    callback=_some,
-    metavar="N",
-    help="Number of processes; -1 uses every core.",
+    "--jobs", type=int, default=None, callback=_some, metavar="N", help="Number of processes; -1 uses every core."
 )
 
 

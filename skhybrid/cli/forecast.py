@@ -21,10 +21,7 @@ _TITLES = {
 _ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # of the 80 % intervals
 
 
-@as_command(
-    "forecast",
-    "skhybrid forecast --model zone.skops --log today.csv --weather tomorrow.csv --setpoint 21,24",
-)
+@as_command("forecast", "skhybrid forecast --model zone.skops --log today.csv --weather tomorrow.csv --setpoint 21,24")
 @MODEL
 @click.option(
     "--log",

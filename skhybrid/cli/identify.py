@@ -38,7 +38,6 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> int:
 
 
 def _print_rooms(found: Any, as_json: bool) -> None:
-    """Print the rooms, and what each two exchange."""
     from ..study.building_outputs import identified_content
     from ..study.identified_building import identified_only
 

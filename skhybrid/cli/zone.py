@@ -90,12 +90,11 @@ def status(folder: Path, say: Progress, as_json: bool) -> int:
     from ..zone import ZoneFolder
 
     found = ZoneFolder(folder).status()
-    if as_json:
-        _print(found, as_json)
-    elif "zones" in found:
-        _print(found | {"zones": {zone: _in_words(state) for zone, state in found["zones"].items()}}, as_json)
-    else:
-        _print(_in_words(found), as_json)
+    if not as_json and "zones" in found:
+        found |= {"zones": {zone: _in_words(state) for zone, state in found["zones"].items()}}
+    elif not as_json:
+        found = _in_words(found)
+    _print(found, as_json)
     return DONE
 
 

@@ -142,7 +142,6 @@ def make_house(
 
 
 def _check_rooms(zones: int, partition: float) -> None:
-    """Refuse a number of rooms, or a partition, that is out of range."""
     if not isinstance(zones, int | np.integer) or not 2 <= zones <= len(_ROOMS):
         raise ValueError(f"zones={zones!r} must be an integer from 2 to {len(_ROOMS)}.")
     if not (np.isfinite(partition) and partition > 0):

@@ -197,7 +197,6 @@ def _read_open_meteo(
 
 
 def _answer(file: Path, where: str) -> Mapping[str, Any]:
-    """The JSON of one place."""
     try:
         answer = json.loads(file.read_text(encoding="utf-8-sig"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
@@ -280,8 +279,7 @@ def _on_plane(light: Mapping[str, np.ndarray], sun: pd.DataFrame, azimuth: float
     from pvlib.irradiance import get_total_irradiance
 
     zenith, day = sun["zenith"].to_numpy(), pd.DatetimeIndex(sun.index).day_of_year.to_numpy()
-    parts = split(light[_LIGHT[0]], light.get(_LIGHT[1]), light.get(_LIGHT[2]), zenith, day)
-    beam, total, diffuse = parts.direct, parts.total, parts.diffuse
+    beam, diffuse, total = split(light[_LIGHT[0]], light.get(_LIGHT[1]), light.get(_LIGHT[2]), zenith, day)
     facing = sun["azimuth"].to_numpy()
     plane = get_total_irradiance(tilt, azimuth, zenith, facing, beam, total, diffuse, albedo=ALBEDO, model="isotropic")
     return np.asarray(plane["poa_global"]).clip(min=0.0)

@@ -128,7 +128,6 @@ class FleetFolder:
         return fleet, days
 
     def _check(self, given: dict[str, Any]) -> None:
-        """Refuse names that are unknown and values that cannot be used."""
         known = HybridPredictor().get_params(deep=False)
         tables = [("", given, _KEYS), ("estimator.", given.get("estimator", {}), known)]
         for where, table, names in tables:

@@ -76,10 +76,10 @@ def _chart(recent: pd.DataFrame) -> str:
     y = _HEIGHT - 4.0 - (lines - low) / max(high - low, 0.1) * (_HEIGHT - 8.0)
     known = np.isfinite(y[:, 2:]).all(axis=1)
     around = [*zip(x[known], y[known, 3], strict=True), *list(zip(x[known], y[known, 2], strict=True))[::-1]]
-    band = f'<polygon class="band" points="{_points(around)}"/>' if len(around) > 2 else ""
-    drawn = "".join(
-        f'<path class="{kind}" d="{_path(x, y[:, k])}"/>' for k, kind in ((0, "seen"), (1, "made")) if _path(x, y[:, k])
-    )
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in around)
+    band = f'<polygon class="band" points="{points}"/>' if len(around) > 2 else ""
+    paths = {"seen": _path(x, y[:, 0]), "made": _path(x, y[:, 1])}
+    drawn = "".join(f'<path class="{kind}" d="{path}"/>' for kind, path in paths.items() if path)
     seen = np.flatnonzero(np.isfinite(lines[:, 0]))  # a line where the measurements end
     now = (
         f'<line class="now" x1="{x[seen[-1]]:.1f}" y1="0" x2="{x[seen[-1]]:.1f}" y2="{_HEIGHT:g}"/>'
@@ -100,10 +100,6 @@ def _path(x: np.ndarray, y: np.ndarray) -> str:
     known = np.isfinite(y)
     moves = known & ~np.concatenate([[False], known[:-1]])
     return "".join(f"{'M' if moves[i] else 'L'}{x[i]:.1f} {y[i]:.1f}" for i in np.flatnonzero(known))
-
-
-def _points(pairs: Any) -> str:
-    return " ".join(f"{a:.1f},{b:.1f}" for a, b in pairs)
 
 
 def _date(stamp: Any) -> str:

@@ -11,10 +11,9 @@ import pandas as pd
 from .._time import spell
 from .._warnings import several
 from ..study.doubts import at_ends, drift_days, drifted
-from ..study.verdict import CARE, NOT, USABLE, compare_errors, judge
+from ..study.verdict import CARE, NOT, USABLE, WORST_FIRST, compare_errors, judge
 from .model_store import ModelStore
 
-_ORDER = (NOT, CARE, USABLE)
 _SHORT = pd.Timedelta("3D")  # a training that says little
 _OLD = pd.Timedelta("12h")  # by how much the last row of a zone may be older than the newest of the fleet
 COLUMNS = ("verdict", "last_row", "rmse_yesterday", "rmse_training", "coverage", "drift", "reasons")
@@ -71,12 +70,11 @@ def _few_rows(model: Any) -> list[str]:
     return [f"it learned from {several(record.n_rows, 'row')} of {spell(record.step)} only"]
 
 
-def status_table(
-    found: Mapping[str, ZoneStatus], failed: Mapping[str, str], key: str
-) -> tuple[pd.DataFrame, dict[str, pd.DataFrame]]:
-    """One row per zone, the worst first, and the recent rows of each; zones that failed are not usable."""
+def status_table(found: Mapping[str, ZoneStatus], failed: Mapping[str, str], key: str) -> pd.DataFrame:
+    """One row per zone, the worst first; zones that failed are not usable."""
     rows = {zone: dict(one.row) for zone, one in found.items()}
-    stamps = {z: _in_utc(row["last_row"]) for z, row in rows.items() if row["last_row"] is not pd.NaT}
+    known = {zone: row["last_row"] for zone, row in rows.items() if row["last_row"] is not pd.NaT}
+    stamps = {zone: pd.to_datetime(last, utc=True) for zone, last in known.items()}
     for zone, stamp in stamps.items():
         age = max(stamps.values()) - stamp
         if age >= _OLD:
@@ -95,10 +93,5 @@ def status_table(
     numbers = ["rmse_yesterday", "rmse_training", "coverage"]
     table[numbers] = table[numbers].astype(float)
     grown = (table["rmse_yesterday"] / table["rmse_training"]).fillna(0.0)
-    order = pd.DataFrame({"verdict": table["verdict"].map(_ORDER.index), "grown": -grown, "zone": table[key]})
-    table = table.loc[order.sort_values(["verdict", "grown", "zone"]).index].reset_index(drop=True)
-    return table, {zone: one.recent for zone, one in found.items()}
-
-
-def _in_utc(stamp: pd.Timestamp) -> pd.Timestamp:
-    return stamp.tz_localize("UTC") if stamp.tz is None else stamp.tz_convert("UTC")
+    order = pd.DataFrame({"verdict": table["verdict"].map(WORST_FIRST.index), "grown": -grown, "zone": table[key]})
+    return table.loc[order.sort_values(["verdict", "grown", "zone"]).index].reset_index(drop=True)

@@ -28,12 +28,13 @@ class Journal:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write it to a file, in one step."""
-        frames = {name: _numeric(getattr(self, name)) for name in _FRAMES}
+        frames = {name: getattr(self, name).select_dtypes(["number", "bool"]) for name in _FRAMES}
         kinds = {name: _kind_of(frame) for name, frame in frames.items()}
-        text = json.dumps({"facts": self.facts, "frames": kinds})
-        arrays: dict[str, Any] = {"text": np.array(text)}
+        arrays: dict[str, Any] = {"text": np.array(json.dumps({"facts": self.facts, "frames": kinds}))}
         for name, frame in frames.items():
-            arrays |= {name: frame.to_numpy(dtype=np.float64), f"{name}_index": _numbers_of(frame.index)}
+            index = frame.index
+            numbers = index.asi8 if isinstance(index, pd.DatetimeIndex) else np.arange(len(index))
+            arrays |= {name: frame.to_numpy(dtype=np.float64), f"{name}_index": numbers}
         with atomic_path(path) as made, open(made, "wb") as file:
             np.savez(file, **arrays)
 
@@ -51,20 +52,12 @@ class Journal:
             raise ValueError(f"{path} cannot be read as the journal of a zone; remove it and fit again.") from error
 
 
-def _numeric(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame.select_dtypes(["number", "bool"])
-
-
 def _kind_of(frame: pd.DataFrame) -> dict[str, Any]:
     index = frame.index
     kind: dict[str, Any] = {"columns": [str(column) for column in frame], "name": index.name}
     if isinstance(index, pd.DatetimeIndex):
         kind |= {"unit": index.unit, "tz": zone_name(index.tz)}
     return kind
-
-
-def _numbers_of(index: pd.Index) -> np.ndarray:
-    return index.asi8 if isinstance(index, pd.DatetimeIndex) else np.arange(len(index))
 
 
 def _frame(values: np.ndarray, numbers: np.ndarray, kind: dict[str, Any]) -> pd.DataFrame:

@@ -24,15 +24,7 @@ from .fleet_status import status_table, zone_status
 from .long_table import joined
 from .model_store import ModelStore, TemporaryStore
 from .prior import FleetPrior
-from .zone_jobs import (
-    backtest_zone,
-    fit_zone,
-    forecast_zone,
-    predict_zone,
-    score_zone,
-    tick_zone,
-    update_zone,
-)
+from .zone_jobs import backtest_zone, fit_zone, forecast_zone, predict_zone, score_zone, tick_zone, update_zone
 from .zone_rows import ZoneFiles, zone_files
 
 _UNFITTED = "the store has no model of it; fit it first."
@@ -266,11 +258,12 @@ class ZoneFleet(BaseEstimator):
         """
         zones = self.zones_
         files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
-        found = self._run(zone_status, dict.fromkeys(zones, ()), files)
+        outcomes = self._run(zone_status, dict.fromkeys(zones, ()), files)
+        found = {o.zone: o.value for o in outcomes if o.error is None}
         failed = self._models.failures() | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
-        table, recent = status_table({o.zone: o.value for o in found if o.error is None}, failed, self.key)
+        table = status_table(found, failed, self.key)
         if page is not None:
-            write_page(page, table, recent, self.key)
+            write_page(page, table, {zone: one.recent for zone, one in found.items()}, self.key)
         return table
 
     def prior(self, sizes: Mapping[str, float] | None = None) -> FleetPrior:

@@ -64,7 +64,6 @@ def zone_files(X: Any, y: Any, key: str) -> Iterator[ZoneFiles]:
 
 
 def _tables(X: Any, y: Any, key: str) -> Iterator[tuple[Any, pd.DataFrame]]:
-    """Zones with their rows."""
     if isinstance(X, pd.DataFrame):
         yield from _of_long(X if y is None else _with_target(X, y), key)
         return

@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._time import wall_clock
 from ._display import Display
-from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, heading, legend, line_style, tidy
+from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, legend, line_style, tidy
 
 _PANELS = {"gain": "scheduled heat [kW]", "ua": "scheduled conductance\n[kW/K]"}
 _HOURS = 24
@@ -107,8 +107,7 @@ class DisturbanceWeekDisplay(Display):
         ax.grid(False, axis="x")
         ax.grid(True, axis="x", which="minor", color="#dddddd", linewidth=0.6)
         ax.tick_params(axis="x", which="major", length=0)
-        legend(ax)
-        heading(ax, title)
+        legend(ax, title)
         return self._drawn_on(ax)
 
 
@@ -191,6 +190,5 @@ class ScheduleDisplay(Display):
             panel.axhline(0.0, color="#888888", linewidth=0.8)
             tidy(panel, ylabel=label)
         axes[-1].set(xlim=(0, _HOURS), xticks=range(0, _HOURS + 1, 3), xlabel="local hour [h]")
-        legend(axes[0])
-        heading(axes[0], title)
+        legend(axes[0], title)
         return self._drawn_on(axes)

@@ -114,8 +114,7 @@ class ForecastDisplay(Display):
         if zones:
             shared_legend(panels, title)
         else:
-            legend(axes)
-            heading(axes, title)
+            legend(axes, title)
         return self._drawn_on(axes)
 
 
@@ -195,8 +194,7 @@ class LeadErrorDisplay(Display):
         ax.set_ylim(bottom=0)
         if hours.max() % 6 == 0:
             ax.set_xticks(range(0, int(hours.max()) + 1, 6 if hours.max() > 12 else 3))
-        legend(ax)
-        heading(ax, title)
+        legend(ax, title)
         return self._drawn_on(ax)
 
 
@@ -253,12 +251,12 @@ class DayAheadDisplay(Display):
         %(title)s
         """
         axes = axes_or_new(ax, (9.0, 2.6 * self.n_axes + 0.6), self.n_axes)
-        above = axes[0] if self.n_axes == 2 else axes
-        self._draw_temperature(above)
+        panels = np.ravel(np.asarray(axes, dtype=object))
+        self._draw_temperature(panels[0])
         if self.n_axes == 2:
-            self._draw_load(axes[1])
-        time_axis(axes[1] if self.n_axes == 2 else above, self.forecast.index)
-        heading(above, title)
+            self._draw_load(panels[1])
+        time_axis(panels[-1], self.forecast.index)
+        heading(panels[0], title)
         return self._drawn_on(axes)
 
     def _draw_temperature(self, ax: Any) -> None:
@@ -302,7 +300,6 @@ def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str,
 def _run_backtests(
     estimator: Any, X: Any, y: Any, horizon: Any, origin_step: Any, quantiles: Sequence[float] | None = None
 ) -> dict[str, pd.DataFrame]:
-    """Back-test one fitted estimator, or each of a mapping."""
     models = estimator if isinstance(estimator, Mapping) else {type(estimator).__name__: estimator}
     return {
         label: backtest(model, X, y, horizon=horizon, origin_step=origin_step, quantiles=quantiles)

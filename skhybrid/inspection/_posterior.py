@@ -12,7 +12,7 @@ from scipy.stats import gaussian_kde
 from .._warnings import percent
 from ..model_selection import PatternExpressiveness, RobustnessComparison
 from ._display import Display
-from ._style import COLORS, MEASURED, axes_or_new, grid_or_new, heading, legend, shared_legend, tidy
+from ._style import COLORS, MEASURED, axes_or_new, grid_or_new, legend, shared_legend, tidy
 
 _GREY = "#8a8a8a"
 _HEIGHT = 0.75  # height of the highest curve, as a fraction of a row
@@ -89,8 +89,7 @@ class PosteriorDisplay(Display):
         ax.set_ylim(len(terms) - 0.5, -1.0)
         unit = "log RMSE [-]" if self.log else "RMSE [K]"
         tidy(ax, ylabel="", xlabel=f"change of {unit} (negative: smaller error)")
-        legend(ax)
-        heading(ax, title)
+        legend(ax, title)
         return self._drawn_on(ax)
 
     def _draw_term(self, ax: Any, row: int, term: str) -> None:

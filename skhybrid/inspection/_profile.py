@@ -10,7 +10,7 @@ import numpy as np
 from .._warnings import percent
 from ..identification import ProfileLikelihood, profile_likelihood
 from ._display import Display
-from ._style import COLORS, MEASURED, axes_or_new, heading, legend, tidy
+from ._style import COLORS, MEASURED, axes_or_new, legend, tidy
 
 
 @dataclass(eq=False, repr=False)
@@ -84,6 +84,5 @@ class ProfileDisplay(Display):
             ax.axvline(truth, color=COLORS[1], linewidth=1.4, linestyle=":", label=f"true value {truth:.3g}")
         tidy(ax, ylabel="deviance [-]", xlabel=f"{found.parameter} [{found.unit}]")
         ax.set_ylim(bottom=0.0)
-        legend(ax)
-        heading(ax, title)
+        legend(ax, title)
         return self._drawn_on(ax)

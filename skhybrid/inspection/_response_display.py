@@ -65,14 +65,18 @@ class _ResponseDisplay(Display):
                 found[name] = sum(frames[1:], frames[0]) / len(frames)
         return cls(found, several)
 
-    def _band(self, ax: Any, label: str, name: str, across: Any, drawn: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Shade between the least and the most of all origins."""
-        frames = self.by_origin.get(label, [])
-        if len(frames) > 1:
-            values = np.array([drawn(frame[name].to_numpy()) for frame in frames])
-            color, text = _style_of(label, self.responses)["color"], f"{label}, {len(frames)} origins"
-            edges = values.min(axis=0), values.max(axis=0)
-            ax.fill_between(across, *edges, color=color, alpha=0.2, linewidth=0, zorder=1, label=text)
+    def _draw(self, ax: Any, name: str, unit: str, drawn: Callable[[np.ndarray], np.ndarray]) -> None:
+        """The responses to an input by time in a unit, in bands from the least to the most of all origins."""
+        for label, frame in self.responses.items():
+            if name not in frame:
+                continue
+            across, style = _times(frame, unit), _style_of(label, self.responses)
+            ax.plot(across, drawn(frame[name].to_numpy()), label=label, **style)
+            frames = self.by_origin.get(label, [])
+            if len(frames) > 1:
+                values = np.array([drawn(one[name].to_numpy()) for one in frames])
+                band: dict[str, Any] = {"alpha": 0.2, "linewidth": 0, "label": f"{label}, {len(frames)} origins"}
+                ax.fill_between(across, values.min(axis=0), values.max(axis=0), color=style["color"], zorder=1, **band)
 
 
 class BodeDisplay(_ResponseDisplay):
@@ -148,33 +152,20 @@ class BodeDisplay(_ResponseDisplay):
         n_cols = 2 if phase or len(names) == 4 else 3
         axes = grid_or_new(ax, n_each * len(names), n_cols, (4.2, 2.4) if len(names) > 1 else (6.4, 3.6))
         for number, name in enumerate(names):
-            self._draw_magnitude(axes[n_each * number], name, decibel)
+            panel, unit = axes[n_each * number], _unit_of(name)
+            self._draw(panel, name, "1s", _decibel if decibel else np.abs)
+            if not decibel:
+                panel.set_yscale("log")
+            tidy(panel, ylabel=f"dB re 1 {unit}" if decibel else f"magnitude [{unit}]", title=name)
             if phase:
-                self._draw_phase(axes[n_each * number + 1], name)
+                self._draw(axes[n_each * number + 1], name, "1s", _degrees)
+                tidy(axes[n_each * number + 1], ylabel="phase [degrees]", title=name)
         for panel in axes:
             _period_axis(panel, self.responses)
         for panel in axes[-n_cols:]:
             panel.set_xlabel("period of the input")
         shared_legend(axes, title)
         return self._drawn_on(axes)
-
-    def _draw_magnitude(self, ax: Any, name: str, decibel: bool) -> None:
-        for label, frame in self.responses.items():
-            if name in frame:
-                drawn = _decibel if decibel else np.abs
-                ax.plot(_seconds(frame), drawn(frame[name].to_numpy()), label=label, **_style_of(label, self.responses))
-                self._band(ax, label, name, _seconds(frame), drawn)
-        if not decibel:
-            ax.set_yscale("log")
-        tidy(ax, ylabel=f"dB re 1 {_unit_of(name)}" if decibel else f"magnitude [{_unit_of(name)}]", title=name)
-
-    def _draw_phase(self, ax: Any, name: str) -> None:
-        for label, frame in self.responses.items():
-            if name in frame:
-                angle = _degrees(frame[name].to_numpy())
-                ax.plot(_seconds(frame), angle, label=label, **_style_of(label, self.responses))
-                self._band(ax, label, name, _seconds(frame), _degrees)
-        tidy(ax, ylabel="phase [degrees]", title=name)
 
 
 class StepResponseDisplay(_ResponseDisplay):
@@ -231,13 +222,9 @@ class StepResponseDisplay(_ResponseDisplay):
         names = _inputs_of(self.responses, inputs)
         n_cols = 2 if len(names) == 4 else 3
         axes = grid_or_new(ax, len(names), n_cols, (4.2, 2.4) if len(names) > 1 else (6.4, 3.6))
-        hours = {label: pd.TimedeltaIndex(frame.index) / pd.Timedelta("1h") for label, frame in self.responses.items()}
-        longest = max(time.max() for time in hours.values())
+        longest = max(_times(frame, "1h").max() for frame in self.responses.values())
         for panel, name in zip(axes, names, strict=True):
-            for label, frame in self.responses.items():
-                if name in frame:
-                    panel.plot(hours[label], frame[name], label=label, **_style_of(label, self.responses))
-                    self._band(panel, label, name, hours[label], np.asarray)
+            self._draw(panel, name, "1h", np.asarray)
             tidy(panel, ylabel=f"temperature [{_unit_of(name)}]", title=name)
             panel.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
             panel.set_xlim(0, longest)
@@ -283,16 +270,16 @@ def _degrees(response: np.ndarray) -> np.ndarray:
     return np.degrees(np.unwrap(np.angle(response)[::-1])[::-1])
 
 
-def _seconds(frame: pd.DataFrame) -> np.ndarray:
-    return (pd.TimedeltaIndex(frame.index) / pd.Timedelta("1s")).to_numpy()
+def _times(frame: pd.DataFrame, unit: str) -> np.ndarray:
+    return (pd.TimedeltaIndex(frame.index) / pd.Timedelta(unit)).to_numpy()
 
 
 def _period_axis(ax: Any, responses: Mapping[str, pd.DataFrame]) -> None:
     from matplotlib.ticker import NullLocator
 
     ax.set_xscale("log")
-    ends = [(_seconds(frame).min(), _seconds(frame).max()) for frame in responses.values()]
-    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    seconds = np.concatenate([_times(frame, "1s") for frame in responses.values()])
+    low, high = seconds.min(), seconds.max()
     ax.set_xlim(low, high)
     shown = {place: text for place, text in _TICKS.items() if low <= place <= high}
     if len(shown) > 1:

@@ -31,20 +31,8 @@ def line_style(number: int, *, beside_measured: bool = False) -> dict[str, Any]:
 
 def axes_or_new(ax: Any, figsize: tuple[float, float], n_rows: int = 1) -> Any:
     """Return the given axes, or those of a new figure: one, or an array of ``n_rows`` with a common time axis."""
-    if ax is not None:
-        given = _given_axes(ax, n_rows)
-        return given[0] if n_rows == 1 else given
-    import matplotlib.pyplot as plt
-
-    _, made = plt.subplots(n_rows, 1, sharex=True, figsize=figsize, layout="constrained")
-    return made
-
-
-def _given_axes(ax: Any, n_axes: int) -> np.ndarray:
-    given = np.ravel(np.asarray(ax, dtype=object))
-    if len(given) != n_axes:
-        raise ValueError(f"ax has {len(given)} axes, but this display needs {n_axes}.")
-    return given
+    axes = grid_or_new(ax, n_rows, 1, (figsize[0], figsize[1] / n_rows))
+    return axes[0] if n_rows == 1 else axes
 
 
 def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None = None) -> None:
@@ -61,16 +49,17 @@ def tidy(ax: Any, *, ylabel: str, xlabel: str | None = None, title: str | None =
 
 
 def heading(ax: Any, title: str | None) -> None:
-    """Set a bold title above the axes, clear of the legend."""
+    """Set a bold title above the axes, clear of a legend."""
     if title:
         pad = 15.0 + 15.0 * -(-len(ax.get_legend_handles_labels()[1]) // _columns(ax))
         ax.set_title(title, loc="left", fontsize="medium", fontweight="bold", pad=pad)
 
 
-def legend(ax: Any) -> None:
-    """Add a legend above the axes, where it hides nothing."""
+def legend(ax: Any, title: str | None = None) -> None:
+    """Add a legend above the axes, where it hides nothing, and a title above it."""
     place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
     ax.legend(ncols=_columns(ax), **place, **_LEGEND)
+    heading(ax, title)
 
 
 def _columns(ax: Any) -> int:
@@ -99,7 +88,10 @@ def time_axis(ax: Any, time: pd.Index) -> None:
 def grid_or_new(ax: Any, n_axes: int, n_cols: int, size: tuple[float, float], share: bool = True) -> np.ndarray:
     """(n_axes,) axes: those given, or of a new figure in ``n_cols`` columns, each of the given size [inch]."""
     if ax is not None:
-        return _given_axes(ax, n_axes)
+        given = np.ravel(np.asarray(ax, dtype=object))
+        if len(given) != n_axes:
+            raise ValueError(f"ax has {len(given)} axes, but this display needs {n_axes}.")
+        return given
     import matplotlib.pyplot as plt
 
     n_cols = min(n_cols, n_axes)
@@ -128,13 +120,11 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
         axes[0].figure.legend(entries.values(), entries.keys(), **heading_style, **place, **_LEGEND)
 
 
-def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> int:
-    """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter; return the number of bands drawn."""
+def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> None:
+    """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter."""
     levels = sorted(float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_"))
-    pairs = [(low, high) for low, high in zip(levels, levels[::-1], strict=True) if low < high]
-    for low, high in pairs:
+    for low, high in zip(levels[: len(levels) // 2], levels[::-1], strict=False):
         level = percent(high - low, ".3g")
         name = f"{label}, {level}" if label else f"{level} interval"
         edges = (frame[name] for name in quantile_columns((low, high)))
         ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=name)
-    return len(pairs)

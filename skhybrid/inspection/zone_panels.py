@@ -25,9 +25,7 @@ def days_figure(forecasts: Mapping[str, pd.DataFrame], width: float = 9.0, power
     figure, axes = _panels(len(forecasts), 1 + loads, width)
     for row, (zone, frame) in zip(axes, forecasts.items(), strict=True):
         shown = row[: 1 + ("Q_hvac" in frame)]
-        DayAheadDisplay.from_predictions(
-            frame, **measured_and_setpoint(frame), ax=shown if len(shown) > 1 else shown[0]
-        )
+        DayAheadDisplay.from_predictions(frame, **measured_and_setpoint(frame), ax=shown)
         for ax, unit in zip(shown, ("degC", power), strict=False):
             ax.set_ylabel(f"{zone} [{unit}]")
             ax.get_legend().remove()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,14 +16,6 @@ _FEW_DAYS, _ENOUGH_DAYS = 3, 14
 _LEAST_SPREAD = 1.0  # range of a room's temperature [K] that shows its time constants
 _MOST_NAMED = 4  # columns that may be a temperature which is missing
 _LEAST_WEATHER = 5.0  # range of the outdoor temperature [K] that shows the loss
-
-
-class Abilities(NamedTuple):
-    """Facts of a zone that a log determines, those that it does not, and what would help."""
-
-    can: list[str]
-    cannot: list[str]
-    next_steps: list[str]
 
 
 def excitation(frame: pd.DataFrame) -> pd.DataFrame:
@@ -47,13 +38,9 @@ def excitation(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def abilities(
-    moved: pd.DataFrame,
-    n_days: int,
-    unsure: set[str],
-    rooms: Sequence[str] = ("T_za",),
-    unplaced: Sequence[str] = (),
-) -> Abilities:
-    """Judge what a log can tell from ``moved``, the table of :func:`excitation`.
+    moved: pd.DataFrame, n_days: int, unsure: set[str], rooms: Sequence[str] = ("T_za",), unplaced: Sequence[str] = ()
+) -> tuple[list[str], list[str], list[str]]:
+    """Facts that a log can tell, those that it cannot, and what would help, from the table of :func:`excitation`.
 
     ``unsure`` are roles of stages and powers whose scale is not certain; ``rooms`` are the roles of the rooms'
     temperatures, of which the first is judged, and ``unplaced`` columns of temperatures without a role.
@@ -101,7 +88,7 @@ def abilities(
     elif not any(role.startswith(SETPOINT_ROLES) for role in have) and plants:
         cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
         steps.append("log the set-points, with which the thermostat is learned.")
-    return Abilities(can, cannot, steps)
+    return can, cannot, steps
 
 
 def _to_name(role: str, what: str, unplaced: Sequence[str], plant: bool) -> list[str]:

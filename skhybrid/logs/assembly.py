@@ -94,7 +94,10 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
     kept_channels = _numeric_channels(channels, pieces)
     frame = pd.DataFrame({n: c.values()[order] for n, c in kept_channels.items()}, index=stamps, copy=False)
     if not frame.index.is_monotonic_increasing:
-        _note_disorder(stamps, pieces)
+        back = np.flatnonzero(np.diff(stamps.as_unit("ns").asi8) < 0)
+        hint = "; if clocks were put back then, pass timezone=" if stamps.tz is None else ""
+        times = several(len(back), "time")
+        pieces.notes.append(f"stamps go back {times}, first at {stamps[back[0] + 1]}: sorted{hint}")
         frame = frame.sort_index(kind="stable")
     return _finish(frame, kept_channels, pieces, choice, sparse_only=True)
 
@@ -162,22 +165,23 @@ def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
     return piece[known]
 
 
-def _joined(texts: list[pd.Series], where: str) -> pd.Series:
+def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Series, pd.DatetimeIndex]:
+    """The cells of time stamps of all pieces, and the stamps as they are written."""
     cells = pd.concat(texts) if texts else pd.Series(dtype=object)
     texts.clear()
     if cells.empty:
-        raise ValueError(f"{where} has no rows with a time stamp.")
+        raise ValueError(f"{pieces.where} has no rows with a time stamp.")
     if cells.dtype == object and not isinstance(first := cells.iloc[0], str) and hasattr(first, "year"):
         mixed = any(getattr(one, "tzinfo", None) is not None for one in (first, cells.iloc[-1]))
-        return pd.Series(pd.to_datetime(cells, utc=mixed), index=cells.index)
-    return cells
+        cells = pd.Series(pd.to_datetime(cells, utc=mixed), index=cells.index)
+    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
+    pieces.notes.extend(notes)
+    return cells, stamps
 
 
 def _stamps(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.DatetimeIndex, slice]:
     """Stamps in the order of time as far as the file has one, and the order of the rows: forwards or backwards."""
-    cells = _joined(texts, pieces.where)
-    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
-    pieces.notes.extend(notes)
+    cells, stamps = _read(texts, pieces, choice)
     order = slice(None, None, -1 if stamps[0] > stamps[-1] else 1)
     return in_zone(stamps, choice.timezone, cells, pieces.where)[order].rename("time"), order
 
@@ -186,9 +190,7 @@ def _long_stamps(
     texts: list[pd.Series], places: Mapping[str, np.ndarray], pieces: Pieces, choice: Choice
 ) -> pd.DatetimeIndex:
     """Stamps of all rows of a long table, which may follow each other by time or by channel."""
-    cells = _joined(texts, pieces.where)
-    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
-    pieces.notes.extend(notes)
+    cells, stamps = _read(texts, pieces, choice)
     by_channel = (np.diff(stamps.as_unit("ns").asi8) < -_LONG_BACK).any()
     if choice.timezone is None or stamps.tz is not None or not by_channel:
         return in_zone(stamps, choice.timezone, cells, pieces.where)
@@ -225,12 +227,6 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
     return kept
 
 
-def _note_disorder(stamps: pd.DatetimeIndex, pieces: Pieces) -> None:
-    back = np.flatnonzero(np.diff(stamps.as_unit("ns").asi8) < 0)
-    hint = "; if clocks were put back then, pass timezone=" if stamps.tz is None else ""
-    pieces.notes.append(f"stamps go back {several(len(back), 'time')}, first at {stamps[back[0] + 1]}: sorted{hint}")
-
-
 def _finish(
     frame: pd.DataFrame, channels: Mapping[str, NumberColumn], pieces: Pieces, choice: Choice, sparse_only: bool = False
 ) -> RawLog:
@@ -252,7 +248,7 @@ def _finish(
         held = frozenset(choice.held)
         for name in held - set(frame):
             raise ValueError(f"held= names {name!r}, which is not a channel of {pieces.where}.")
-    notes = tuple(_counted(pieces.notes))
+    notes = tuple(note if n == 1 else f"{note} ({n} times)" for note, n in Counter(pieces.notes).items())
     if held and not frame.index.is_unique:
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     switches = frozenset(str(name) for name, channel in channels.items() if channel.n_switches)
@@ -265,12 +261,6 @@ def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:
     if others:
         raise ValueError(f"{where} has cells in {first} and in {others[0]} in the column {name!r}; export one unit.")
     return first
-
-
-def _counted(notes: Sequence[str]) -> Iterator[str]:
-    """Each note once, and how often it was made if more than once."""
-    for note, n in Counter(notes).items():
-        yield note if n == 1 else f"{note} ({n} times)"
 
 
 def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:

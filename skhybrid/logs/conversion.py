@@ -90,18 +90,17 @@ def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
     if is_instant(channel.role) and channel.name in raw.switches:
         series = series.where(~series.isin((0.0, 1.0)))
+    values = series.to_numpy(dtype=np.float64)
     if (counter := counter_of(raw, channel)) is not None:
         values = power_of_counter(counter)
     elif channel.role.startswith("Q_") and unit in ENERGY:
-        values = ENERGY[unit] * series.to_numpy(dtype=np.float64) / row_hours(series)
+        values = ENERGY[unit] * values / row_hours(series)
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
-        values = series.to_numpy(dtype=np.float64) * (1.0 if known else TIMES[unit] / (3600.0 * row_hours(series)))
-    elif unit is None or (role_of(channel.role) is None and unit not in UNITS):
-        values = series.to_numpy(dtype=np.float64)
-    else:
-        values = convert(series.to_numpy(dtype=np.float64), conversion_of(unit, channel.role))
+        values = values * (1.0 if known else TIMES[unit] / (3600.0 * row_hours(series)))
+    elif unit is not None and (role_of(channel.role) is not None or unit in UNITS):
+        values = convert(values, conversion_of(unit, channel.role))
     return values * channel.scale
 
 

@@ -60,9 +60,9 @@ class RegularizeReport:
             lines.append(f"{self.out_of_order} rows out of order: sorted")
         if self.duplicates:
             lines.append(f"{self.duplicates} rows with a duplicate stamp: the first value of each column is kept")
-        lines += [f"{name}: {n} row{'s' * (n > 1)} of short gaps filled" for name, n in self.filled.items()]
+        lines += [f"{name}: {several(n, 'row')} of short gaps filled" for name, n in self.filled.items()]
         lines += [
-            f"{name}: {n} row{'s' * (n > 1)} left missing, first {self.first_missing[name]}"
+            f"{name}: {several(n, 'row')} left missing, first {self.first_missing[name]}"
             for name, n in self.missing.items()
         ]
         return "\n".join(lines)
@@ -117,8 +117,7 @@ def regularize(
     the last value at the stamp; where no column has a row for hours, though the log usually has many, it is an outage,
     and held history is missing in it.
     """
-    _check_frame(frame)
-    _check_held(frame, held)
+    _check(frame, held)
     hold = positive_duration(max_hold, "max_hold")
     span = duration_from_zero(max_gap, "max_gap")
     ordered, out_of_order, duplicates = _sort_and_deduplicate(frame)
@@ -157,7 +156,7 @@ def _filled_and_missing(
     return filled, missing, {name: out.index[int(np.argmax(gone[name]))] for name in missing}
 
 
-def _check_frame(frame: pd.DataFrame) -> None:
+def _check(frame: pd.DataFrame, held: Collection[str]) -> None:
     if not isinstance(frame, pd.DataFrame) or not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("regularize needs a DataFrame with a DatetimeIndex; read_zone_csv returns one.")
     if len(frame) < 2:
@@ -168,9 +167,6 @@ def _check_frame(frame: pd.DataFrame) -> None:
         )
     if not frame.columns.is_unique:
         raise ValueError(f"column {frame.columns[frame.columns.duplicated()][0]!r} appears twice; keep one of them.")
-
-
-def _check_held(frame: pd.DataFrame, held: Collection[str]) -> None:
     if isinstance(held, str):
         raise ValueError(f"held={held!r} is one text; give a list of columns.")
     for name in held:
@@ -223,12 +219,9 @@ def _even_index(
 
     A stamp that is up to ``slack`` before the start of a step still belongs to that step.
     """
-    first = index[0] + slack
-    offset = first.utcoffset() or pd.Timedelta(0)
-    ticks = index.as_unit("ns").asi8
-    shift = pd.Timedelta(offset).value
-    begin = (ticks[0] + slack.value + shift) // step.value * step.value - shift
-    end = (ticks[-1] + slack.value + shift) // step.value * step.value - shift
+    shift = pd.Timedelta((index[0] + slack).utcoffset() or 0).value
+    ends = index.as_unit("ns").asi8[[0, -1]]
+    begin, end = (ends + slack.value + shift) // step.value * step.value - shift
     n_rows = (end - begin) // step.value + 1
     if n_rows > _MOST_ROWS:
         raise ValueError(
@@ -236,8 +229,7 @@ def _even_index(
             f"{spell(source)}; give a longer step, or drop rows whose stamps are wrong."
         )
     even = begin + step.value * np.arange(n_rows)  # np.arange(begin, end + 1, step) loses the last row after 104 days
-    stamps = pd.DatetimeIndex(even.astype("datetime64[ns]"), name=index.name)
-    stamps = stamps.as_unit(index.unit)
+    stamps = pd.DatetimeIndex(even.astype("datetime64[ns]"), name=index.name).as_unit(index.unit)
     return stamps if index.tz is None else stamps.tz_localize("UTC").tz_convert(index.tz)
 
 

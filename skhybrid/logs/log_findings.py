@@ -199,8 +199,6 @@ def _beyond(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
 def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
     """The stamp at which a column goes from one of degC and degF to the other, and stays there for a day."""
     values = temperature.to_numpy(dtype=np.float64)
-    if len(values) < 4 or not (values > 45.0).any():
-        return None
     high = values > 45.0
     turns = np.flatnonzero(high[1:] != high[:-1]) + 1
     for turn in turns:

@@ -14,7 +14,7 @@ from .._ranges import range_of
 from .._table import is_plant
 from .._time import spell, wall_clock
 from .._warnings import several
-from .abilities import Abilities, abilities, excitation
+from .abilities import abilities, excitation
 from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
@@ -138,7 +138,7 @@ class LogReport:
         """The frame at even steps, on which the values of some roles hold until the next."""
         return cast("pd.DataFrame", regularize(self.frame, self.even_step, "0h", held=roles))
 
-    def _abilities(self, channels: list[Channel]) -> Abilities:
+    def _abilities(self, channels: list[Channel]) -> tuple[list[str], list[str], list[str]]:
         measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
         stages = {c.role for c in channels if c.role.startswith("u_")}
@@ -191,8 +191,9 @@ class LogReport:
         others = self.columns[self.columns["role"].isna()]
         lines = [self.headline(), "", "Columns"]
         width = max(10, *used["role"].map(len), 0)
-        lines += [f"  {role:{width}}  {name!r}: {_unit_words(row)}; {row['reason']}" for name, role, row in _rows(used)]
-        lines += [f"  {'unused':{width}}  {name!r}, because {row['reason']}" for name, _, row in _rows(others)]
+        for name, row in used.iterrows():
+            lines.append(f"  {row['role']:{width}}  {name!r}: {_unit_words(row)}; {row['reason']}")
+        lines += [f"  {'unused':{width}}  {name!r}, because {reason}" for name, reason in others["reason"].items()]
         lines += ["", "First rows [degC, kW]", self._first_rows().to_string(float_format="{:.2f}".format)]
         for title, texts in self.sections().items():
             lines += ["", title, *(f"  - {text}" for text in texts)]
@@ -376,10 +377,6 @@ def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, i
     weekend = (kind >= 5) & ~free
     counts = {"working days": int((~weekend & ~free).sum()), "weekend days": int(weekend.sum())}
     return counts | ({"holidays": int(free.sum())} if free.any() else {})
-
-
-def _rows(table: pd.DataFrame) -> list[tuple[str, str, Any]]:
-    return [(str(name), str(row["role"]), row) for name, row in table.iterrows()]
 
 
 def _unit_words(row: Any) -> str:

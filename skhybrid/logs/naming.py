@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..preprocessing._units import UNITS
@@ -56,6 +56,9 @@ NAMED_BY_ROLE = "it is named after its role"
 
 #: names of roles that nobody chooses by accident, as ``T_ctrl`` is
 _STANDARD = re.compile(r"T_(oa|za|heat_set|cool_set)|q_sol(_\w+)?|[uQ]_(heat|cool|hvac)")
+
+#: roles that exclude one: a stage adds nothing to the heat that it delivered
+_EXCLUDED = {"u_heat": ("Q_heat", "Q_hvac"), "u_cool": ("Q_cool", "Q_hvac"), "Q_hvac": ("Q_heat", "Q_cool")}
 
 
 class Guess(NamedTuple):
@@ -139,9 +142,7 @@ def _kind(words: str, unit: str | None) -> str | None:
 
 
 def assign_roles(
-    units: Mapping[str, str | None],
-    given: Mapping[str, str] | None = None,
-    of_format: Mapping[str, str] | None = None,
+    units: Mapping[str, str | None], given: Mapping[str, str] | None = None, of_format: Mapping[str, str] | None = None
 ) -> dict[str, Guess]:
     """The role of each column, each role once: those given, those of the format, the most certain, then the first.
 
@@ -157,15 +158,9 @@ def assign_roles(
         role = guesses[column].role
         if role is None:
             continue
-        rival = next((taken[r] for r in _rivals(role) if r in taken), None)
+        rival = next((taken[r] for r in (role, *_EXCLUDED.get(role, ())) if r in taken), None)
         if rival is None:
             taken[role] = column
         else:
             guesses[column] = Guess(None, 1, f"{rival!r} was taken for the same quantity")
     return guesses
-
-
-def _rivals(role: str) -> Iterable[str]:
-    """Roles that exclude one: a stage adds nothing to the heat that it delivered."""
-    excluded = {"u_heat": ("Q_heat", "Q_hvac"), "u_cool": ("Q_cool", "Q_hvac"), "Q_hvac": ("Q_heat", "Q_cool")}
-    return (role, *excluded.get(role, ()))

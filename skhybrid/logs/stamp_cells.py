@@ -45,7 +45,7 @@ _IS_EPOCH = re.compile(r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?")
 _IS_STAMP = re.compile(
     rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_IS_EPOCH.pattern}", re.IGNORECASE
 )
-_EPOCH_UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"), (np.inf, "ns"))
+_EPOCH_UNITS = ((1e11, "s", 1e9), (1e14, "ms", 1e6), (1e17, "us", 1e3), (np.inf, "ns", 1.0))  # limit, unit, nanoseconds
 
 
 def is_stamp(text: str) -> bool:
@@ -128,8 +128,7 @@ def _from_epoch(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[st
     if not known.all():
         row = int(np.argmax(~known))
         raise ValueError(f"row {cells.index[row] + 2} of {where}: the stamp {cell(cells.iloc[row])} is not a number.")
-    unit = next(unit for limit, unit in _EPOCH_UNITS if numbers.iloc[0] < limit)
-    scale = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}[unit]
+    unit, scale = next((unit, scale) for limit, unit, scale in _EPOCH_UNITS if numbers.iloc[0] < limit)
     ticks = numbers.astype(np.int64) * int(scale) if (numbers % 1 == 0).all() else (numbers * scale).round()
     if not (ticks.abs() < 9e18).all():
         raise ValueError(f"{where} has time stamps beyond the year 2250; are they {unit} since 1970?")

@@ -88,7 +88,7 @@ def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -
             # below the units there may be a line of "Avg", "Max"
             units = row if sum(unit_named(cell) is not None for cell in row) or not units else units
             continue
-        if len(rest) >= 1 and len(rest) >= 0.4 * (width - 1):
+        if len(rest) >= 0.4 * (width - 1):
             return _grouped(row, rows[i - 1] if i else [], place), units
         break
     return units, []  # a channel may be called "kW"

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 from sklearn.base import clone
+from sklearn.utils import _safe_indexing
 
 from ..identification import Diagnostics, diagnose
 from .backtest import backtest
@@ -73,16 +74,13 @@ def hold_out(
     estimator: Any, X: Any, y: Any, train: np.ndarray, test: np.ndarray, horizon: Any, origin_step: Any
 ) -> tuple[pd.Series, pd.DataFrame]:
     """Log densities of the test rows, and forecasts from origins among them, by a model of the training rows."""
-    model = clone(estimator).fit(_rows(X, train), _rows(y, train))
+    model = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
     span = np.arange(train[0], test[-1] + 1)
-    shown, first = _rows(X, span), int(test[0] - train[0])
+    shown, first = _safe_indexing(X, span), int(test[0] - train[0])
     score = log_density(model.innovations(shown)).iloc[first:]
     start = shown.index[first] if isinstance(getattr(shown, "index", None), pd.DatetimeIndex) else first
-    return score, backtest(model, shown, _rows(y, span), horizon=horizon, origin_step=origin_step, start=start)
-
-
-def _rows(values: Any, rows: np.ndarray) -> Any:
-    return values.iloc[rows] if hasattr(values, "iloc") else np.asarray(values)[rows]
+    measured = _safe_indexing(y, span)
+    return score, backtest(model, shown, measured, horizon=horizon, origin_step=origin_step, start=start)
 
 
 def _facts(model: Any) -> dict[str, Any]:

@@ -210,8 +210,7 @@ def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Time
     """Names of the rows, their local wall-clock time, and the sampling time."""
     index = getattr(X, "index", None)
     if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
-        utc = index.tz_convert("UTC") if index.tz is not None else index
-        return index, wall_clock(index), even_step(utc, index)
+        return index, wall_clock(index), even_step(index)
     given = getattr(forecaster, "sampling_time_", None) or getattr(forecaster, "sampling_time", None)
     if given is None:
         raise ValueError("X has no time stamps, and the estimator no sampling_time; give X a DatetimeIndex.")

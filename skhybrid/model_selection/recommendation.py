@@ -57,16 +57,12 @@ def likelihood_ratio_tests(fitted: Mapping[str, Assessment], table: pd.DataFrame
             extra = nesting(first.estimator, second.estimator) if small != large else None
             if extra is None:
                 continue
-            gain = _number(table, large, "log_likelihood") - _number(table, small, "log_likelihood")
+            gain = table["log_likelihood"][large] - table["log_likelihood"][small]
             statistic, distribution, p_value = likelihood_ratio(gain, len(extra.at_edge), len(extra.inside))
-            white = max(_number(table, name, "whiteness_p") for name in (small, large)) > 0.01
+            white = max(table["whiteness_p"][small], table["whiteness_p"][large]) > 0.01
             names = ", ".join((*extra.at_edge, *extra.inside))
             rows.append((small, large, names, statistic, distribution, p_value, white))
     return pd.DataFrame(rows, columns=["smaller", "larger", "extra", "statistic", "distribution", "p_value", "white"])
-
-
-def _number(table: pd.DataFrame, name: str, column: str) -> float:
-    return float(table[column].to_numpy(dtype=np.float64)[table.index.get_loc(name)])
 
 
 def ranked(table: pd.DataFrame, purpose: str) -> pd.Index:
@@ -99,7 +95,7 @@ def recommend(
     column, rising = _decisive(table, purpose)
     best = str(table.loc[left, column].sort_values(ascending=rising, kind="stable").index[0])
     among = "Of those left, " if len(left) < len(table) else ""
-    reasons.append(f"{among}{best} has the {_in_words(column, _number(table, best, column))}.")
+    reasons.append(f"{among}{best} has the {_in_words(column, table[column][best])}.")
     chosen = _simplest(fitted, table, left, best, column)
     if chosen != best:
         reasons.append(f"{chosen} has fewer parameters and is as good within the standard error of the difference.")
@@ -108,8 +104,8 @@ def recommend(
 
 def _simplest(fitted: Mapping[str, Assessment], table: pd.DataFrame, left: list[str], best: str, column: str) -> str:
     """The model with the fewest parameters that is as good as the best."""
-    for other in sorted(left, key=lambda name: _number(table, name, "n_parameters")):
-        if _number(table, other, "n_parameters") >= _number(table, best, "n_parameters"):
+    for other in table.loc[left, "n_parameters"].sort_values(kind="stable").index:
+        if table["n_parameters"][other] >= table["n_parameters"][best]:
             break
         if _as_good(fitted[other], fitted[best], column):
             return other

@@ -148,7 +148,7 @@ def _sampling_time(X: Any, given: Any) -> pd.Timedelta | None:
     """The step of X, or the given one; None where neither is known."""
     index = getattr(X, "index", None)
     if isinstance(index, pd.DatetimeIndex) and len(index) > 1:
-        return even_step(index, index)
+        return even_step(index)
     return None if given is None else positive_duration(given, "sampling_time")
 
 

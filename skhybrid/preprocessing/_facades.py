@@ -113,12 +113,12 @@ class FacadeIrradiance(TableTransformer):
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         utc, step = self._stamps(table, self.sampling_time_)
-        light = {kind: _column(table, j) for kind, j in self.positions_.items()}
+        frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
+        light = {kind: numeric(frame.iloc[:, j]) for kind, j in self.positions_.items()}
         own = table.index if isinstance(table, pd.DataFrame) else None
         shown = own if isinstance(own, pd.DatetimeIndex) else utc
         for kind, j in self.positions_.items():
-            name = table.columns[j] if isinstance(table, pd.DataFrame) else j
-            check_range(light[kind], "q_sol", f"column {name!r}", shown, named=shown is own)
+            check_range(light[kind], "q_sol", f"column {frame.columns[j]!r}", shown, named=shown is own)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
         kept = self._kept_columns()
@@ -162,7 +162,6 @@ class FacadeIrradiance(TableTransformer):
         check_bool("glazing", self.glazing)
 
     def _find_columns(self, names: list[Any]) -> dict[str, int]:
-        """Find the positions of the irradiance columns."""
         chosen = as_mapping("columns", self.columns, "'q_sol' to a column, such as {'q_sol': 'ghi'}")
         others = [role for role in chosen if role != "q_sol"]
         if others:
@@ -236,7 +235,3 @@ def _column_names(table: pd.DataFrame | np.ndarray) -> list[Any]:
     names = list(table.columns)
     stamped = isinstance(table.index, pd.DatetimeIndex)
     return names if stamped or any(role_of(name) for name in names) else by_position
-
-
-def _column(table: pd.DataFrame | np.ndarray, j: int) -> np.ndarray:
-    return numeric(table.iloc[:, j]) if isinstance(table, pd.DataFrame) else table[:, j]

@@ -70,19 +70,18 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
 
     def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
         frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
-        hours = stamp_hours(frame.index) if isinstance(frame.index, pd.DatetimeIndex) else self._row_hours(table)
+        if isinstance(frame.index, pd.DatetimeIndex):
+            hours = stamp_hours(frame.index)
+        else:
+            given = frame if frame is table else None
+            step = read_index(frame.index, self.sampling_time, None, X=given)[0]
+            hours = np.arange(len(frame)) * (step / pd.Timedelta("1h"))
         filled = frame.copy()
         for j, role in self.roles_.items():
             if not is_history(role) and pd.api.types.is_numeric_dtype(frame.dtypes.iloc[j]):
                 values = fill_gaps(numeric(frame.iloc[:, j]), hours, self.max_gap_, hold=is_set_point(role))
                 filled.isetitem(j, values)
         return filled if isinstance(table, pd.DataFrame) else filled.to_numpy()
-
-    def _row_hours(self, table: pd.DataFrame | np.ndarray) -> np.ndarray:
-        frame = table if isinstance(table, pd.DataFrame) else None
-        index = pd.RangeIndex(len(table)) if frame is None else frame.index
-        step = read_index(index, self.sampling_time, None, X=frame)[0]
-        return np.arange(len(table)) * (step / pd.Timedelta("1h"))
 
 
 def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:

@@ -35,9 +35,7 @@ _BODY = {
         "text/csv": {"schema": {"type": "string", "description": "columns as in the log of the zone"}},
     },
 }
-_REFUSALS: dict[int | str, dict[str, Any]] = {
-    401: {"model": Refusal, "description": "the token is missing or wrong"},
-}
+_REFUSALS: dict[int | str, dict[str, Any]] = {401: {"model": Refusal, "description": "the token is missing or wrong"}}
 _NOTHING: dict[int | str, dict[str, Any]] = {404: {"model": Refusal, "description": "there is no forecast yet"}}
 _POST_REFUSALS = _REFUSALS | {
     403: {"model": Refusal, "description": "a page of another site posts"},
@@ -75,7 +73,7 @@ def make_app(
     _add_reading(app, zone)
     _add_posting(app, zone, weather, schedule)
     _add_refusals(app)
-    _describe_rows(app)
+    app.openapi()["components"]["schemas"]["Row"] = Row.model_json_schema()  # which is read by hand
     if token is None:
         app.add_middleware(TrustedHostMiddleware, allowed_hosts=LOOPBACK_NAMES, www_redirect=False)
     app.add_middleware(Guard, token=token)
@@ -118,7 +116,6 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
 
 
 def _latest(zone: ZoneFolder) -> dict[str, Any]:
-    """The latest forecast as an answer has it."""
     model = zone.load()
     views = view_zones(zone, model)
     view = next(iter(views.values()))
@@ -178,12 +175,6 @@ def _add_refusals(app: FastAPI) -> None:
         app.add_exception_handler(kind, answer(code))
 
 
-def _describe_rows(app: FastAPI) -> None:
-    """Put the schema of a row, which is read by hand, into the description."""
-    made = app.openapi()
-    made["components"]["schemas"]["Row"] = Row.model_json_schema()
-
-
 async def _body(request: Request) -> bytes:
     """The body, read as far as it may go."""
     body = bytearray()
@@ -195,7 +186,6 @@ async def _body(request: Request) -> bytes:
 
 
 def _csv_of_json(body: bytes) -> tuple[str, int]:
-    """Rows in JSON as CSV."""
     try:
         rows = ROWS.validate_json(body)
     except ValidationError as error:

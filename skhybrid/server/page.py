@@ -98,7 +98,6 @@ def _week(view: ZoneView) -> str:
 
 
 def _state(status: dict[str, Any]) -> str:
-    """Errors and drift."""
     rows = []
     for name, short in (("yesterday's forecast", "last one"), ("last four weeks", "four weeks")):
         for quantity in ("temperature [K]", "load [kW]"):
@@ -148,7 +147,6 @@ def docs_page(description: dict[str, Any]) -> str:
 
 
 def _kind(field: dict[str, Any]) -> str:
-    """Type of a field in words."""
     if "anyOf" in field:
         return " or ".join(_kind(one) for one in field["anyOf"])
     if "items" in field:

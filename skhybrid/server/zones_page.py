@@ -36,14 +36,7 @@ def building_page(name: str, views: Mapping[str, ZoneView], status: dict[str, An
     """The page of several zones: verdicts, tomorrow, yesterday, and the last week."""
     judged = {zone: [Verdict(**one) for one in state["verdicts"]] for zone, state in status["zones"].items()}
     head = f'<p class="soft">skhybrid: day-ahead forecast of {len(views)} zones</p><h1>{escape(name)}</h1>\n'
-    sections = [
-        head + _verdicts(judged),
-        _tomorrow(views),
-        _yesterday(views),
-        _week(views),
-        _state(status),
-        LINKS,
-    ]
+    sections = [head + _verdicts(judged), _tomorrow(views), _yesterday(views), _week(views), _state(status), LINKS]
     return html_page(f"{name}: forecast", sections, REFRESH + ZONE_STYLE)
 
 

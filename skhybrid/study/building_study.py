@@ -22,7 +22,7 @@ from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .run import Progress, counted, each_once, refuse_holes
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings, is_scaled
-from .verdict import CARE, NOT, USABLE, Verdict
+from .verdict import WORST_FIRST, Verdict
 from .zone_part import data_of, forecast_of, rows_of, settings_of
 
 ALONE = "hybrid, each zone by itself"
@@ -30,7 +30,6 @@ ALONE = "hybrid, each zone by itself"
 _COMPARED = ("ARX re-fitted", "ARX, multi-step, re-fitted", YESTERDAY)
 N_STEPS = len(_COMPARED) + 2  # of the back-tests
 _NOTES = {HYBRID: "each zone under its neighbours' forecasts", ALONE: "the same model, without neighbours"}
-_WORST_FIRST = (NOT, CARE, USABLE)
 
 
 @dataclass
@@ -55,11 +54,6 @@ class BuildingResult:
     def scaled(self) -> bool:
         """Whether the log fixes what a kW is, in every zone."""
         return bool((self.zones["unit"] != "-").all())
-
-    @property
-    def has_intervals(self) -> bool:
-        """Whether the forecasts have intervals."""
-        return has_intervals(self.frames[HYBRID])
 
     @property
     def best(self) -> str:
@@ -199,12 +193,12 @@ def zone_table(frames: Mapping[str, pd.DataFrame], verdicts: Mapping[str, list[V
 
 def worst_first(levels: Mapping[str, list[str]]) -> list[str]:
     """Zones by the worst of their levels, those without any last; else in their order."""
-    return sorted(levels, key=lambda zone: min(map(_WORST_FIRST.index, levels[zone]), default=len(_WORST_FIRST)))
+    return sorted(levels, key=lambda zone: min(map(WORST_FIRST.index, levels[zone]), default=len(WORST_FIRST)))
 
 
 def worst(verdicts: list[Verdict]) -> str:
     """The worst level of some verdicts."""
-    return min((one.level for one in verdicts), key=_WORST_FIRST.index)
+    return min((one.level for one in verdicts), key=WORST_FIRST.index)
 
 
 def verdicts_by_zone(verdicts: Mapping[str, Sequence[Verdict]]) -> list[Verdict]:

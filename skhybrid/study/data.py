@@ -338,7 +338,7 @@ def _next_day(
 ) -> tuple[pd.Timestamp, pd.Timestamp, bool]:
     """First and last stamp of the day to forecast, and whether it was measured."""
     index = pd.DatetimeIndex(frame.index)
-    step = even_step(index.tz_convert("UTC") if index.tz is not None else index, index)
+    step = even_step(index)
     if index[-1] - last_known >= _SHORTEST_FUTURE:
         return last_known + step, index[-1], False
     midnights = index[index == index.normalize()]

@@ -28,8 +28,7 @@ def describe(gray_box: Any) -> pd.DataFrame:
     """
     rows, doubtful = {}, not_identified(gray_box)
     for name, value, std in with_errors(gray_box, lambda theta: quantities(gray_box, theta)).itertuples():
-        unit = name.rpartition(" [")[2].removesuffix("]")
-        quantity = name.rpartition(" [")[0]
+        quantity, _, unit = name.removesuffix("]").rpartition(" [")
         relative = unit != "h" and not has_scale(gray_box)
         remark = UNSCALED if relative else remark_on(name, value, std)
         remark = doubtful.get(quantity.rpartition(" ")[2]) or remark

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -14,8 +13,6 @@ from .compared_models import make_gray_box
 from .identified_building import UNSCALED, describe, has_scale, not_identified, remark_on
 from .settings import Settings
 from .zone_part import roles_of
-
-Pairs = Sequence[Sequence[str]]
 
 
 class IdentifiedRooms(NamedTuple):
@@ -49,7 +46,7 @@ def _pairs(settings: Settings, inputs: pd.DataFrame, measured: pd.DataFrame) -> 
     return [(str(a), str(b)) for a, b in found.index[found["kept"]]]
 
 
-def _fitted(settings: Settings, pairs: Pairs, inputs: pd.DataFrame, measured: pd.DataFrame) -> RoomFits:
+def _fitted(settings: Settings, pairs: list[tuple[str, str]], inputs: pd.DataFrame, measured: pd.DataFrame) -> RoomFits:
     """The gray boxes of all rooms, each with what heats it and shines into it."""
     gray_box = make_gray_box(settings)
     solar, heated = {}, {}
@@ -58,9 +55,7 @@ def _fitted(settings: Settings, pairs: Pairs, inputs: pd.DataFrame, measured: pd
         sun = [role for role in own if role == f"q_sol_{zone}"] or [role for role in own if role == "q_sol"]
         solar[zone] = tuple(sun)
         heated[zone] = tuple(role for role in own if is_plant(role))
-    network = building_network(
-        settings.zones, [(a, b) for a, b in pairs], room=gray_box.network, solar=solar, heated=heated
-    )
+    network = building_network(settings.zones, pairs, room=gray_box.network, solar=solar, heated=heated)
     return identify_rooms(gray_box.set_params(network=network), inputs, measured)
 
 
@@ -70,8 +65,7 @@ def _of_room(gray_box: Any, zone: str) -> pd.DataFrame:
     return table.set_axis([str(name).removesuffix(f"_{zone}").removesuffix("_to") for name in table.index])
 
 
-def _partitions(pairs: Pairs, fits: RoomFits) -> pd.DataFrame:
-    """Conductances between rooms."""
+def _partitions(pairs: list[tuple[str, str]], fits: RoomFits) -> pd.DataFrame:
     out = {}
     for a, b in pairs:
         name = f"R_{a}_{b}"

@@ -73,8 +73,12 @@ def write_outputs(
     OSError
         If the folder cannot be written to, or the disk is full; the folder is then as it was.
     """
+    names = [HYBRID, *result.table.index.drop(HYBRID)]
+    ordered = {name: result.frames[name] for name in names if name in result.frames}
     with staged_files(folder, before_swap) as staged:
-        _write_all(result, staged, truth)
+        write_tables(result, staged, result.parameters, metrics_text(result))
+        write_page(result, staged / "report.html", truth)
+        study_picture(staged / "forecast.png", ordered, result.forecast, title=result.settings.name)
     return [Path(folder) / name for name in NAMES]
 
 
@@ -106,19 +110,11 @@ def _swap(staged: Path, out: Path) -> None:
         (staged / name).replace(out / name)
 
 
-def _write_all(result: StudyResult, out: Path, truth: pd.Series | None) -> None:
-    write_tables(result, out, result.parameters, metrics_text(result))
-    write_page(result, out / "report.html", truth)
-    names = [HYBRID, *result.table.index.drop(HYBRID)]
-    ordered = {name: result.frames[name] for name in names if name in result.frames}
-    study_picture(out / "forecast.png", ordered, result.forecast, title=result.settings.name)
-
-
 def write_tables(result: Any, out: Path, parameters: pd.DataFrame, metrics: str) -> None:
     """Write the forecast, the back-tests, the parameters, the metrics and the model of a study."""
     write_csv(result.forecast, out / "forecast.csv")
     write_csv(side_by_side(result.frames).set_index("origin"), out / "backtest.csv")
-    write_csv(parameters, out / "parameters.csv", digits=6)
+    write_csv(parameters, out / "parameters.csv", "%.6g")
     (out / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
 
@@ -180,9 +176,8 @@ def _learned(result: StudyResult) -> dict[str, Any]:
     }
 
 
-def write_csv(frame: pd.DataFrame, path: Path, digits: int = 4) -> None:
-    """Write a table with so many digits."""
-    form = f"%.{digits}g" if digits > 4 else f"%.{digits}f"
+def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:
+    """Write a table with its numbers and stamps in one form."""
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
 

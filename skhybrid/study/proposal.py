@@ -58,7 +58,6 @@ def propose_settings(log: str | PathLike[str], report: LogReport | None = None) 
 
 
 def _log_lines(report: LogReport, name: str) -> list[str]:
-    """Format of the log: its clock and its step."""
     index = pd.DatetimeIndex(report.raw.frame.index)
     # pandas writes a fixed offset as "UTC-06:00", and reads "-06:00"
     zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"

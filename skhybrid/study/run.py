@@ -223,15 +223,10 @@ def _test(
         frame = backtest_with_intervals(model, *rows, remarks, **given)
     else:
         frame = backtest(model, *rows, **given)
-    seconds = time.perf_counter() - begun
-    return _Tested(model, frame, _held_load(model, later), seconds)
-
-
-def _held_load(model: Any, later: _Span) -> pd.DataFrame | None:
-    """The load that would have held the measured temperature; None where nothing heats or cools."""
-    if not hasattr(model, "predict_load") or not plant_roles(later.frame):
-        return None
-    return model.predict_load(later.given_to(model), later.frame["T_za"].interpolate(limit_direction="both"))
+    seconds, load = time.perf_counter() - begun, None
+    if hasattr(model, "predict_load") and plant_roles(later.frame):
+        load = model.predict_load(rows[0], later.frame["T_za"].interpolate(limit_direction="both"))
+    return _Tested(model, frame, load, seconds)
 
 
 def _compared(

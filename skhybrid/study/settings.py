@@ -36,7 +36,6 @@ _TABLES = (
     "columns", "units", "scale", "log", "network", "estimator", "forecaster", "train", "test", "load", "site", "plant",
     "thermostat", "tariff",
 )  # fmt: skip
-_PLANT = ("electricity", "cop", "eer", "most_heat", "most_cold")
 _SPAN = ("start", "end")
 _NETWORK = ("name", "capacitances", "resistors", "solar", "measured", "disturbed", "heated", "bounds")
 _SITE = {"latitude": 90.0, "longitude": 180.0}
@@ -139,7 +138,11 @@ class Settings:
             if not is_number(factor) or not factor:
                 raise ValueError(f"[scale] {role} = {factor!r} must be a number other than 0.")
         _check_tables(self)
-        _check_plant(self.plant)
+        check_keys("plant", self.plant, ("electricity", "cop", "eer", "most_heat", "most_cold"))
+        Performance.of(self.plant)
+        for key in ("most_heat", "most_cold"):
+            if key in self.plant and not (is_number(self.plant[key]) and self.plant[key] >= 0):
+                raise ValueError(f"[plant] {key} = {self.plant[key]!r} must be a number of at least 0.")
         Schedule.of_tables(self.thermostat)
         Tariff.of(self.tariff)
         _check_site(self.site, self.columns)
@@ -276,14 +279,6 @@ def _check_tables(settings: Settings) -> None:
     held = settings.load.get("setpoint", "measured")
     if not isinstance(held, str) and not (is_number(held) and 0 <= held <= 45):
         raise ValueError(f"[load] setpoint = {held!r} must be a temperature [degC], 'measured' or a column in quotes.")
-
-
-def _check_plant(plant: Mapping[str, Any]) -> None:
-    check_keys("plant", plant, _PLANT)
-    Performance.of(plant)
-    for key in ("most_heat", "most_cold"):
-        if key in plant and not (is_number(plant[key]) and plant[key] >= 0):
-            raise ValueError(f"[plant] {key} = {plant[key]!r} must be a number of at least 0.")
 
 
 def _check_site(site: Mapping[str, Any], columns: Mapping[str, str]) -> None:

@@ -11,6 +11,7 @@ import pandas as pd
 from .._warnings import percent
 
 USABLE, CARE, NOT = "usable", "use with care", "not usable"
+WORST_FIRST = (NOT, CARE, USABLE)
 _BLOCK = 2  # origins that are drawn together, since neighbours err alike
 _DRAWS = 2000
 _SURE = (0.05, 0.95)  # quantiles of the bootstrapped ratio of errors that bound its interval

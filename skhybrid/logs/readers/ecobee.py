@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from ..raw_log import RawLog
+from ..stamp_cells import joined_cells
 from ..stamps import zone_of
 from ..text_files import existing
 from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
@@ -36,12 +37,7 @@ class _Layout(NamedTuple):
 _PORTAL = _Layout(
     "ecobee portal",
     ("Date", "Time"),
-    {
-        "T_za": "Current Temp",
-        "T_oa": "Outdoor Temp",
-        "T_heat_set": "Heat Set Temp",
-        "T_cool_set": "Cool Set Temp",
-    },
+    {"T_za": "Current Temp", "T_oa": "Outdoor Temp", "T_heat_set": "Heat Set Temp", "T_cool_set": "Cool Set Temp"},
     (r"Heat Stage \d \(sec\)", r"Aux Heat \d \(sec\)", r"Cool Stage \d \(sec\)"),
     None,
 )
@@ -179,9 +175,7 @@ def _stamps(
     table: pd.DataFrame, layout: _Layout, timezone: str | None, dayfirst: bool | None, where: str
 ) -> tuple[pd.DatetimeIndex, list[str]]:
     refuse_absent(layout.stamps, table, where, "export it again")
-    text = table[layout.stamps[0]].str.strip()
-    for name in layout.stamps[1:]:
-        text = text + " " + table[name].str.strip()
+    text = joined_cells(table, layout.stamps).str.strip()
     if layout.zone is not None:
         utc = stamps_of(text.str.replace(r"\s*(UTC|Z)$", "", regex=True), layout.zone, dayfirst, where)
         return (utc if timezone is None else utc.tz_convert(zone_of(timezone))), []

@@ -24,9 +24,7 @@ _PIECE = 200_000  # rows of a history that are read at a time
 def looks_like(path: Path, head: str) -> bool:
     """Whether a file is a recorder's database, or a history with one row per change of an entity."""
     names = [name.strip().strip('"') for name in (head.lstrip("\ufeff").splitlines() or [""])[0].split(",")]
-    if names[:3] == _COLUMNS:
-        return True
-    return is_recorder(path)
+    return names[:3] == _COLUMNS or is_recorder(path)
 
 
 def read(

@@ -9,7 +9,7 @@ from contextlib import closing, contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -24,13 +24,6 @@ _FOR_STATISTICS = {"statistics": 3600.0, "statistics_short_term": 300.0}
 _IN_USE = "the database is in use: its newest rows may be missing."
 HELD_NOTE = "a value is held until the entity's next change, and missing while Home Assistant had none."
 _Changes = tuple[np.ndarray, np.ndarray]  # stamps [s] and values, (n,) each
-
-
-class _States(NamedTuple):
-    """Expressions that read the states of a schema, new or old."""
-
-    entities: str  # key and entity_id of each entity
-    rows: str  # state, seconds since 1970 and attributes of one entity, by its key
 
 
 def is_sqlite(file: Path) -> bool:
@@ -123,7 +116,8 @@ def _seconds_of(database: sqlite3.Connection, table: str, new: str, old: str) ->
     return f"coalesce({table}.{new}, {text})" if old in columns else f"{table}.{new}"
 
 
-def _schema(database: sqlite3.Connection, tables: set[str]) -> _States:
+def _queries(database: sqlite3.Connection, tables: set[str]) -> tuple[str, str]:
+    """Queries of a schema, new or old: key and entity_id of each entity; by its key state, seconds and attributes."""
     columns, seconds = _columns(database, "states"), _seconds_of(database, "states", "last_updated_ts", "last_updated")
     named = "states_meta" in tables and "metadata_id" in columns
     key = "metadata_id" if named else "entity_id"
@@ -133,7 +127,7 @@ def _schema(database: sqlite3.Connection, tables: set[str]) -> _States:
     attributes = f"coalesce(state_attributes.shared_attrs, {inline})" if shared else inline
     join = " LEFT JOIN state_attributes ON states.attributes_id = state_attributes.attributes_id" if shared else ""
     rows = f"state, {seconds} AS stamp, {attributes} FROM states{join} WHERE states.{key} = ? ORDER BY stamp"
-    return _States(f"SELECT {entities}", f"SELECT {rows}")
+    return f"SELECT {entities}", f"SELECT {rows}"
 
 
 def _read_states(
@@ -144,14 +138,14 @@ def _read_states(
     timezone: str | None,
     tables: set[str],
 ) -> RawLog:
-    schema = _schema(database, tables)
-    known = {str(name): key for key, name in database.execute(schema.entities) if name}
+    entities, rows = _queries(database, tables)
+    known = {str(name): key for key, name in database.execute(entities) if name}
     chosen = _chosen(known, wanted, where)
     series: dict[str, _Changes] = {}
     units: dict[str, str] = {}
     text = []
     for name in chosen:
-        found, unit = _entity(database, schema, name, known[name])
+        found, unit = _entity(database, rows, name, known[name])
         series |= found
         units |= {c: unit for c in found if unit and not c.startswith("climate.")}
         if not found:
@@ -160,10 +154,7 @@ def _read_states(
         raise ValueError(f"{where} has no entity with numbers, only {some_of(text)}.")
     ends = [(stamps[0], stamps[-1]) for stamps, _ in series.values()]
     grid = even_grid(min(e[0] for e in ends), max(e[1] for e in ends), step, len(series), where)
-    held = {}
-    for c in list(series):
-        stamps, values = series.pop(c)
-        held[c] = hold(stamps, values, grid)
+    held = {c: hold(*series.pop(c), grid) for c in list(series)}  # both would take twice the memory
     frame = pd.DataFrame(held, index=utc_index(grid, timezone))
     notes = [HELD_NOTE, *_blank_outages(database, frame, grid, tables)]
     if text:
@@ -187,11 +178,9 @@ def _chosen(known: Collection[str], wanted: Collection[str] | None, where: str) 
     return list(dict.fromkeys(wanted))
 
 
-def _entity(
-    database: sqlite3.Connection, schema: _States, name: str, key: Any
-) -> tuple[dict[str, _Changes], str | None]:
+def _entity(database: sqlite3.Connection, query: str, name: str, key: Any) -> tuple[dict[str, _Changes], str | None]:
     """Stamps [s] and values of each channel of an entity, and its unit; empty where it has no numbers."""
-    rows = [row for row in database.execute(schema.rows, (key,)) if isinstance(row[1], float | int)]
+    rows = [row for row in database.execute(query, (key,)) if isinstance(row[1], float | int)]
     if not rows:
         return {}, None
     stamps = np.array([row[1] for row in rows], dtype=np.float64)

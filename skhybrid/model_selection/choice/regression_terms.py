@@ -14,7 +14,7 @@ from ..._warnings import warn_user
 from ...exceptions import SkhybridWarning
 from ...forecasting import ModelCase
 from ...forecasting.cases import NETWORKS, SIZES
-from .results_table import ingredients
+from .results_table import ingredients, refuse_absent
 
 INGREDIENTS = ("framework", "time", "pattern", "past-w", "future-w", "ID")
 _SIZE_COLUMNS = (*dict.fromkeys(name for sizes in SIZES.values() for name in sizes), "dropout")
@@ -42,9 +42,7 @@ def build_terms(
     names = _names(table, terms)
     wants_ingredients = bool(set(names) & set(INGREDIENTS[1:]))  # the first is a column of the table itself
     if wants_ingredients or best_sizes is not None:
-        for column in ("framework", "case", "disturbance"):
-            if column not in table:
-                raise ValueError(f"results has no column {column!r}; it has {', '.join(map(str, table.columns))}.")
+        refuse_absent(("framework", "case", "disturbance"), table)
     if wants_ingredients:
         table = table[table["case"].notna()]  # baselines have none
         if table.empty:

@@ -20,9 +20,7 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
     """
     if not isinstance(results, pd.DataFrame):
         raise TypeError(f"results is a {type(results).__name__}; pass a DataFrame with one row per candidate.")
-    for column in (*columns, "rmse"):
-        if column not in results:
-            raise ValueError(f"results has no column {column!r}; it has {', '.join(map(str, results.columns))}.")
+    refuse_absent((*columns, "rmse"), results)
     errors = pd.to_numeric(results["rmse"], errors="coerce").astype(float)
     unreadable = errors.isna() & results["rmse"].notna()
     bad = unreadable | np.isinf(errors) | (errors <= 0.0)
@@ -46,6 +44,13 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
     if not left.any():
         raise ValueError("results holds no candidate that was trained to the end.")
     return results.assign(rmse=errors)[left]
+
+
+def refuse_absent(columns: Iterable[str], results: pd.DataFrame) -> None:
+    """Refuse a table of results that lacks a column."""
+    for column in columns:
+        if column not in results:
+            raise ValueError(f"results has no column {column!r}; it has {', '.join(map(str, results.columns))}.")
 
 
 def case_of(framework: str, case: str, cases: Iterable[ModelCase] = ()) -> ModelCase:

@@ -236,18 +236,14 @@ def _model(spreads: _Spreads) -> tuple[Any, dict[str, np.ndarray]]:
 
 def _probability_of_lower(mu: pd.DataFrame, sigma: pd.DataFrame, best: str) -> pd.Series:
     """P(best case < case): given a draw of mu and sigma, the difference of two log errors is normal."""
-    place = list(mu.columns).index(best)
-    centres, spreads = mu.to_numpy(), sigma.to_numpy()
-    ahead = centres - centres[:, [place]]
-    wide = np.hypot(spreads, spreads[:, [place]])
+    ahead = mu.to_numpy() - mu[[best]].to_numpy()
+    wide = np.hypot(sigma.to_numpy(), sigma[[best]].to_numpy())
     return pd.Series(ndtr(ahead / wide).mean(axis=0), index=mu.columns, name="probability")
 
 
 def _difference(mu: pd.DataFrame, sigma: pd.DataFrame, best: str, rng: np.random.Generator) -> pd.DataFrame:
     """Quantiles of the predicted error of the best case minus that of each case [K]."""
-    place = list(mu.columns).index(best)
-    centres, spreads = mu.to_numpy(), sigma.to_numpy()
-    of_best = np.exp(centres[:, place] + spreads[:, place] * rng.standard_normal(len(mu)))
-    others = np.exp(centres + spreads * rng.standard_normal(mu.shape))
+    of_best = np.exp(mu[best].to_numpy() + sigma[best].to_numpy() * rng.standard_normal(len(mu)))
+    others = np.exp(mu.to_numpy() + sigma.to_numpy() * rng.standard_normal(mu.shape))
     quantiles = np.quantile(of_best[:, None] - others, _QUANTILES, axis=0).T
     return pd.DataFrame(quantiles, index=mu.columns, columns=quantile_columns(_QUANTILES))

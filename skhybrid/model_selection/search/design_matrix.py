@@ -221,7 +221,6 @@ def _cases(models: Mapping[str, Any], cases: Any) -> dict[str, list[str | ModelC
 
 
 def _sizes(models: Mapping[str, Any], size: Any) -> dict[str, dict[str, list[Any]]]:
-    """Sizes by framework."""
     networks = {name: _network(model) for name, model in models.items()}
     paper: dict[str, dict[str, list[Any]]] = {n: list_sizes(net) if net else {} for n, net in networks.items()}
     if size == "paper":

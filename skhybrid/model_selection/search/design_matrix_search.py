@@ -170,11 +170,6 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.scorer_ = getattr(scorer, "_scorers", scorer)
         return self
 
-    @property
-    def n_features_in_(self) -> int:
-        """Number of columns of X; only with ``refit``."""
-        return super().n_features_in_
-
     def _check_settings(self) -> None:
         check_integer("chunk_size", self.chunk_size)
         check_bool("retry_failed", self.retry_failed)
@@ -209,7 +204,6 @@ class DesignMatrixSearchCV(BaseSearchCV):
         return found
 
     def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> tuple[Outcome, Outcome | None]:
-        """Results of the candidates, and of the baselines."""
         settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
         rule = None if self.halving is None else check_halving(self.halving)
         with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
@@ -226,7 +220,6 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
     @staticmethod
     def _metrics(outcome: Outcome) -> list[str]:
-        """Names of the scores."""
         good = next((one for row in outcome.results for one in row if one.error is None), None)
         if good is None:
             last = str(outcome.results[0][0].error).strip().splitlines()[-1]  # of the traceback
@@ -262,7 +255,6 @@ class DesignMatrixSearchCV(BaseSearchCV):
             self._rank_stopped_last(outcome.stopped_at)
 
     def _identity(self, candidates: list[dict[str, Any]]) -> pd.DataFrame:
-        """The columns that identify candidates."""
         if isinstance(self.matrix, DesignMatrix):
             table = self.matrix.table
             if forecaster_prefix(self.estimator) == "":  # a forecaster alone has no kind of disturbance
@@ -273,7 +265,6 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
     @staticmethod
     def _table(table: pd.DataFrame, outcome: Outcome) -> pd.DataFrame:
-        """Candidates with their results."""
         rmse = np.array([[one.rmse for one in row] for row in outcome.results])
         epochs = [[np.nan if one.n_epochs is None else one.n_epochs for one in row] for row in outcome.results]
         errors = [next((one.error for one in row if one.error is not None), None) for row in outcome.results]

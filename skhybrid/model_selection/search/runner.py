@@ -139,7 +139,6 @@ def _parts(keys: Mapping[str, tuple[str, ...]], size: int) -> list[list[str]]:
 
 
 def _unfinished(work: Sequence[tuple[Chunk, int]], found: Mapping[Task, Result]) -> list[tuple[Chunk, int]]:
-    """The work without its finished tasks."""
     left = []
     for chunk, split in work:
         params = {name: params for name, params in chunk.params.items() if Task(name, split) not in found}

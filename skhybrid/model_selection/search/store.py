@@ -183,7 +183,6 @@ class ResultStore:
                 self._renew(db)
 
     def _drop_dead_owners(self, db: sqlite3.Connection) -> None:
-        """Delete owners that are not alive any more, and their claims."""
         oldest = time.time() - self.lease
         for owner, host, pid, seen in db.execute("SELECT id, host, pid, seen FROM owner").fetchall():
             if owner != self.owner and (seen < oldest or (host == platform.node() and not _runs(pid))):

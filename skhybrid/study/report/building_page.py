@@ -13,6 +13,7 @@ import pandas as pd
 from ..building_study import ALONE, BuildingResult, worst
 from ..compared_models import HYBRID
 from ..identified_building import identified_only
+from ..scores import has_intervals
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
@@ -37,18 +38,17 @@ def write_building_report(path: str | PathLike[str], result: BuildingResult) -> 
 
 def zone_boxes(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
     """A box per zone: the worst of its verdicts, and the reasons of all."""
-    return verdict_boxes([joint_verdict(zone, found) for zone, found in verdicts.items() if found])
+    joint = []
+    for zone, found in verdicts.items():
+        if found:
+            reasons = [f"{one.quantity}, {one.level}: {'; '.join(one.reasons)}" for one in found]
+            joint.append(Verdict(zone, worst(list(found)), tuple(reasons)))
+    return verdict_boxes(joint)
 
 
 def by_zone(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 0) -> str:
     """A table with a row per zone, whose heads may be long."""
     return f'<div class="zones">{html_table(heads, rows, n_texts)}</div>'
-
-
-def joint_verdict(zone: str, verdicts: Sequence[Verdict]) -> Verdict:
-    """One verdict of those on a zone's temperature and load."""
-    reasons = [f"{one.quantity}, {one.level}: {'; '.join(one.reasons)}" for one in verdicts]
-    return Verdict(zone, worst(list(verdicts)), tuple(reasons))
 
 
 def zones_in_words(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
@@ -78,18 +78,15 @@ def _head(result: BuildingResult) -> str:
     temperatures = result.forecast[result.settings.roles_of("T_za")]
     low, high = (float(end) for end in (temperatures.to_numpy().min(), temperatures.to_numpy().max()))
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast of all zones on {day_words(result.forecast.index)}"))
-    cards += day_energy(_total_load(result)) if result.scaled else []
+    loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
+    if result.scaled and loads:
+        cards += day_energy(pd.DataFrame({"Q_hvac": result.forecast[loads].sum(axis=1)}))
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of {len(result.verdicts)} zones</p>'
         f"<h1>{escape(result.settings.name)}</h1>\n"
         f'<p class="verdict">{escape(zones_in_words(result.verdicts))}</p>\n{zone_boxes(result.verdicts)}'
         f"<p>{escape(verdict(result.table, HYBRID))}</p>\n{html_cards(cards)}"
     )
-
-
-def _total_load(result: BuildingResult) -> pd.DataFrame:
-    loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
-    return pd.DataFrame({"Q_hvac": result.forecast[loads].sum(axis=1)} if loads else {}, index=result.forecast.index)
 
 
 def _map(result: BuildingResult) -> str:
@@ -147,21 +144,19 @@ def _tomorrow(result: BuildingResult) -> str:
     if result.data.held_out:
         day = "This is the last day of the log. The forecast used no temperature of that day; the measurements are "
         day += "drawn for comparison."
-    band = " Four out of five measurements should lie in the shaded interval." if result.has_intervals else ""
+    measured = result.settings.load.get("setpoint", "measured") == "measured" and result.data.held_out
+    held = " (here the temperatures that were measured)" if measured else ""
+    shaded = has_intervals(result.frames[HYBRID])
+    band = " Four out of five measurements should lie in the shaded interval." if shaded else ""
     words = (
         f"{day} The temperatures assume the logged or planned heating and cooling. The loads are the heat that would "
-        f"hold the set-points{_held(result)}, within the limits of the plant.{band}"
+        f"hold the set-points{held}, within the limits of the plant.{band}"
     )
     power = "kW" if result.scaled else "relative"
     parts = {zone: forecast_of(result.forecast, result.settings, zone) for zone in result.settings.zones}
     return f"<h2>Forecast for {escape(day_words(result.forecast.index))}</h2>\n<p>{words}</p>\n" + in_two_widths(
         lambda width: days_figure(parts, width, power), "Forecast of each zone: temperature and load.", "day"
     )
-
-
-def _held(result: BuildingResult) -> str:
-    measured = result.settings.load.get("setpoint", "measured") == "measured" and result.data.held_out
-    return " (here the temperatures that were measured)" if measured else ""
 
 
 def _accuracy(result: BuildingResult) -> str:

@@ -13,13 +13,7 @@ from typing import Any
 import pandas as pd
 
 from ..._files import atomic_path
-from ...inspection import (
-    DayAheadDisplay,
-    DisturbanceWeekDisplay,
-    ForecastDisplay,
-    LeadErrorDisplay,
-    ScheduleDisplay,
-)
+from ...inspection import DayAheadDisplay, DisturbanceWeekDisplay, ForecastDisplay, LeadErrorDisplay, ScheduleDisplay
 from ...inspection.unshown_figure import blank_axes, svg_text
 from ...inspection.zone_panels import days_figure as days_figure
 from ...inspection.zone_panels import errors_figure as errors_figure
@@ -84,12 +78,8 @@ def day_figure(forecast: pd.DataFrame, width: float = WIDE) -> Any:
     """The next day: temperature and, where there is a plant, load."""
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(n_axes, (width, 2.5 * n_axes + 0.7))
-    _draw_day(axes if n_axes == 2 else axes[0], forecast)
+    DayAheadDisplay.from_predictions(forecast, **measured_and_setpoint(forecast), ax=axes)
     return figure
-
-
-def _draw_day(ax: Any, forecast: pd.DataFrame) -> None:
-    DayAheadDisplay.from_predictions(forecast, **measured_and_setpoint(forecast), ax=ax)
 
 
 def backtest_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta = SHOWN, width: float = WIDE) -> Any:
@@ -135,7 +125,7 @@ def study_picture(
     _draw_backtest(axes[0], frames, SHOWN)
     for ax, text in ((axes[0], "back-test"), (axes[1], "the next day")):
         ax.set_title(text, loc="right", fontsize="small", color="#555555")
-    _draw_day(axes[1:] if n_axes == 2 else axes[1], forecast)
+    DayAheadDisplay.from_predictions(forecast, **measured_and_setpoint(forecast), ax=axes[1:])
     if n_axes == 2:
         axes[1].sharex(axes[2])
         axes[1].tick_params(labelbottom=False)
