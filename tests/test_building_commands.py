@@ -331,7 +331,7 @@ def test_commands_of_one_zone_refuse_several(command, folder, tmp_path, capsys):
     ("change", "message"),
     [
         (("[columns]", "[plant]\nmost_heat = 8.0\n[columns]"), r"\[plant\] is of one zone"),
-        (('"hall"]]', '"attic"]]'), "zone 'attic'"),
+        (('"hall"]]', '"attic"]]'), "names 'attic'"),
         (('[["kitchen", "hall"]]', '["hall"]'), "list of pairs"),
         (("T_za_kitchen", "T_za"), "adjacency is of several zones"),
         (('adjacency = [["kitchen"', 'adjacent = [["kitchen"'), "did you mean 'adjacency'"),
