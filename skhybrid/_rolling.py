@@ -13,15 +13,7 @@ from sklearn.utils import Tags
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from ._summary import SummaryMixin
-from ._table import (
-    UNLIMITED,
-    ZoneTable,
-    append_tables,
-    fill_ahead,
-    read_targets,
-    refuse_gap,
-    refuse_other_clock,
-)
+from ._table import UNLIMITED, ZoneTable, append_tables, fill_ahead, read_targets, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 
