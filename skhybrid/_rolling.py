@@ -34,7 +34,6 @@ def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
 class RollingForecastMixin(SummaryMixin, RegressorMixin):
     """``predict``, ``predict_from`` and ``score``; a subclass sets ``horizon`` and ``_tail``, and has the hooks."""
 
-    horizon: Any
     _tail: ZoneTable
     _reads_clock = True  # whether forecasts depend on the hour of the day
 

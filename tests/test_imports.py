@@ -74,11 +74,11 @@ STRICT = {
     "_plain_data": {"_time"},
     "_skops": set(),
     "_ranges": {"_warnings", "exceptions"},
-    "_target": {"_warnings", "exceptions"},
+    "_target": {"_arguments", "_warnings", "exceptions"},
     "_columns": {"_arguments", "_warnings", "exceptions"},
     "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
-    "_joining": {"_ranges", "_table", "_time"},
+    "_joining": {"_arguments", "_ranges", "_table", "_time"},
     "_rolling": {"_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.
