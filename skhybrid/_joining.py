@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ._arguments import is_number
 from ._ranges import check_range
 from ._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
 from ._time import refuse_one_zone, spell
@@ -106,7 +106,7 @@ def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
 
 def read_now(T_za: Any, index: pd.Index) -> float:
     """The temperature that is measured now [degC], at the first of some rows ahead."""
-    if isinstance(T_za, bool | np.bool_) or not isinstance(T_za, Real) or not np.isfinite(float(T_za)):
+    if not is_number(T_za):
         raise ValueError(
             f"T_za={T_za!r} is not a number; give the temperature [degC] measured at {index[0]}, or leave it out where "
             "there is none."

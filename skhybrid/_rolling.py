@@ -14,15 +14,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from ._joining import warn_if_unmeasured
 from ._summary import SummaryMixin
-from ._table import (
-    UNLIMITED,
-    ZoneTable,
-    append_tables,
-    fill_ahead,
-    read_targets,
-    refuse_gap,
-    refuse_other_clock,
-)
+from ._table import UNLIMITED, ZoneTable, append_tables, fill_ahead, read_targets, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 
@@ -43,7 +35,6 @@ def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
 class RollingForecastMixin(SummaryMixin, RegressorMixin):
     """``predict``, ``predict_from`` and ``score``; a subclass sets ``horizon`` and ``_tail``, and has the hooks."""
 
-    horizon: Any
     _tail: ZoneTable
     _reads_clock = True  # whether forecasts depend on the hour of the day
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ._arguments import is_number
 from ._warnings import percent, warn_user
 from .exceptions import ExcitationWarning, UnitWarning
 
@@ -142,7 +142,7 @@ def _scaled(values: np.ndarray, wanted: np.ndarray) -> bool:
 
 def read_max_missing(most: Any) -> float:
     """Share of the rows of a target that may be missing."""
-    if isinstance(most, bool) or not isinstance(most, Real) or not 0.0 <= float(most) <= 1.0:
+    if not is_number(most) or not 0.0 <= most <= 1.0:
         raise ValueError(f"max_missing={most!r} must be a share of the rows, from 0 to 1.")
     return float(most)
 

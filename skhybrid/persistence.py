@@ -23,8 +23,7 @@ from . import __version__
 from ._archive import MOST_BYTES, check_archive, unpacks_too_large
 from ._files import atomic_path
 from ._folded import MARK, fold, unfold
-from ._packed import pack, unpack
-from ._pandas_data import PANDAS_KINDS
+from ._plain_data import PANDAS_KINDS, pack, unpack
 from ._skops import import_skops
 from ._warnings import first_sentence
 from .exceptions import ModelFileError

@@ -15,7 +15,7 @@ from skhybrid.identification import GrayBoxRC, PeriodicDisturbanceID
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import ZoneModel, emhass_parameters
-from skhybrid.zone.first_order import Law, temperatures
+from skhybrid.zone.emhass import Law, temperatures
 
 COLUMNS = {role: role for role in ("T_za", "T_oa", "q_sol", "u_heat", "u_cool")}
 STEP = 0.5  # of the plan [h]

@@ -145,7 +145,7 @@ def dense_gaussian(kind, name, e, values):
     network, N = get_network(name), len(e.y)
     n, za = len(network.nodes), network.nodes.index("za")
     d = network.discrete(values, e.roles, e.hours)
-    x = np.full(n, e.first)
+    x = np.full(n, e.firsts.mean())
     if kind == "OD":
         for node in disturbance_of("OD", network).hidden:
             x[network.nodes.index(node)] = values[f"T0_{node}"]
@@ -235,7 +235,7 @@ def periodic_problem(name, e, setting, heat_scale=1.3, hours="3h"):
     fixed, inner = SETTINGS[setting]
     solved = {*fixed, *inner, *({"f"} if "A_win" in inner else ())}
     classes = HOUR_CLASSES[hours]
-    own = own_parameters(len(VarianceModel.of(e.segments, classes).first_rows), classes)
+    own = own_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(ROLES), *own) if p.name not in solved)
     problem = PeriodicProblem(network, e, searched, fixed, inner, heat_scale, hours=hours)
     return problem, np.array([p.to_free(VALUES[p.name]) for p in searched])
@@ -298,7 +298,7 @@ def test_periodic_gradient_is_exact_for_two_rooms():
     values = VALUES | {f"day_{d}": 0.1 * d for d in range(6)} | {"C_a": 1.0, "C_b": 1.5, "R_ab": 2.0, "R_a": 6.0}
     values |= {"R_b": 8.0}
     classes = HOUR_CLASSES["day_night"]
-    own = own_parameters(len(VarianceModel.of(e.segments, classes).first_rows), classes)
+    own = own_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(e.roles), *own) if p.name != "Q_h")
     problem = PeriodicProblem(network, e, searched, {"Q_h": 6.0}, ())
     x = np.array([p.to_free(values[p.name]) for p in searched])
@@ -314,7 +314,7 @@ def test_periodic_gradient_is_exact_over_the_shares_of_measured_heat():
     columns = [one.inputs[:, 0], 6.0 * one.inputs[:, 2], np.zeros(150)]
     e = one._replace(inputs=np.column_stack(columns), roles=("T_oa", "Q_hvac"))
     classes = HOUR_CLASSES["day_night"]
-    own = own_parameters(len(VarianceModel.of(e.segments, classes).first_rows), classes)
+    own = own_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
     searched = (*network.parameters(e.roles), *own)
     assert "f_air" in [p.name for p in searched]
     problem = PeriodicProblem(network, e, searched, {}, ())
@@ -365,7 +365,7 @@ def dense_objective(name, e, values, inner, heat_scale):
         return np.array([sum(power[k - 1 - j][za] @ heat[:, node] * series[j] for j in range(k)) for k in range(N)])
 
     column = dict(zip(network.inputs(ROLES), e.inputs.T, strict=False))
-    mean = np.array([power[k][za].sum() * e.first for k in range(N)])
+    mean = np.array([power[k][za].sum() * e.firsts.mean() for k in range(N)])
     mean += np.array([sum(power[k - 1 - j][za] @ outdoor * column["T_oa"][j] for j in range(k)) for k in range(N)])
     plain = []
     for parameter, role in (("A_win", "q_sol"), ("Q_h", "u_heat"), ("Q_c", "u_cool")):

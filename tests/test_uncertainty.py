@@ -18,6 +18,7 @@ from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanc
 from skhybrid.datasets import make_office
 from skhybrid.identification import profile_likelihood, sample_posterior
 from skhybrid.identification.base import NetworkIdentifier
+from skhybrid.identification.fitting.gauss_newton import Minimum
 from skhybrid.identification.fitting.prediction_errors import PredictionErrorProblem
 from skhybrid.identification.fitting.priors import normal_priors
 from skhybrid.identification.uncertainty import periodic_errors, posterior
@@ -474,7 +475,7 @@ def test_the_search_of_a_profile_begins_with_a_finite_step_at_zero():
 
 @pytest.mark.filterwarnings("error")
 def test_an_exact_fit_has_a_finite_deviance_and_finite_errors():
-    exact = SimpleNamespace(residuals=lambda _: np.zeros(3), n_counted=3)
+    exact = SimpleNamespace(minimise=lambda _: [Minimum(np.zeros(0), 0.0, 1, True)], n_counted=3)
     exact.drop = partial(PredictionErrorProblem.drop, exact)
     assert np.isfinite(PredictionErrorProblem.minimum_near(exact, np.zeros(0))[1])
     problem = SimpleNamespace(

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
-from .._table import SETPOINT_ROLES, ZoneTable, read_table, read_targets
+from .._table import ZoneTable, is_instant, is_plant, read_table, read_targets
 from .._time import rows_per_hour, spell
 from ..filtering import low_pass
 from .experiment import temperatures_by_role
@@ -155,13 +155,13 @@ def _arrange(
     owner = {
         role: next((z for z in sorted(names, key=len, reverse=True) if role.endswith(f"_{z}")), None) for role in hourly
     }
-    plant = [role for role in hourly if role.startswith(("u_", "Q_"))]
-    outside = [v for role, v in hourly.items() if role.startswith("T_") and not role.startswith(SETPOINT_ROLES)]
+    plant = [role for role in hourly if is_plant(role)]
+    outside = [v for role, v in hourly.items() if is_instant(role)]
     heat, others = np.zeros((n, len(names))), []
     for i, name in enumerate(names):
         heat[:, i] = sum(hourly[role] for role in plant if owner[role] == name and role.startswith("Q_"))
         acting = [hourly[r] for r in plant if (owner[r] == name and r.startswith("u_")) or owner[r] is None]
-        columns = [*acting, *(_smoothed(v, 4.0) for v in (*acting, heat[:, i]))]
+        columns = [*acting, *(_smoothed(v) for v in (*acting, heat[:, i]))]
         others.append(np.column_stack([*columns, *sun, calendar]))
     filled = pd.DataFrame(T).interpolate(limit_direction="both").to_numpy()
     return _Rooms(names, filled, np.isfinite(T), heat, np.array(outside).reshape(-1, n).T, others, _day(n))
@@ -172,9 +172,9 @@ def _day(n: int) -> np.ndarray:
     return np.arange(n) // 24
 
 
-def _smoothed(values: np.ndarray, hours: float) -> np.ndarray:
-    """Exponential mean of the values before each row."""
-    return low_pass(np.concatenate([values[:1], values[:-1]]), 1.0 - 1.0 / hours, values[0])
+def _smoothed(values: np.ndarray) -> np.ndarray:
+    """Exponential mean of the values before each row, over about four hours."""
+    return low_pass(np.concatenate([values[:1], values[:-1]]), 1.0 - 1.0 / 4.0, values[0])
 
 
 class _Regression(NamedTuple):

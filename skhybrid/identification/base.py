@@ -27,9 +27,9 @@ from .filtered_network import FirstState, filter_training
 from .fitting.excitation import unexcited, warn_scale
 from .fitting.gauss_newton import Minimum
 from .fitting.starts import Minimise, check_start, search
+from .forecast_ahead import ForecastingNetwork
 from .gain_filter import FilteredStates, GainFilter
 from .loads import plant_of
-from .network_model import NetworkModel
 from .state_space import state_space_of
 from .uncertainty.identifiability import assess
 from .uncertainty.standard_errors import ParameterUncertainty, theta_covariance, theta_intervals
@@ -53,24 +53,11 @@ class SearchResult(NamedTuple):
     idle: tuple[str, ...]  # those that no row moves
 
 
-class NetworkIdentifier(NetworkModel):
+class NetworkIdentifier(ForecastingNetwork):
     """Base of the identifications; a subclass defines the problem, minimises it and stores what it found."""
 
-    network: Any
-    known: Any
-    bounds: Any
-    n_starts: Any
-    horizon: Any
-    warmup: Any
-    columns: Any
-    sampling_time: Any
-    n_jobs: Any
-    random_state: Any
-    verbose: Any
-    origin_step: Any
-    max_missing: Any
-    priors: Any
     parameters_: tuple[Parameter, ...]
+    theta_: pd.Series
     theta_std_: pd.Series
     noise_std_: float
     loss_: float

@@ -50,23 +50,14 @@ def first_state(network: RCNetwork, temperatures: np.ndarray, appended: int = 0)
     return np.append(state, np.zeros(appended))
 
 
-def _outputs(network: RCNetwork, appended: int, on_output: bool) -> np.ndarray:
-    """(o, s) output rows: the measured nodes, and the appended states where they act on the output."""
-    rows, n = measured_rows(network), len(network.nodes)
-    C = np.zeros((len(rows), n + appended))
-    C[np.arange(len(rows)), rows] = 1.0
-    if on_output:
-        C[np.arange(len(rows)), n + np.arange(len(rows))] = 1.0
-    return C
-
-
-def append_states(d: Discrete, decay: np.ndarray, feed: int, n_own: int) -> Model:
-    """Model with appended states of transitions ``decay`` (S, a); gain and noise are still zero.
+def _appended(d: Discrete, decay: np.ndarray, feed: int, n_own: int, C: np.ndarray, s0: np.ndarray, R: float) -> Model:
+    """Model with appended states of transitions ``decay`` (S, a); gain, noise and first covariance are still zero.
 
     The appended states feed the last ``feed`` columns of B (heat gains [kW]); with 0 they act on the output only.  The
-    ``n_own`` parameters of the disturbance follow the network's.
+    ``n_own`` parameters of the disturbance follow the network's.  ``C`` (o, s) are the output rows, ``s0`` (s,) is the
+    first state.
     """
-    (S, n, m), p, a = d.B.shape, d.dA.shape[1], decay.shape[1]
+    (S, n, m), p, a, o = d.B.shape, d.dA.shape[1], decay.shape[1], len(C)
     s, q = n + a, p + n_own
     A, B = np.zeros((S, s, s)), np.zeros((S, s, m))
     dA, dB = np.zeros((S, s, s, q)), np.zeros((S, s, m, q))
@@ -77,16 +68,10 @@ def append_states(d: Discrete, decay: np.ndarray, feed: int, n_own: int) -> Mode
     if feed:
         A[:, :n, n:] = d.B[:, :, m - feed :]
         dA[:, :n, n:] = dB[:, :n, m - feed :]
-    noise, P0 = {"Q": np.zeros((S, s, s)), "dQ": np.zeros((S, s, s, q))}, np.zeros((s, s))
-    later = dict.fromkeys(("C", "K", "R", "s0", "dK"), np.zeros((0, 0)))  # see _complete
-    return Model(A=A, B=B, dA=dA, dB=dB, P0=P0, ds0=np.zeros((S, s, q)), **noise, **later)
-
-
-def _complete(model: Model, C: np.ndarray, s0: np.ndarray, R: float, **rest: np.ndarray) -> Model:
-    """The model with its output rows, first state (s,) or (S, s), and zero gains where ``rest`` gives none."""
-    (S, s), q, o = model.A.shape[:2], model.dA.shape[3], len(C)
-    given = {"K": np.zeros((S, s, o)), "dK": np.zeros((S, s, o, q)), **rest}
-    return model._replace(C=C, R=np.full(o, R), s0=np.ascontiguousarray(np.broadcast_to(s0, (S, s))), **given)
+    gain = {"K": np.zeros((S, s, o)), "dK": np.zeros((S, s, o, q))}
+    noise = {"Q": np.zeros((S, s, s)), "dQ": np.zeros((S, s, s, q)), "R": np.full(o, R)}
+    first = {"s0": np.tile(s0, (S, 1)), "ds0": np.zeros((S, s, q))}
+    return Model(A=A, B=B, C=C, dA=dA, dB=dB, P0=np.zeros((s, s)), **gain, **noise, **first)
 
 
 class _Disturbance:
@@ -126,10 +111,10 @@ class Conventional(_Disturbance):
         self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
         S, n = d.A.shape[:2]
-        model = append_states(d, np.zeros((S, 0)), 0, 0)
+        s0, R = first_state(network, segment.firsts), measurement_variance(segment.hours)
+        model = _appended(d, np.zeros((S, 0)), 0, 0, np.eye(n)[measured_rows(network)], s0, R)
         Q = np.tile(self.process_sd**2 * np.eye(n), (S, 1, 1))
-        s0, P0 = first_state(network, segment.firsts), first_covariance(network)
-        return _complete(model, _outputs(network, 0, False), s0, measurement_variance(segment.hours), Q=Q, P0=P0)
+        return model._replace(Q=Q, P0=first_covariance(network))
 
 
 @dataclass(frozen=True)
@@ -149,15 +134,14 @@ class InputRandomWalk(_Disturbance):
         self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
         (S, n), a = d.A.shape[:2], len(network.disturbed_nodes)
-        model = append_states(d, np.ones((S, a)), feed=a, n_own=2)
+        s0, R = first_state(network, segment.firsts, a), measurement_variance(segment.hours, self.measurement_sd)
+        model = _appended(d, np.ones((S, a)), a, 2, np.eye(n + a)[measured_rows(network)], s0, R)
         nodes, walks = np.arange(n), n + np.arange(a)
         model.Q[:, nodes, nodes] = own["sigma_x"][:, None] ** 2
         model.Q[:, walks, walks] = own["sigma_zeta"][:, None] ** 2
         model.dQ[:, nodes, nodes, -2] = 2.0 * own["sigma_x"][:, None]
         model.dQ[:, walks, walks, -1] = 2.0 * own["sigma_zeta"][:, None]
-        R = measurement_variance(segment.hours, self.measurement_sd)
-        s0, P0 = first_state(network, segment.firsts, a), first_covariance(network, ZETA_SD)
-        return _complete(model, _outputs(network, a, False), s0, R, P0=P0)
+        return model._replace(P0=first_covariance(network, ZETA_SD))
 
 
 @dataclass(frozen=True)
@@ -189,20 +173,20 @@ class OutputARMA(_Disturbance):
     def build(
         self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
-        (S, n), o, base = d.A.shape[:2], len(network.measured_nodes), d.dA.shape[1]
-        model = append_states(d, np.repeat(own["rho_1"][:, None], o, axis=1), 0, len(self.own))
+        n, o, base = len(network.nodes), len(network.measured_nodes), d.dA.shape[1]
+        C = np.hstack([np.eye(n)[measured_rows(network)], np.eye(o)])
+        s0 = first_state(network, segment.firsts, o)
+        model = _appended(d, np.repeat(own["rho_1"][:, None], o, axis=1), 0, len(self.own), C, s0, 0.0)
         each, outputs = n + np.arange(o), np.arange(o)
         model.dA[:, each, each, base] = 1.0
         rho_2 = own["rho_2"] if self.paper_box else own["rho_1"] - own["rho_gap"]
-        K, dK = np.zeros((S, n + o, o)), np.zeros((S, n + o, o, model.dA.shape[3]))
-        K[:, each, outputs] = rho_2[:, None]
-        dK[:, each, outputs, base : base + 2] = (0.0, 1.0) if self.paper_box else (1.0, -1.0)
-        s0 = np.tile(first_state(network, segment.firsts, o), (S, 1))
+        model.K[:, each, outputs] = rho_2[:, None]
+        model.dK[:, each, outputs, base : base + 2] = (0.0, 1.0) if self.paper_box else (1.0, -1.0)
         for q, node in enumerate(self.hidden):
             i = network.nodes.index(node)
-            s0[:, i] = own[first_name(node, number)]
+            model.s0[:, i] = own[first_name(node, number)]
             model.ds0[:, i, base + 2 + number * len(self.hidden) + q] = 1.0
-        return _complete(model, _outputs(network, o, True), s0, 0.0, K=K, dK=dK)
+        return model
 
 
 def take_searched(state: np.ndarray, network: RCNetwork, found: Any, number: int) -> None:

@@ -36,11 +36,6 @@ class Experiment(NamedTuple):
         return np.array([float(column[0]) if len(column) else 20.0 for column in seen])
 
     @property
-    def first(self) -> float:
-        """The first measured temperature [degC]; the mean of several."""
-        return float(self.firsts.mean())
-
-    @property
     def segments(self) -> tuple[Experiment, ...]:
         """The segments, each an experiment of its own."""
         if len(self.breaks) == 1:

@@ -146,11 +146,7 @@ class FilteredNetwork:
 
 
 def filter_training(
-    kalman: GainFilter,
-    table: ZoneTable,
-    experiment: Experiment,
-    first_state: FirstState,
-    keep: int,
+    kalman: GainFilter, table: ZoneTable, experiment: Experiment, first_state: FirstState, keep: int
 ) -> FilteredNetwork:
     """Run a filter over its training table, of which the last ``keep`` rows are kept."""
 

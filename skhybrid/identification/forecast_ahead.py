@@ -21,7 +21,6 @@ from .._joining import (
     warn_if_unmeasured,
     with_measured,
 )
-from .._rolling import RollingForecastMixin
 from .._table import UNLIMITED, ZoneTable, append_tables, refuse_gap
 from .._threads import one_blas_thread
 from .._time import rows_covering
@@ -30,7 +29,6 @@ from ..control import (
     AffineForecast,
     ControlModel,
     Plan,
-    Plant,
     covered_by,
     decided_on,
     limits_of,
@@ -39,9 +37,9 @@ from ..control import (
     read_member,
     warn_uncovered,
 )
-from ..thermal import RCNetwork
 from .experiment import read_outputs
-from .filtered_network import FilteredNetwork, ForecastStart
+from .filtered_network import ForecastStart
+from .network_model import NetworkModel
 from .plan_model import linear_network, plan_gain
 from .rolling_state import kept_end
 from .state_space import StateSpace
@@ -60,24 +58,12 @@ class _Ahead(NamedTuple):
         return self.n_rows - (self.now is not None)
 
 
-class ForecastAheadMixin(RollingForecastMixin):
+class ForecastingNetwork(NetworkModel):
     """``forecast``, ``affine_forecast``, ``to_state_space`` and ``update`` of the identifications."""
 
-    network_: RCNetwork
-    filtered_network_: FilteredNetwork
     state_space_: StateSpace
     sampling_time_: pd.Timedelta
-    warmup: Any
-    columns: Any
-    max_missing: Any
-    _plant: Plant
     _acts_on = "input"  # what the model expects beyond the network: heat, or (output) a temperature
-
-    def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
-        raise NotImplementedError
-
-    def _zeta_names(self, kind: str = "input") -> list[str]:
-        raise NotImplementedError
 
     def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
         return read_outputs(y, table, self.network_, max_missing=UNLIMITED)
@@ -290,7 +276,8 @@ class ForecastAheadMixin(RollingForecastMixin):
         elif history is None:
             whole = filled.drop(columns=[name for name in past if name in filled])
         else:
-            whole = join_frames(history, filled, self._names_in(history), *past)
+            acting = self.network_.inputs(self.filtered_network_.roles)
+            whole = join_frames(history, filled, [self._column_of(role) for role in acting], *past)
         read = self._read_X(whole)
         refuse_gap(read)
         if history is not None:
@@ -307,11 +294,6 @@ class ForecastAheadMixin(RollingForecastMixin):
         plan = Plan.of(table, roles, n_rows)
         warn_uncovered(plan, given, covered_by(self._ranges(), roles))
         return _Ahead(table, first - (now is None), now, n_rows), plan
-
-    def _names_in(self, frame: pd.DataFrame) -> list[Any]:
-        """Columns of a frame that are read and known in advance."""
-        acting = self.network_.inputs(self.filtered_network_.roles)
-        return [self._column_of(role) for role in acting if self._column_of(role) in frame]
 
     def _read_now(self, T_za: Any, index: pd.Index) -> np.ndarray | None:
         """(o,) temperatures measured at the first row ahead [degC]."""

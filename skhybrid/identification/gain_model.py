@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -79,29 +78,21 @@ class VarianceModel:
     klass: tuple[np.ndarray, ...]  # (N,) int of every segment
     variance: np.ndarray  # (n_classes, len(names)) of 0 and 1
     names: tuple[str, ...]  # its parameters: of the hours, then of the days
-    first_rows: tuple[tuple[int, int], ...]  # segment and row where each day's factor begins
+    first_rows: np.ndarray  # (n_days,) where each day's factor begins
 
     @classmethod
-    def of(cls, segments: Sequence[Experiment], hours: HourClasses) -> VarianceModel:
-        """The classes of the rows of an experiment's segments; a day begins where the hour falls."""
-        days, count, size = [], 0, len(hours.names)
-        for segment in segments:
-            begins = np.append(1, np.diff(segment.hour_of_day) < 0)
-            days.append(count + np.cumsum(begins) - 1)
-            count = int(days[-1][-1]) + 1
-        together = -(-count // MOST_DAYS)
-        days = [day // together for day in days]
-        n_days = int(days[-1][-1]) + 1
-        cells = [week_cells(p) for p in segments]
-        keys = [day * size + hours.of_cell[cell] for day, cell in zip(days, cells, strict=True)]
-        used, klass = np.unique(np.concatenate(keys), return_inverse=True)
-        variance = np.hstack([one_hot(used % size, size), one_hot(used // size, n_days)])
-        where = np.concatenate([np.arange(len(p.y)) for p in segments])
-        which = np.repeat(np.arange(len(segments)), [len(p.y) for p in segments])
-        _, first = np.unique(np.concatenate(days), return_index=True)
-        by_segment = tuple(np.split(klass.astype(np.int64), np.cumsum([len(p.y) for p in segments])[:-1]))
-        names = (*(f"sigma_{c}" for c in hours.names), *(f"day_{d}" for d in range(n_days)))
-        return cls(by_segment, variance, names, tuple((int(which[i]), int(where[i])) for i in first))
+    def of(cls, experiment: Experiment, hours: HourClasses) -> VarianceModel:
+        """The classes of an experiment's rows; a day begins where the hour falls, and with every segment."""
+        begins, size = np.append(True, np.diff(experiment.hour_of_day) < 0), len(hours.names)
+        begins[list(experiment.breaks)] = True
+        day = np.cumsum(begins) - 1
+        together = -(-(int(day[-1]) + 1) // MOST_DAYS)
+        days, first, day = np.unique(day // together, return_index=True, return_inverse=True)
+        used, klass = np.unique(day * size + hours.of_cell[week_cells(experiment)], return_inverse=True)
+        variance = np.hstack([one_hot(used % size, size), one_hot(used // size, len(days))])
+        by_segment = tuple(np.split(klass.astype(np.int64), experiment.breaks[1:]))
+        names = (*(f"sigma_{c}" for c in hours.names), *(f"day_{d}" for d in days))
+        return cls(by_segment, variance, names, first)
 
 
 def own_parameters(n_days: int, hours: HourClasses) -> tuple[Parameter, ...]:

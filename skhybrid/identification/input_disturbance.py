@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from .._arguments import is_number
 from .._table import ZoneTable
@@ -42,8 +42,6 @@ class InputDisturbanceID(LeastSquaresIdentifier):
     %(weighted_loss)s
     %(fitted)s
     """
-
-    measurement_sd: Any
 
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,

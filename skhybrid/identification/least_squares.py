@@ -29,8 +29,6 @@ from .uncertainty.least_squares_errors import least_squares_uncertainty
 class LeastSquaresIdentifier(NetworkIdentifier):
     """Sum of squared errors over bounded parameters, from many random starts."""
 
-    objective: Any
-
     def __init__(
         self, network="2R2C", *, known=None, bounds=None, n_starts=50, horizon=None, warmup="1D", columns=None,
         sampling_time=None, n_jobs=None, random_state=None, verbose=0, origin_step=None, max_missing=0.5, priors=None,
@@ -68,7 +66,7 @@ class LeastSquaresIdentifier(NetworkIdentifier):
 
     def _minima(self, problem: PredictionErrorProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
-            return [Minimum(np.zeros(0), float(np.sum(problem.residuals(np.zeros(0)) ** 2)), 1, True)]
+            return problem.minimise(np.zeros((1, 0)))
         starts = random_starts(problem.searched, self.n_starts, self._start_draws())
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
         rough = partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1])

@@ -9,16 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant, listed
-from ..control import (
-    HeatedZone,
-    Limits,
-    Plant,
-    load_frame,
-    make_plant,
-    read_limits,
-    read_setpoint,
-    required_heat,
-)
+from ..control import HeatedZone, Limits, Plant, load_frame, make_plant, read_limits, read_setpoint, required_heat
 from ..thermal import RCNetwork
 from .filtered_network import FilteredNetwork, ForecastStart
 

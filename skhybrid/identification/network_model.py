@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
-from .._rolling import checked_origins
+from .._rolling import RollingForecastMixin, checked_origins
 from .._table import ZoneTable, as_numbers, as_pandas, is_plant, listed
 from .._threads import one_blas_thread
 from .._time import refuse_other_stamps
@@ -20,16 +20,14 @@ from ..filtering import simulate_path
 from ..thermal import RCNetwork
 from .disturbance_models import checked_kind
 from .filtered_network import FilteredNetwork, ForecastStart
-from .forecast_ahead import ForecastAheadMixin
 from .loads import network_load
 from .one_step_errors import Innovations, innovations_table, kalman_innovations
 
 
-class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
+class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
     """Methods of an identified network; the hooks are those of its Kalman filter where a subclass gives no others."""
 
     network_: RCNetwork
-    theta_: pd.Series
     filtered_network_: FilteredNetwork
     _plant: Plant
     _reads_clock = False
@@ -272,7 +270,7 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         table, n_tail, origins = self._load_rows(X, filter(is_plant, self._tail.inputs))
         longest = int(np.diff(np.append(origins, table.n_rows - n_tail)).max())
         start = self._forecast_start(table, origins + n_tail, longest)
-        return self._load(table, origins + n_tail, start, setpoint, limits)
+        return network_load(self.filtered_network_, self._plant, table, origins + n_tail, start, setpoint, limits)
 
     def required_heat(
         self, X: Any, setpoint: Any, origins: Any, disturbance: Any, kind: str = "input", limits: Any = None
@@ -300,16 +298,13 @@ class NetworkModel(TransformerMixin, ForecastAheadMixin, BaseEstimator):
         given, needed = start.heat.shape[1], int(np.diff(rows, append=table.n_rows).max())
         if given < needed:
             raise ValueError(f"disturbance has {given} leads, but {needed} rows lie up to the next origin or the end.")
-        return self._load(table, rows, start, setpoint, limits)
+        return network_load(self.filtered_network_, self._plant, table, rows, start, setpoint, limits)
 
     @property
     def plant(self) -> Plant:
         """Stages of the training table and their capacities."""
         check_is_fitted(self)
         return self._plant
-
-    def _load(self, table: ZoneTable, origins: np.ndarray, start: ForecastStart, *wanted: Any) -> pd.DataFrame:
-        return network_load(self.filtered_network_, self._plant, table, origins, start, *wanted)
 
 
 def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.ndarray:

@@ -47,7 +47,6 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
     %(fitted)s
     """
 
-    rho_box: Any
     _acts_on = "output"
 
     def __init__(
@@ -64,7 +63,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
             if not isinstance(value := self.known[name], int | float | np.number) or not -1.0 < value < 1.0:
                 raise ValueError(f"known= gives {name} the value {value!r}; it must lie between -1 and 1.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
-        firsts = tuple(segment.first for segment in experiment.segments)
+        firsts = tuple(float(segment.firsts.mean()) for segment in experiment.segments)
         return OutputARMA(hidden, firsts, self.rho_box == "paper", experiment.hours)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:

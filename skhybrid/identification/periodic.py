@@ -88,7 +88,6 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     An extension of the paper's input-disturbance model (2.2.2).  Infiltration at all hours is a part of ``1 / R_zo``.
     """
 
-    variance: Any
     _reads_clock = True
 
     def __init__(
@@ -134,7 +133,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     ) -> tuple[PeriodicProblem, tuple[str, ...]]:
         """The problem whose gain is searched in a unit of heat, and the parameters that no row moves."""
         known, bounds = dict(self.known or {}), dict(self.bounds or {})
-        n_days = len(VarianceModel.of(experiment.segments, self._hours).first_rows)
+        n_days = len(VarianceModel.of(experiment, self._hours).first_rows)
         units = self._units(heat_scale)
 
         def bounded(p: Parameter) -> Parameter:
@@ -204,9 +203,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         values = problem.values(best.free)
         units = self._units(problem.heat_scale)
         self.disturbance_ = pd.Series({p.name: values[p.name] * units.get(p.name, 1.0) for p in self._own_parameters()})
-        begins = np.cumsum([0, *(len(segment.y) for segment in problem.experiment.segments)])
-        rows = [begins[segment] + row for segment, row in problem.variance.first_rows]
-        self.day_factors_ = pd.Series(problem.day_factors(values), index=table.index[rows], name="day_factor")
+        begins = table.index[problem.variance.first_rows]
+        self.day_factors_ = pd.Series(problem.day_factors(values), index=begins, name="day_factor")
 
     def _store_gain(self, problem: PeriodicProblem, beta: np.ndarray) -> None:
         """The weekly profile and the ventilation of every disturbed node."""
@@ -214,7 +212,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         basis, parts = profile_basis()[0], beta.reshape(len(nodes), -1)
         profiles = [basis @ part[: basis.shape[1]] for part in parts]
         if problem.layout.ventilated:
-            cells = np.concatenate([week_cells(p) for p in problem.experiment.segments])
+            cells = week_cells(problem.experiment)
             for profile, part, series in zip(profiles, parts, problem.ventilation.T, strict=True):
                 total = np.bincount(cells, weights=series, minlength=len(profile))
                 profile += part[-1] * total / np.maximum(np.bincount(cells, minlength=len(profile)), 1)

@@ -6,14 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from .declaration import (
-    ROLE_PREFIXES,
-    SOURCE_PARAMETERS,
-    Declaration,
-    all_shares,
-    is_by_role,
-    own_parameters,
-)
+from .declaration import ROLE_PREFIXES, SOURCE_PARAMETERS, Declaration, all_shares, is_by_role, own_parameters
 from .parameters import as_bounds, make_parameter
 
 _NODE = re.compile(r"[A-Za-z]\w*\Z")
@@ -171,8 +164,7 @@ def _connected_nodes(network: Declaration) -> list[set[str]]:
 
 
 def _bound_problems(network: Declaration) -> Iterator[str]:
-    fractions = set(_fractions(network))
-    own = {*network.capacitances.values(), *network.resistors, *fractions}
+    own = {*network.capacitances.values(), *network.resistors, *network.fractions}
     for name, bounds in network.bounds.items():
         if name not in own and not name.startswith(SOURCE_PARAMETERS):
             yield f"bounds names {name!r}, which is not one of its parameters."
@@ -184,7 +176,7 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
             yield str(error)
         if not name.startswith("Q_") and lower <= 0.0:
             yield f"bounds of {name} are ({lower:g}, {upper:g}); both must be positive."
-        if name in fractions and upper > 1.0:
+        if name in network.fractions and upper > 1.0:
             yield f"bounds of {name} are ({lower:g}, {upper:g}); a share is at most 1."
 
 

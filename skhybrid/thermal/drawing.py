@@ -68,10 +68,9 @@ class _Room(NamedTuple):
 def _draw_rooms(canvas: Canvas, network: RCNetwork, roles: tuple[str, ...]) -> str:
     ports, partitions = _partitions(network)
     rooms = _place_rooms(network, roles, ports, partitions)
-    at = {room.zone: room for room in rooms}
-    rows = [(name, *sorted((a, b), key=lambda zone: at[zone].y)) for name, (a, b) in partitions.items()]
     place = {room.zone: i for i, room in enumerate(rooms)}
-    lanes = assign_levels([(name, place[a], place[b]) for name, a, b in rows])
+    rows = [(name, min(place[a], place[b]), max(place[a], place[b])) for name, (a, b) in partitions.items()]
+    lanes = assign_levels(rows)
     left = max((room.size for room in rooms if room.side > 0), default=0.0)
     pitch = 2 * 14.0 + max((width(name) for name in partitions), default=0.0) + 10.0
     lane_x = {name: left + _MARGIN + 14.0 + pitch * level for name, *_, level in lanes}
@@ -87,23 +86,17 @@ def _draw_rooms(canvas: Canvas, network: RCNetwork, roles: tuple[str, ...]) -> s
             canvas.wire([(port, 0.0), (max(own, key=lambda x: room.side * x) - canvas.origin[0], 0.0)])
         room.rail.draw(canvas)
     canvas.origin = (0.0, 0.0)
-    for name, a, b in rows:
-        _draw_partition(canvas, name, lane_x[name], at[a].y, min(at[b].y, at[a].y + _next(rooms, at[a])), at[b].y)
+    for name, i, j in rows:
+        _draw_partition(canvas, name, lane_x[name], rooms[i].y, rooms[i + 1].y, rooms[j].y)
     end = left + middle + max((room.size for room in rooms if room.side < 0), default=0.0)
     bottom = max(room.bottom for room in rooms)
     canvas.legend(0.0, bottom + 26.0)
     return canvas.svg(network.name, -16.0, min(r.top for r in rooms) - 12.0, max(end, _NARROWEST) + 16.0, bottom + 44.0)
 
 
-def _next(rooms: list[_Room], room: _Room) -> float:
-    """Vertical distance from the wire of a room to that of the next."""
-    following = [other.y - room.y for other in rooms if other.y > room.y]
-    return min(following, default=0.0)
-
-
-def _draw_partition(canvas: Canvas, name: str, x: float, top: float, before: float, bottom: float) -> None:
-    """Draw the resistor of a partition between two rooms' wires, where no wire of another room crosses."""
-    middle = 0.5 * (top + before)
+def _draw_partition(canvas: Canvas, name: str, x: float, top: float, following: float, bottom: float) -> None:
+    """Draw the resistor of a partition between two rooms' wires, above that of the room ``following`` the first."""
+    middle = 0.5 * (top + following)
     canvas.wire([(x, top), (x, middle - ZIGZAG / 2)])
     canvas.zigzag(x, middle, upright=True)
     canvas.wire([(x, middle + ZIGZAG / 2), (x, bottom)])

@@ -277,20 +277,17 @@ def room_network(network: RCNetwork, zone: str) -> RCNetwork:
                 "mapping of role to node, as building_network does."
             )
     nodes = network.zones[zone]
-    resistors = resistors_of(nodes, network)
+    capacitances, resistors = {node: network.capacitances[node] for node in nodes}, resistors_of(nodes, network)
+    own = {*capacitances.values(), *resistors, *(f for f, node in network.fractions.items() if node in nodes)}
     return RCNetwork(
         zone,
-        {node: network.capacitances[node] for node in nodes},
+        capacitances,
         resistors,
         _of_room(network.solar, nodes),
         measured=tuple(set(network.measured_nodes) & set(nodes)),
         disturbed=tuple(set(network.disturbed_nodes) & set(nodes)),
         heated=_of_room(network.heated, nodes) or nodes[-1],
-        bounds={
-            name: given
-            for name, given in network.bounds.items()
-            if name in {*resistors, *_own(network, nodes)} or name.startswith(SOURCE_PARAMETERS)
-        },
+        bounds={p: given for p, given in network.bounds.items() if p in own or p.startswith(SOURCE_PARAMETERS)},
     )
 
 
@@ -298,10 +295,6 @@ def resistors_of(nodes: tuple[str, ...], network: RCNetwork) -> dict[str, tuple[
     """Resistors at the nodes of one room; a node of another room is the boundary ``T_<node>``."""
     seen = {node: f"T_{node}" for node in network.nodes if node not in nodes}
     return {name: _ends(ends, seen) for name, ends in network.resistors.items() if set(ends) & set(nodes)}
-
-
-def _own(network: RCNetwork, nodes: tuple[str, ...]) -> list[str]:
-    return [*(network.capacitances[node] for node in nodes), *(f for f, n in network.fractions.items() if n in nodes)]
 
 
 def _of_room(declared: Any, nodes: tuple[str, ...]) -> dict[str, Any]:

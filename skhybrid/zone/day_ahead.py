@@ -84,20 +84,16 @@ def day_ahead(
     later = _not_past(frame[frame.index > origin], measured)
     given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
     inputs = [str(role) for role in inputs_of(history) if role not in (*measured, *settings.setpoints)]
-    ahead = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
-    found = zone.forecast(history, ahead.frame)
-    setpoints = ahead.frame[[role for role in settings.setpoints if role in ahead.frame]]
-    out = (
-        found.drop(columns=settings.roles_of("zeta"), errors="ignore")
-        .join(setpoints)
-        .join(ahead.frame[_weather(inputs)])
-    )
-    out = with_electricity(out, settings).rename_axis("time")
+    ahead, planned = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
+    found = zone.forecast(history, ahead).drop(columns=settings.roles_of("zeta"), errors="ignore")
+    weather_roles = [role for role in inputs if role.startswith("T_") or role == "q_sol"]
+    shown = ahead[[*(role for role in settings.setpoints if role in ahead), *weather_roles]]
+    out = with_electricity(found.join(shown), settings).rename_axis("time")
     remarks = [
         *_unused(later, settings, schedule),
         *([] if unread is None or unread.is_step else [str(unread)]),
         *zone.remarks_on_outages(frame, history),
-        *_remarks(zone, history, ahead.frame, ahead.planned),
+        *_remarks(zone, history, ahead, planned),
     ]
     return DayAhead(out, _summary(out, settings, zone.scaled), tuple(remarks))
 
@@ -153,10 +149,6 @@ def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     return found.assign(electricity_kW=electricity)
 
 
-def _weather(inputs: list[str]) -> list[str]:
-    return [role for role in inputs if role.startswith("T_") or role == "q_sol"]
-
-
 def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, Any]:
     """Sums and ranges of the day, those of heat where its kW are ``scaled``."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
@@ -195,7 +187,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
         out.append(f"{one} was learned without its heat, since {names} had no values: its load is not known")
     if not planned and not zone.thermostat_learned:
         out.append(f"the thermostat is an ideal one and the load has no interval: {zone.why_ideal}")
-    known = like_index(zone.known_until, pd.DatetimeIndex(history.index))
+    known = like_index(zone.known_until, history.index)
     if history.index[-1] < known:
         out.append(
             f"the log ends at {history.index[-1]}, before the last row that the model has seen ({known}): it has "

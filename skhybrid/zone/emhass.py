@@ -1,4 +1,14 @@
-"""The thermal parameters that users of EMHASS type in by hand, from an identified network with standard errors."""
+"""The thermal parameters that users of EMHASS type in by hand, from an identified network with standard errors.
+
+The law is the one that comes nearest to the network over a plan's hours.  EMHASS (docs/thermal_model.md, version 0.18)
+plans with
+
+    T[k+1] = T[k] + S dt heating_rate P[k] / P_nom - dt cooling_constant (T[k] - T_oa[k]),
+
+so under nominal power it warms by ``heating_rate / cooling_constant * (1 - (1 - dt cooling_constant)**k)`` in k steps.
+A network warms by g[k], and by g[inf] in the end.  A zone that was held warm loses the share ``g[k] / g[inf]`` of its
+excess when its heat goes off; ``cooling_constant`` is fitted to that, and ``heating_rate`` then to g itself.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import least_squares
+from scipy.signal import dlsim
 
-from ..study.identified_building import UNSURE, quantities, with_errors
+from ..study.identified_building import UNSURE, discrete, quantities, with_errors
 from ..study.plant import Performance
 from ..study.settings import Settings, is_scaled
-from .first_order import Law, first_order, temperatures, warming
 
 _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]
 _LARGE = 0.99  # quantile of the logged heat that is its nominal power, where no setting gives it
@@ -36,6 +47,13 @@ _BY_HAND = {
     "window_area and shgc": "a log holds only their product, which is written as window_area with a shgc of 1; "
     "EMHASS multiplies it with the irradiance on the horizontal",
 }
+
+
+class Law(NamedTuple):
+    """EMHASS's law of a zone."""
+
+    heating_rate: float  # at nominal power [K/h]
+    cooling_constant: float  # [1/h]
 
 
 class EmhassExport(NamedTuple):
@@ -134,7 +152,7 @@ def _values(gray_box: Any, theta: pd.Series, plant: dict[str, float], time: np.n
     building = quantities(gray_box, theta)
     capacity = _heat(gray_box, plant, theta) * float(time @ time) / float(np.abs(warmed) @ time)  # [kWh/K]
     return {
-        **first_order(np.abs(warmed), abs(final), time[0])._asdict(),
+        **_first_order(np.abs(warmed), abs(final), time[0])._asdict(),
         "volume": 3600.0 * capacity / (_DENSITY * _HEAT_CAPACITY),
         "u_value": building["heat loss [W/K]"],
         "window_area": building.get("solar aperture [m2]", np.nan),
@@ -216,3 +234,47 @@ def _blocks(known: dict[str, float], sense: str) -> dict[str, dict[str, Any]]:
         battery["efficiency"] = known["efficiency"]
     law = {name: known[name] for name in Law._fields if name in known}
     return {"thermal_config": {**law, "sense": sense}, "thermal_battery": battery}
+
+
+def _first_order(warmed: np.ndarray, final: float, step: float) -> Law:
+    """The law of a zone that nominal power warms by ``warmed`` (n,) after each step [h], by ``final`` at last [K]."""
+    k, share = np.arange(1, len(warmed) + 1), warmed / final
+    begin = np.clip((1.0 - share[-1]) ** (1.0 / len(k)), 1e-6, 1.0 - 1e-9)
+    found = least_squares(  # in what remains after a step
+        lambda r: 1.0 - r[0] ** k - share,
+        [begin],
+        jac=lambda r: (-k * r[0] ** (k - 1.0))[:, None],
+        bounds=(0.0, 1.0),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    shape = 1.0 - found.x[0] ** k
+    cooling_constant = float(1.0 - found.x[0]) / step
+    return Law(cooling_constant * float(warmed @ shape / (shape @ shape)), cooling_constant)
+
+
+def temperatures(law: Law, power: np.ndarray, T_oa: np.ndarray, start: float, step: float) -> np.ndarray:
+    """Temperatures [degC] after each step [h] by EMHASS's law, from ``start`` on.
+
+    ``power`` (n,) is the share of nominal power, negative where it cools, and ``T_oa`` (n,) [degC], of each step.
+    """
+    out, T = np.empty(len(power)), start
+    for i, (share, outside) in enumerate(zip(power, T_oa, strict=True)):
+        T = T + step * (law.heating_rate * share - law.cooling_constant * (T - outside))
+        out[i] = T
+    return out
+
+
+def warming(
+    gray_box: Any, theta: pd.Series, nominal: dict[str, float], step: float, n_steps: int
+) -> tuple[np.ndarray, float]:
+    """Warming of the zone by a plant at nominal power [K]: after each step [h], and in the end.
+
+    ``theta`` are parameters of the gray box's network; ``nominal`` is a stage of 1 or the heat [kW] by role.
+    """
+    A, B, names, zone = discrete(gray_box, theta, step)
+    given = B[:, [names.index(role) for role in nominal]] @ np.array(list(nominal.values()))
+    system = A, given[:, None], np.eye(len(A))[[zone]], np.zeros((1, 1)), step
+    _, warmed, _ = dlsim(system, np.ones(n_steps + 1))
+    return warmed[1:, 0], float(np.linalg.solve(np.eye(len(A)) - A, given)[zone])

@@ -248,7 +248,9 @@ class ZoneFolder:
         archive.add_measured(measured_rows(frame, zone.settings, origin, archive.last_measured()), zone.zones)
         seen = like_index(zone.known_until, pd.DatetimeIndex([origin]))
         if found is not None and origin >= seen:
-            archive.add_forecast(origin, _with_beyond(found.frame, zone), zone.zones)
+            weather = found.frame.drop(columns=list(filter(is_plant, found.frame)))
+            beyond = beyond_training(weather, zone.covered()).any(axis=1).astype(float)
+            archive.add_forecast(origin, found.frame.assign(**{BEYOND: beyond}), zone.zones)
         if changed:
             zone.save(self.model)
 
@@ -301,13 +303,8 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
     age = zone.history(frame).index[-1] - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
         return len(new), f"it last learned {age.days} days ago"
-    return len(new), "; ".join(_drifts(zone))
-
-
-def _drifts(zone: ZoneModel) -> list[str]:
-    """Reasons where errors have grown, of several zones with the name of each."""
-    found = [(name, reason) for name, part in zone.parts().items() for reason in drifted(drift_days(part.predictor))]
-    return [f"{name}: {reason}" if name else reason for name, reason in found]
+    grown = [(name, reason) for name, part in zone.parts().items() for reason in drifted(drift_days(part.predictor))]
+    return len(new), "; ".join(f"{name}: {reason}" if name else reason for name, reason in grown)
 
 
 def _learn(
@@ -339,12 +336,6 @@ def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
             f"{needed / pd.Timedelta('1D'):.1f} are needed."
         )
     return ZoneModel.fit(zone.settings, frame.loc[rows.index[0] :])
-
-
-def _with_beyond(forecast: pd.DataFrame, zone: ZoneModel) -> pd.DataFrame:
-    """A forecast that tells in which rows the weather lies beyond what training covered."""
-    weather = forecast.drop(columns=list(filter(is_plant, forecast)))
-    return forecast.assign(**{BEYOND: beyond_training(weather, zone.covered()).any(axis=1).astype(float)})
 
 
 def _of_model(settings: Settings) -> str:

@@ -62,8 +62,7 @@ class ZoneModel:
         rows = training_rows(frame, settings, days)
         predictor = make_models(settings)[0].estimator
         if settings.zones:
-            building = BuildingPredictor(predictor, adjacency=settings.adjacency)
-            return cls(building.fit(rows, measured_of(rows, settings)), settings)
+            predictor = BuildingPredictor(predictor, adjacency=settings.adjacency)
         return cls(predictor.fit(rows, measured_of(rows, settings)), settings)
 
     @property
@@ -183,7 +182,7 @@ class ZoneModel:
     def _following(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The new rows of a log, with those of short outages."""
         rows = self.complete(frame)
-        until = like_index(self.known_until, pd.DatetimeIndex(rows.index))
+        until = like_index(self.known_until, rows.index)
         known = rows[rows.index <= until]
         parts = stretches(rows[rows.index > until], pd.Timedelta(self.settings.step))
         if len(known):
@@ -248,7 +247,7 @@ class ZoneModel:
         frame : DataFrame, one column per role
         """
         rows = self.complete(frame)
-        return rows[rows.index > like_index(self.known_until, pd.DatetimeIndex(rows.index))]
+        return rows[rows.index > like_index(self.known_until, rows.index)]
 
     def history(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The rows of a log that a forecast starts from: the last unbroken ones, a day or more if outages are short.

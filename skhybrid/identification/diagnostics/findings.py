@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +35,6 @@ class ErrorPattern:
     spectrum: pd.DataFrame
     crossed: pd.DataFrame
     tests: pd.DataFrame
-    level: float
 
     def findings(self) -> tuple[str, ...]:
         found = [*self._neighbours(), *self._day(), *self._spectrum(), *self._inputs()]
@@ -157,5 +155,5 @@ def _segment(high: np.ndarray, place: int) -> np.ndarray:
 
 
 def _meaning(name: str) -> str:
-    candidates: Sequence[str] = [key for key in _MEANING if name.startswith(key)]
-    return _MEANING[max(candidates, key=len)] if candidates else "its effect"
+    longest = max((key for key in _MEANING if name.startswith(key)), key=len, default="")
+    return _MEANING.get(longest, "its effect")

@@ -190,7 +190,7 @@ def diagnose_residuals(
     spectrum = cumulative_periodogram(z)
     crossed = _cross_table(z, inputs, n_lags)
     tests = _tests(z, box, spectrum, crossed, level)
-    findings = ErrorPattern(z, innovations.index, step, acf, spectrum, crossed, tests, level).findings()
+    findings = ErrorPattern(z, innovations.index, step, acf, spectrum, crossed, tests).findings()
     for table in (acf, box, crossed):
         table.index = pd.TimedeltaIndex(table.index.to_numpy() * step, name="lag").as_unit("ns")
     spectrum.index = pd.Index(spectrum.index / hours, name="frequency")

@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from ..._table import as_numbers
+from ..._table import as_numbers, refuse_huge
 
 Z95 = 1.959964  # 95 % of a standard normal variable lies within
 _MAX_ORDER = 32  # longest autoregression that makes an input white
@@ -193,8 +193,7 @@ def _centred(errors: Any) -> tuple[np.ndarray, np.ndarray]:
     """Errors less their mean, 0 where missing; and which were measured."""
     values = as_numbers(errors, "the series").reshape(-1)
     seen = np.isfinite(values)
-    if (np.abs(values[seen]) > 1e100).any():
-        raise ValueError("the series holds numbers beyond 1e100; set to NaN what was not measured.")
+    refuse_huge(values[seen], "the series")
     if seen.sum() < 3 or np.ptp(values[seen]) == 0.0:
         raise ValueError(
             f"{int(seen.sum())} values, {'all the same' if seen.sum() > 2 else 'too few'}, say nothing of correlation; "

@@ -22,7 +22,7 @@ from ..fitting.excitation import scaling_of
 from ..gain_model import DAY_TYPES
 from ..state_space import checked_theta
 from .information import FilterInformation, relative_errors
-from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat, stack_inputs
+from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat
 
 HALF_BAND = 0.5  # half the distance of heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 _NONE = "none"
@@ -261,8 +261,8 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     steps = np.diff(index.to_numpy())
     if (steps != steps[0]).any() or steps[0] <= np.timedelta64(0):
         raise ValueError(f"weather is not evenly spaced (first at {index[1 + int(np.argmax(steps != steps[0]))]}).")
-    outside = [r for r in zone.roles if r not in _STAGES]
-    for role in outside:
+    inputs = np.zeros((len(index), len(zone.network.inputs(zone.roles))))
+    for role in (r for r in zone.roles if r not in _STAGES):
         if role not in weather:
             raise ValueError(f"weather has no column {role!r}; it has {', '.join(map(str, weather.columns))}.")
         values = weather[role].to_numpy(dtype=np.float64)
@@ -270,13 +270,13 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
         if bad.any():
             raise ValueError(f"weather column {role!r} has NaN or inf (first at {index[bad][0]}); fill it first.")
         check_range(values, role, f"weather column {role!r}", index)
+        inputs[:, zone.column(role)] = values
     step = pd.Timedelta(steps[0])
     per_row = 1 if sampling_time is None else rows_of(sampling_time, step, "sampling_time")
     n_rows = len(index) // per_row * per_row
     time = wall_clock(index[:n_rows])
     calendar = Calendar.of(clock_hour(time), NO_HOLIDAYS.weekend(time))
-    columns = {role: weather[role].to_numpy(dtype=np.float64)[:n_rows] for role in outside}
-    return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, stack_inputs(zone, columns, n_rows))
+    return _Log(time, step / pd.Timedelta("1h"), per_row, calendar, inputs[:n_rows])
 
 
 def _usual_setpoints(setpoints: Any, index: pd.Index, log: _Log) -> np.ndarray:

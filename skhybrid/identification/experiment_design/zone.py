@@ -84,7 +84,7 @@ class Calendar(NamedTuple):
 
     def every(self, rows: int) -> Calendar:
         """The calendar of every ``rows``-th row."""
-        return Calendar(self.klass[::rows].copy(), self.cell[::rows].copy())
+        return Calendar(self.klass[::rows], self.cell[::rows])
 
 
 @dataclass(frozen=True)
@@ -163,14 +163,6 @@ def run_thermostat(
             u[k, j] = on[j]
             x = x + np.outer(effect, on[j])
     return Run(u, room)
-
-
-def stack_inputs(zone: Zone, weather: Mapping[str, np.ndarray], n_rows: int) -> np.ndarray:
-    """(N, m) inputs in the order of the network, 0 for those that the weather lacks."""
-    out = np.zeros((n_rows, len(zone.network.inputs(zone.roles))))
-    for role, series in weather.items():
-        out[:, zone.column(role)] = series
-    return out
 
 
 def mean_over(values: np.ndarray, rows: int) -> np.ndarray:

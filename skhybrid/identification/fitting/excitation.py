@@ -48,16 +48,14 @@ def unexcited(network: RCNetwork, table: ZoneTable, known: Iterable[str], name: 
     """Gains whose input never or hardly ran; warns of them and of others that the rows can hardly identify."""
     known = set(known)
     _warn_little_excited(network, table, known, name)
-    sources = network.sources(table.inputs)
-    unmoved = [s for s in sources if table.hardly_ran(s.role) or not np.any(table.inputs[s.role])]
-    idle = [s for s in unmoved if s.parameter is not None]
-    out = [s.parameter for s in idle if s.parameter is not None and s.parameter not in known]
-    if any(p.startswith("A_win") for p in out) and all(
-        s in idle for s in sources if s.parameter and s.parameter.startswith("A_win")
-    ):
+    roles = {s.parameter: s.role for s in network.sources(table.inputs) if s.parameter is not None}
+    idle = {p: role for p, role in roles.items() if table.hardly_ran(role) or not np.any(table.inputs[role])}
+    out = [p for p in idle if p not in known]
+    areas = {p for p in roles if p.startswith("A_win")}
+    if areas <= idle.keys() and areas & {*out}:
         out += [f for f in network.solar_fractions if f not in known]
     if out:
-        what = ", ".join(_idleness(table, role) for role in sorted({s.role for s in idle}))
+        what = ", ".join(_idleness(table, role) for role in sorted({*idle.values()}))
         warn_user(
             f"{name}: {what}, so {', '.join(out)} cannot be identified and stays at its default; pass it in known= or "
             "add days on which it ran.",

@@ -50,9 +50,9 @@ def minimise_together(
     merit, matrix, slope = evaluate(x)
     n, p = x.shape
     damping, growth, evaluations = np.full(n, _FIRST_DAMPING), np.full(n, 2.0), np.ones(n, dtype=np.int64)
-    converged = np.zeros(n, dtype=bool)
+    converged = np.full(n, not p)
     front = _Front(x, merit, matrix, slope, _diagonal(matrix), damping, growth, evaluations, converged)
-    active = np.flatnonzero(np.isfinite(merit)) if p else np.zeros(0, dtype=np.int64)
+    active = np.flatnonzero(np.isfinite(merit) & ~converged)
     while len(active):
         active = active[_advance(front, active, evaluate, low, high, tolerance)]
         active = active[front.evaluations[active] < max_evaluations]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -119,14 +119,17 @@ class ChannelLayout:
         s0 = first_state(self.network, segment.firsts, len(self.disturbed))
         return SegmentSeries(np.ascontiguousarray(segment.outputs), series, boundary, segment.inputs, klass, s0)
 
+    def known_sources(self, values: Mapping[str, float]) -> Iterator[tuple[Source, float, float]]:
+        """Sources whose coefficient is not solved inside, each with its kW per unit and the share of its remainder."""
+        for source in self.sources:
+            if source.parameter not in self.inner:
+                gain = 1.0 if source.parameter is None else values[source.parameter]
+                yield source, gain, 1.0 - sum(values[f] for _, f in source.shares if f)
+
     def known_heat(self, segment: SegmentSeries, values: Mapping[str, float]) -> np.ndarray:
         """(N, n) heat into every node by inputs whose coefficient is not solved inside [kW]."""
         heat = np.zeros((len(segment.y), len(self.place)))
-        for source in self.sources:
-            if source.parameter in self.inner:
-                continue
-            gain = 1.0 if source.parameter is None else values[source.parameter]
-            left = 1.0 - sum(values[f] for _, f in source.shares if f)
+        for source, gain, left in self.known_sources(values):
             for node, fraction in source.shares:
                 share = values[fraction] if fraction else left
                 heat[:, self.place[node]] += gain * share * segment.inputs[:, self.columns[source.role]]
@@ -137,25 +140,17 @@ def physical(
     plain: Sequence[Channel], values: Mapping[str, float], beta: np.ndarray
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Network parameters from searched values and inner coefficients, and their derivatives by the coefficients."""
-    theta = dict(values)
-    turn: dict[str, np.ndarray] = {}
-    unit = np.eye(len(beta))
-    areas: dict[str, list[int]] = {}
+    theta, turn, unit = dict(values), {}, np.eye(len(beta))
+    shares: dict[str, list[tuple[str, int]]] = {}  # of each capacity or area: fraction and coefficient
     for j, channel in enumerate(plain):
         name, _, fraction = channel.name.partition(":")
-        areas.setdefault(name, []).append(j)
-        theta[name] = theta.get(name, 0.0) + float(beta[j]) if areas[name][1:] else float(beta[j])
-        turn[name] = turn[name] + unit[j] if areas[name][1:] else unit[j]
-        if fraction:
-            theta[fraction], turn[fraction] = float(beta[j]), unit[j]
-    for name, parts in areas.items():
-        if len(parts) < 2:
-            continue
+        shares.setdefault(name, []).append((fraction, j))
+    for name, parts in shares.items():
+        theta[name] = sum(float(beta[j]) for _, j in parts)
+        turn[name] = unit[[j for _, j in parts]].sum(axis=0)
         total = max(theta[name], 1e-9)
-        for channel in (plain[j] for j in parts):
-            fraction = channel.name.partition(":")[2]
+        for fraction, j in parts:
             if fraction:
-                share = theta[fraction] / total if theta[name] > 0 else 0.5
-                turn[fraction] = (turn[fraction] - share * turn[name]) / total
-                theta[fraction] = share
+                theta[fraction] = float(beta[j]) / total if theta[name] > 0 else 0.5
+                turn[fraction] = (unit[j] - theta[fraction] * turn[name]) / total
     return theta, turn

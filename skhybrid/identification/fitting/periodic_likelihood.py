@@ -70,11 +70,7 @@ class Slopes:
     def _add_known(self, segment: SegmentSeries, heat_by: np.ndarray) -> None:
         """Searched capacities, areas and fractions that act through the known heat."""
         layout, values, by_value = self.layout, self.model.values, self.by_value
-        for source in layout.sources:
-            if source.parameter in layout.inner:
-                continue
-            gain = 1.0 if source.parameter is None else values[source.parameter]
-            left = 1.0 - sum(values[f] for _, f in source.shares if f)
+        for source, gain, left in layout.known_sources(values):
             flows = heat_by.T @ segment.inputs[:, layout.columns[source.role]]
             rest = next(flows[layout.place[node]] for node, fraction in source.shares if fraction is None)
             for node, fraction in source.shares:
@@ -125,7 +121,7 @@ class PeriodicProblem:
     @cached_property
     def variance(self) -> VarianceModel:
         """Classes of variance of the rows."""
-        return VarianceModel.of(self.experiment.segments, self.classes)
+        return VarianceModel.of(self.experiment, self.classes)
 
     @cached_property
     def layout(self) -> ChannelLayout:
@@ -185,15 +181,13 @@ class PeriodicProblem:
     def _discrete(self, values: Mapping[str, float]) -> Discrete:
         """The network's zero-order hold with one heat input per node, and derivatives by R and C."""
         net = self.network
-        full = {**{p.name: 1.0 for p in net.parameters(net.boundaries)}, **values}
-        c = net.matrices(full, net.boundaries)
+        c = net.matrices(values, net.boundaries)
         n, k = len(net.nodes), len(net.boundaries)
         B, dB = np.zeros((n, k + n)), np.zeros((len(c.dA), n, k + n))
         B[:, :k], dB[:, :, :k] = c.B[:, :k], c.dB[:, :, :k]
-        names = [p.name for p in net.parameters(net.boundaries)]
-        for i, name in enumerate(net.capacitances.values()):
-            B[i, k + i] = 1.0 / c.capacitance[i]
-            dB[names.index(name), i, k + i] = -1.0 / c.capacitance[i] ** 2
+        each = np.arange(n)  # the capacitances are the first parameters
+        B[each, k + each] = 1.0 / c.capacitance
+        dB[each, each, k + each] = -1.0 / c.capacitance**2
         return discretize(c.A, B, c.dA, dB, c.capacitance, self.experiment.hours)
 
     def _matrices(self, values: dict[str, float]) -> PeriodicMatrices:

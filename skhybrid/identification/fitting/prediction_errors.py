@@ -89,8 +89,6 @@ class PredictionErrorProblem:
         c = self._matrix_builder.matrices(np.column_stack([columns[name] for name in self._names[0]]).reshape(S, -1))
         dA, dB = (c.dA, c.dB) if derive else (c.dA[:, :0], c.dB[:, :0])
         d = discretize(c.A, c.B, dA, dB, c.capacitance, self.experiment.hours)
-        if not derive:
-            d = d._replace(dA=np.zeros_like(c.dA), dB=np.zeros_like(c.dB))
         chosen = self._chosen if derive else self._chosen[:0]
         slopes = slopes[:, None, None, : len(chosen)]
         out = []
@@ -206,8 +204,6 @@ class PredictionErrorProblem:
 
     def minimum_near(self, start: np.ndarray) -> tuple[np.ndarray, float]:
         """The minimum that one start leads to, and minus twice the log-likelihood there, up to a constant."""
-        if not len(start):
-            return start, 2.0 * self.drop(float(np.sum(self.residuals(start) ** 2)), 1.0)
         (least,) = self.minimise(start[None])
         return least.free, 2.0 * self.drop(least.loss, 1.0)
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted
 
 from ..._table import ZoneTable
 from ..._threads import one_blas_thread
@@ -38,19 +37,7 @@ class ConstrainedProblem:
             table = clone(estimator)._read(X, get_network(estimator.network), reset=True)
         if not fitted:
             estimator = clone(estimator).fit(table, y)
-        check_is_fitted(estimator)
         return cls(estimator, table, y)
-
-    def refuse_unsearched(self, parameter: str) -> None:
-        """Raise where a parameter was not identified."""
-        fitted = self.estimator
-        if parameter not in fitted.theta_.index:
-            names = ", ".join(fitted.theta_.index)
-            raise ValueError(f"{parameter!r} is not a parameter of the network, which has {names}.")
-        if parameter in (fitted.known or {}):
-            raise ValueError(f"{parameter} is given by known=, so the data have no say in it; drop it there.")
-        if parameter in fitted.identifiability_.not_excited:
-            raise ValueError(f"{parameter} is moved by no row of the table, so there is nothing to profile.")
 
     @one_blas_thread
     def problem(self, held: Mapping[str, float] | None = None, *, search_all: bool = False) -> Any:

@@ -149,8 +149,8 @@ def profile_likelihood(
     check_level(level)
     tried = list(values) if values is not None else []
     constrained = ConstrainedProblem.of(estimator, X, y)
-    known = _checked(constrained, parameter, tried)
     fitted = constrained.estimator
+    known = _checked(fitted, parameter, tried)
     inflation = float(fitted._growth.get(parameter, 1.0)) ** 2
     quantile = float(student.ppf(0.5 + level / 2, max(fitted.n_days_ - 1, 1)))
     search = _Search(constrained, known)
@@ -166,10 +166,16 @@ def profile_likelihood(
     return _collected(search, ends, level, threshold, inflation, list(fitted.theta_.index))
 
 
-def _checked(constrained: ConstrainedProblem, parameter: str, values: Sequence[float]) -> Parameter:
+def _checked(fitted: Any, parameter: str, values: Sequence[float]) -> Parameter:
     """The parameter to hold, which the data must have decided."""
-    constrained.refuse_unsearched(parameter)
-    (found,) = (p for p in constrained.estimator.parameters_ if p.name == parameter)
+    if parameter not in fitted.theta_.index:
+        names = ", ".join(fitted.theta_.index)
+        raise ValueError(f"{parameter!r} is not a parameter of the network, which has {names}.")
+    if parameter in (fitted.known or {}):
+        raise ValueError(f"{parameter} is given by known=, so the data have no say in it; drop it there.")
+    if parameter in fitted.identifiability_.not_excited:
+        raise ValueError(f"{parameter} is moved by no row of the table, so there is nothing to profile.")
+    (found,) = (p for p in fitted.parameters_ if p.name == parameter)
     for value in values:
         if found.transform == "log" and not value * found.sign > 0:
             side = "<" if found.sign < 0 else ">"

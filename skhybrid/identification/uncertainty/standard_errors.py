@@ -66,8 +66,7 @@ def theta_covariance(
     covariance = pd.DataFrame(0.0, index=names, columns=names)
     covariance.loc[chosen, chosen] = scale[:, None] * found.covariance * scale
     for name in idle:
-        if name in names:
-            covariance.loc[name, name] = np.inf
+        covariance.loc[name, name] = np.inf
     for name in found.held:
         covariance.loc[name, name] = np.nan
     return covariance
