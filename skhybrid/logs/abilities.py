@@ -81,13 +81,8 @@ def abilities(
     if not any(role.startswith("q_sol") for role in have):
         cannot.append("the heat of the sun: no column has irradiance; it becomes part of the unmeasured heat.")
         steps.append("add the global irradiance, from a sensor or a weather service.")
-    shared = [role for role in plants if not any(role.endswith(room.removeprefix("T_za")) for room in rooms)]
-    if len(rooms) > 1 and shared:
-        cannot.append(f"tomorrow from set-points: the zones share the plant {shared[0]}.")
-        steps.append(f"give {shared[0]} in rows ahead to forecast the temperatures.")
-    elif not any(role.startswith(SETPOINT_ROLES) for role in have) and plants:
-        cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
-        steps.append("log the set-points, with which the thermostat is learned.")
+    if plants:
+        _thermostat(have, plants, rooms, cannot, steps)
     return can, cannot, steps
 
 
@@ -98,6 +93,18 @@ def _to_name(role: str, what: str, unplaced: Sequence[str], plant: bool) -> list
     if what == "room" and plant and len(unplaced) > 1:
         steps.append("rooms that share a plant are one zone; rooms with a plant each have T_za_kitchen, ...")
     return steps
+
+
+def _thermostat(
+    have: set[str], plants: Sequence[str], rooms: Sequence[str], cannot: list[str], steps: list[str]
+) -> None:
+    shared = [role for role in plants if not any(role.endswith(room.removeprefix("T_za")) for room in rooms)]
+    if len(rooms) > 1 and shared:
+        cannot.append(f"tomorrow from set-points: the zones share the plant {shared[0]}.")
+        steps.append(f"give {shared[0]} in rows ahead to forecast the temperatures.")
+    elif not any(role.startswith(SETPOINT_ROLES) for role in have):
+        cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
+        steps.append("log the set-points, with which the thermostat is learned.")
 
 
 def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str], room: str, scaled: bool) -> None:
