@@ -289,6 +289,32 @@ def test_what_contradicts_itself_is_an_error(frame):
     assert (crossed.level, crossed.where, crossed.text) == ("error", "T_heat_set", words)
 
 
+@pytest.mark.parametrize(("zone", "side"), [("", "T_heat_set"), ("_hall", "T_heat_set"), ("", "T_cool_set")])
+def test_a_plant_that_fails_for_days_is_told(zone, side):
+    index = pd.date_range("2024-01-15", periods=240, freq="1h", tz="Europe/Berlin")
+    sign = 1.0 if side == "T_heat_set" else -1.0
+    T, wanted = f"T_za{zone}", 20.0 + 6.0 * sign * (index.hour >= 6)  # a set-back, after which it takes a morning
+    held = wanted - sign * np.select([index.hour == 6, index.hour == 7], [5.0, 3.5], 0.0)
+    frame = pd.DataFrame({T: held, "T_oa": np.sin(np.arange(240) / 4), side: wanted, "Q_hvac": 2.0 * sign}, index)
+    slow = frame.copy()
+    slow.iloc[100:130, 0] = wanted[100:130] - sign * np.linspace(9.0, 3.5, 30)  # it comes back, but slowly
+
+    def found(log):
+        said = LogReport(log, {name: name for name in log}).findings
+        return [(f.level, f.where, f.text) for f in said if "did the plant fail" in f.text]
+
+    assert not found(frame)
+    assert not found(slow)
+    failed = frame.copy()
+    failed.iloc[100:160, 0] = 20.0 - sign * np.linspace(4.0, 14.0, 60)
+    beyond = "below" if sign > 0 else "above"
+    text = f"lies more than 3 K {beyond} {side} from {index[100]} to {index[159]}: did the plant fail?"
+    (level, where, said), *others = found(failed)
+    assert (level, where, others) == ("warning", T, [])
+    assert said.startswith(text)
+    assert not found(failed.drop(columns="Q_hvac").assign(**{"u_cool" if sign > 0 else "u_heat": 0.5}))
+
+
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_no_room_of_a_shipped_log_is_taken_for_outdoors(number):
     log = load_dutch_home(number).X

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import is_in_watts, range_of
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_plant
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
 from .counters import counter_jumps, counter_resets
@@ -24,6 +24,7 @@ _MOST_NAMED = 5  # findings of one kind that are listed
 _INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those of a room [degC]
 _COLDER = 5.0  # a room is not that much colder than it ever is outdoors, and moves more, at once [K]
 _MORE_MOVED = 1.5  # range of the room's temperature relative to that outdoors
+_AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 
 
@@ -237,6 +238,31 @@ def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
         if len(crossed):
             text = f"is above {high} in {several(len(crossed), 'row')}, first at {crossed[0]}: are they swapped?"
             yield Finding("error", low, text)
+
+
+def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Finding]:
+    """A remark on each room that goes on leaving a set-point, as where a plant has failed; columns are roles."""
+    plants = [str(role) for role in frame if is_plant(role)]
+    sides = zip(SETPOINT_ROLES, (1.0, -1.0), ("below", "above"), ("u_cool", "u_heat"), strict=True)
+    for side, sign, beyond, other in sides:
+        if all(plant.startswith(other) for plant in plants):
+            continue
+        for role in (role for role in rooms if role in frame):
+            set_point = next((name for name in (side + role.removeprefix("T_za"), side) if name in frame), None)
+            spell = None if set_point is None else _left_alone(sign * (frame[set_point] - frame[role]))
+            if spell is not None:
+                text = f"lies more than {_AWAY:g} K {beyond} {set_point} from {spell[0]} to {spell[-1]}"
+                advice = "did the plant fail? It is learned from these rows too; end [train] before them"
+                yield Finding("warning", role, f"{text}: {advice}, or begin it after them.")
+
+
+def _left_alone(missed: pd.Series) -> pd.Index | None:
+    """Stamps of the first spell in which a room misses its set-point (n,) [K] by more and more."""
+    away = missed > _AWAY
+    for _, spell in missed[away].groupby((away != away.shift()).cumsum()[away]):
+        if spell.idxmax() - spell.index[0] >= _AWAY_FOR:  # at the end of a set-back it misses most at once
+            return spell.index
+    return None
 
 
 def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:

@@ -25,6 +25,7 @@ from .log_findings import (
     gap_findings,
     gaps_of,
     guessed_label,
+    plant_findings,
     sensor_findings,
     set_point_findings,
     swap_findings,
@@ -118,6 +119,7 @@ class LogReport:
         rooms = {} if columns or raw.roles else zone_roles(stated)
         self._guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
         self.zones = zones_of(columns or rooms)
+        self._rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         channels = [
             self._channel(ordered, name, guess, stated[name], dict(units or {}), dict(scale or {}))
             for name, guess in self._guesses.items()
@@ -143,9 +145,8 @@ class LogReport:
         unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
         stages = {c.role for c in channels if c.role.startswith("u_")}
         unsure |= set() if measured or stages & self._scaled else stages  # one scale fixes those of all
-        rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         unplaced = [name for name, guess in self._guesses.items() if guess.reason == UNPLACED]
-        return abilities(self.excitation, sum(self.days.values()), unsure, rooms, unplaced)
+        return abilities(self.excitation, sum(self.days.values()), unsure, self._rooms, unplaced)
 
     @property
     def roles(self) -> dict[str, str]:
@@ -343,6 +344,7 @@ class LogReport:
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += set_point_findings(self.even)
+        found += plant_findings(self.even, self._rooms)
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 
 
