@@ -68,6 +68,12 @@ class ForecastingNetwork(NetworkModel):
     def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
         return read_outputs(y, table, self.network_, max_missing=UNLIMITED)
 
+    @property
+    def known_until_(self) -> pd.Timestamp | None:
+        """Stamp of the last row that the model knows, in the zone of the training's; None where it had no stamps."""
+        check_is_fitted(self)
+        return None if self._tail.utc is None else pd.Timestamp(self._tail.index[-1])
+
     @unchanged_on_failure
     @one_blas_thread
     def update(self, X: Any, y: Any = None) -> Self:
