@@ -627,7 +627,7 @@ def test_the_status_tells_which_zone_lacks_the_last_day():
         "reasons": "",
     }
     found = {zone: ZoneStatus(row | {"last_row": last}, pd.DataFrame()) for zone, last in zip("ab", days, strict=True)}
-    table = status_table(found, {}, "zone")[0].set_index("zone")
+    table = status_table(found, {}, "zone").set_index("zone")
     assert list(table["verdict"][["a", "b"]]) == ["use with care", "usable"]
     assert table["reasons"]["a"].startswith("its last row is 24 h older than the newest of the fleet")
 

@@ -10,7 +10,8 @@ import pytest
 from scipy.linalg import expm
 
 from skhybrid import OutputDisturbanceID
-from skhybrid.thermal import CATALOGUE, RCNetwork, get_network, list_networks
+from skhybrid.thermal import RCNetwork, get_network, list_networks
+from skhybrid.thermal.catalogue import CATALOGUE
 
 OFFICE = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0}
 PAPER_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")

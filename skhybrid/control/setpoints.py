@@ -90,7 +90,7 @@ def read_plant_limits(limits: Any) -> tuple[float, float] | None:
     )
     if not lowest <= min(highest, 0.0) or not highest >= 0.0:
         raise ValueError(f"limits=({limits[0]}, {limits[1]}) must have 0 kW, a plant that is off, between them.")
-    check_range(np.array([lowest, highest]), "Q_hvac", "limits", pd.Index(["the lowest", "the highest"]))
+    check_range(np.array([lowest, highest]), "Q_hvac", "limits=", pd.Index(["the lowest", "the highest"]))
     return lowest, highest
 
 
