@@ -14,6 +14,7 @@ from .exceptions import SkhybridWarning
 
 _subject: ContextVar[str] = ContextVar("subject", default="")
 _receiver: ContextVar[Callable[[SkhybridWarning], object] | None] = ContextVar("receiver", default=None)
+_dropped: ContextVar[tuple[type[SkhybridWarning], ...]] = ContextVar("dropped", default=())
 _PACKAGE = __name__.partition(".")[0]
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
@@ -58,6 +59,16 @@ def warnings_to(receiver: Callable[[SkhybridWarning], object]) -> Iterator[None]
 
 
 @contextmanager
+def warnings_dropped(*categories: type[SkhybridWarning]) -> Iterator[None]:
+    """Drop the warnings of the block that are of some classes, since the user is told otherwise."""
+    outer = _dropped.set(categories)
+    try:
+        yield
+    finally:
+        _dropped.reset(outer)
+
+
+@contextmanager
 def recorded_warnings() -> Iterator[list[warnings.WarningMessage]]:
     """Record the warnings of the block, each time anew; where it fails they go where they would have gone."""
     try:
@@ -84,6 +95,8 @@ def warn_user(message: str, category: type[SkhybridWarning]) -> None:
 
     In another process or thread there is none: there it is the first line outside of the package.
     """
+    if issubclass(category, _dropped.get()):
+        return
     if (receiver := _receiver.get()) is not None:
         receiver(category(_subject.get() + message))
         return

@@ -255,7 +255,8 @@ def test_a_log_too_short_for_intervals_goes_without(files, capsys):
 @pytest.mark.slow
 def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
     assert main(["demo", "--quick", "-q", "--out", str(tmp_path / "demo")]) == 0
-    out, _ = capsys.readouterr()
+    out, said = capsys.readouterr()
+    assert "the plan has" not in said, "the verdict says what lies beyond the training"
     assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES
     gray_boxes = ("building model alone", "building model, no disturbance", "simple building model")
     for row in ("hybrid", *gray_boxes, "ARX", "hybrid, two-stage (ridge)", "hybrid, two-stage (profile)"):

@@ -13,6 +13,7 @@ from sklearn.linear_model import Ridge
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor
 from skhybrid._table import ZoneTable, read_table
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import PlanWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.forecasting.weather_error import _mean_of_three
 from skhybrid.model_selection import backtest, score_backtest
@@ -150,6 +151,14 @@ def test_backtest_under_a_weather_forecast(office, models, name):
     )
     assert score_backtest(off)["rmse"] != score_backtest(exact)["rmse"]
     assert (off["q_0.9"] - off["q_0.1"]).mean() > (exact["q_0.9"] - exact["q_0.1"]).mean()
+
+
+def test_the_measured_heat_of_a_back_test_is_no_plan(office, models, recwarn):
+    X, y = _rows(office)
+    backtest(models["hybrid"], X.assign(u_heat=X["u_heat"] + 1.3), y, weather_error="medium")
+    assert not [w for w in recwarn if issubclass(w.category, PlanWarning)]
+    models["hybrid"].forecast(X[:96], X[96:192].assign(u_heat=1.3))
+    assert [w for w in recwarn if issubclass(w.category, PlanWarning)]
 
 
 @pytest.mark.parametrize("name", ["hybrid", "gray box"])

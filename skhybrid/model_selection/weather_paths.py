@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable
+from .._warnings import warnings_dropped
+from ..exceptions import PlanWarning
 from ..forecasting import WeatherError
 from ..forecasting.quantiles import quantile_columns
 from .single_reading import takes_tables
@@ -51,7 +53,8 @@ def paths_under(
             walker.update(table.rows(slice(begin, origin + 1)))
             begin = origin + 1
         ahead = seen.rows(slice(origin + 1, origin + 1 + there))
-        found = walker.forecast(None, ahead, **bands_asked)
+        with warnings_dropped(PlanWarning):  # the heat is what was measured
+            found = walker.forecast(None, ahead, **bands_asked)
         paths[i, :there] = found["T_za"]
         if quantiles is not None and bands is not None:
             bands[i, :there] = found[quantile_columns(quantiles)]

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant
-from .._warnings import recorded_warnings
+from .._warnings import recorded_warnings, warnings_dropped
+from ..exceptions import PlanWarning
 from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
 from .compared_models import HYBRID, YESTERDAY, make_models
@@ -290,7 +291,8 @@ def _next_day(model: BuildingPredictor, settings: Settings, data: StudyData, wit
     """Temperatures under the known control, with intervals, and the loads that hold the set-points."""
     temperatures = settings.roles_of("T_za")
     ahead = data.future.drop(columns=temperatures)
-    out = model.forecast(data.history, ahead, quantiles=INTERVAL if with_intervals else None)
+    with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
+        out = model.forecast(data.history, ahead, quantiles=INTERVAL if with_intervals else None)
     heated = [zone for zone in settings.zones if plant_roles(rows_of(ahead, settings, zone))]
     whole = pd.concat([data.history, data.future.assign(**dict.fromkeys(temperatures, np.nan))])
     if heated and not model.shared_plants_:

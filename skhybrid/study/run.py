@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, ZoneTable, is_plant
-from .._warnings import recorded_warnings, without_class
+from .._warnings import recorded_warnings, warnings_dropped, without_class
+from ..exceptions import PlanWarning
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
@@ -297,7 +298,8 @@ def _next_day(model: Any, identification: Any, data: StudyData, with_intervals: 
     if isinstance(whole, ZoneTable):
         n_past = len(data.history)
         parts = (whole.rows(slice(n_past)), whole.rows(slice(n_past, None)))
-    out = model.forecast(*parts, quantiles=INTERVAL if with_intervals else None)
+    with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
+        out = model.forecast(*parts, quantiles=INTERVAL if with_intervals else None)
     heat = delivered_heat(identification, data.future)
     if heat is not None:
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
