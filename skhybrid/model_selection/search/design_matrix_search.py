@@ -170,6 +170,11 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.scorer_ = getattr(scorer, "_scorers", scorer)
         return self
 
+    @property
+    def n_features_in_(self) -> int:  # documented without the terms of scikit-learn's glossary
+        """Number of columns of X; only with ``refit``."""
+        return super().n_features_in_
+
     def _check_settings(self) -> None:
         check_integer("chunk_size", self.chunk_size)
         check_bool("retry_failed", self.retry_failed)
