@@ -308,7 +308,7 @@ def test_a_plant_that_fails_for_days_is_told(zone, side):
     failed = frame.copy()
     failed.iloc[100:160, 0] = 20.0 - sign * np.linspace(4.0, 14.0, 60)
     beyond = "below" if sign > 0 else "above"
-    text = f"lies more than 3 K {beyond} {side} from {index[100]} to {index[159]}: did the plant fail?"
+    text = f"is more than 3 K {beyond} {side} from {index[100]} to {index[159]}: did the plant fail?"
     (level, where, said), *others = found(failed)
     assert (level, where, others) == ("warning", T, [])
     assert said.startswith(text)

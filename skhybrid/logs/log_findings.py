@@ -251,7 +251,7 @@ def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Findin
             set_point = next((name for name in (side + role.removeprefix("T_za"), side) if name in frame), None)
             spell = None if set_point is None else _left_alone(sign * (frame[set_point] - frame[role]))
             if spell is not None:
-                text = f"lies more than {_AWAY:g} K {beyond} {set_point} from {spell[0]} to {spell[-1]}"
+                text = f"is more than {_AWAY:g} K {beyond} {set_point} from {spell[0]} to {spell[-1]}"
                 advice = "did the plant fail? It is learned from these rows too; end [train] before them"
                 yield Finding("warning", role, f"{text}: {advice}, or begin it after them.")
 
