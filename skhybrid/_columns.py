@@ -167,6 +167,13 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
         raise ValueError(f"{label} is not numeric ({error}); convert it to float first.") from None
 
 
+def role_numbers(column: pd.Series, role: str) -> np.ndarray:
+    """The column of a role as :func:`numeric` reads it; True and False, which pandas takes for 1 and 0, are stages."""
+    if not role.startswith("u_") and pd.api.types.infer_dtype(column) == "boolean":
+        raise ValueError(f"column {column.name!r} is true or false, but {role} is no stage; give numbers.")
+    return numeric(column)
+
+
 def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame:
     """Columns of a frame that is called ``name`` as float64, NaN where missing; refused where one is absent or huge."""
     if not isinstance(frame, pd.DataFrame):
@@ -188,7 +195,9 @@ def refuse_huge(values: np.ndarray, label: str) -> None:
 
 
 def unmasked(values: Any, label: str) -> Any:
-    """Values, NaN where a mask hides them; refused where they are times, a mapping or records."""
+    """Values, NaN where a mask hides them; refused where they are None, times, a mapping or records."""
+    if values is None:
+        raise ValueError(f"{label} is None; give a DataFrame or an array.")
     _refuse_times(values, label)
     maps = isinstance(values, Mapping) and not sparse.issparse(values)  # scikit-learn refuses what is sparse
     if maps or getattr(getattr(values, "dtype", None), "names", None):
