@@ -167,11 +167,12 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
         raise ValueError(f"{label} is not numeric ({error}); convert it to float first.") from None
 
 
-def role_numbers(column: pd.Series, role: str) -> np.ndarray:
+def role_numbers(column: pd.Series, role: str, label: str | None = None) -> np.ndarray:
     """The column of a role as :func:`numeric` reads it; True and False, which pandas takes for 1 and 0, are stages."""
     if not role.startswith("u_") and pd.api.types.infer_dtype(column) == "boolean":
-        raise ValueError(f"column {column.name!r} is true or false, but {role} is no stage; give numbers.")
-    return numeric(column)
+        label = f"column {column.name!r}" if label is None else label
+        raise ValueError(f"{label} is true or false, but {role} is no stage; give numbers.")
+    return numeric(column, label)
 
 
 def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame:
@@ -182,7 +183,7 @@ def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame
     for column in columns:
         if (n := int((frame.columns == column).sum())) != 1:
             raise ValueError(f"{name} has {n or 'no'} column{'s' * (n > 1)} {column!r}; give one.")
-        values = numeric(frame[column], f"column {column!r} of {name}")
+        values = role_numbers(frame[column], str(column), f"column {column!r} of {name}")
         refuse_huge(values, f"column {column!r} of {name}")
         found[column] = values
     return pd.DataFrame(found, index=frame.index, columns=list(found))
