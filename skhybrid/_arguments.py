@@ -33,6 +33,12 @@ def check_bool(name: str, value: Any) -> None:
         raise ValueError(f"{name}={value!r} must be True or False.")
 
 
+def check_verbose(verbose: Any) -> None:
+    """Refuse what is neither a bool nor an integer: any word would count as True."""
+    if not isinstance(verbose, int | np.integer | np.bool_):
+        raise ValueError(f"verbose={verbose!r} must be True, False or an integer, of which 0 shows nothing.")
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a finite number, which a bool is not."""
     number: Any = value if isinstance(value, Real) and not isinstance(value, bool) else np.nan

@@ -167,6 +167,14 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
         raise ValueError(f"{label} is not numeric ({error}); convert it to float first.") from None
 
 
+def role_numbers(column: pd.Series, role: str, label: str | None = None) -> np.ndarray:
+    """The column of a role as :func:`numeric` reads it; True and False, which pandas takes for 1 and 0, are stages."""
+    if not role.startswith("u_") and pd.api.types.infer_dtype(column) == "boolean":
+        label = f"column {column.name!r}" if label is None else label
+        raise ValueError(f"{label} is true or false, but {role} is no stage; give numbers.")
+    return numeric(column, label)
+
+
 def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame:
     """Columns of a frame that is called ``name`` as float64, NaN where missing; refused where one is absent or huge."""
     if not isinstance(frame, pd.DataFrame):
@@ -175,7 +183,7 @@ def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame
     for column in columns:
         if (n := int((frame.columns == column).sum())) != 1:
             raise ValueError(f"{name} has {n or 'no'} column{'s' * (n > 1)} {column!r}; give one.")
-        values = numeric(frame[column], f"column {column!r} of {name}")
+        values = role_numbers(frame[column], str(column), f"column {column!r} of {name}")
         refuse_huge(values, f"column {column!r} of {name}")
         found[column] = values
     return pd.DataFrame(found, index=frame.index, columns=list(found))
@@ -188,7 +196,9 @@ def refuse_huge(values: np.ndarray, label: str) -> None:
 
 
 def unmasked(values: Any, label: str) -> Any:
-    """Values, NaN where a mask hides them; refused where they are times, a mapping or records."""
+    """Values, NaN where a mask hides them; refused where they are None, times, a mapping or records."""
+    if values is None:
+        raise ValueError(f"{label} is None; give a DataFrame or an array.")
     _refuse_times(values, label)
     maps = isinstance(values, Mapping) and not sparse.issparse(values)  # scikit-learn refuses what is sparse
     if maps or getattr(getattr(values, "dtype", None), "names", None):

@@ -23,6 +23,7 @@ from ._columns import (
     missing_roles,
     read_history,
     read_input,
+    role_numbers,
     roles_as_fitted,
     target_numbers,
 )
@@ -280,7 +281,7 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
     if isinstance(X, pd.DataFrame):
         refuse_shape(X, wanted.min_rows)
         by_role = _columns_by_name(estimator, X, wanted)
-        values = {role: numeric(X[column]) for role, column in by_role.items()}
+        values = {role: role_numbers(X[column], role) for role, column in by_role.items()}
         names = {role: repr(column) for role, column in by_role.items()}
         index, named = X.index, any(role_of(role) == column for role, column in by_role.items()) or bool(wanted.columns)
     else:

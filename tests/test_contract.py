@@ -759,6 +759,20 @@ def test_true_and_false_are_no_temperatures(office, kind):
         as_numbers(warm, "heat_gain")
 
 
+@pytest.mark.parametrize("kind", [bool, "boolean", object])
+@pytest.mark.parametrize("role", ["T_oa", "q_sol", "Q_hvac", "T_za", "T_heat_set"])
+def test_columns_of_true_and_false_are_stages(office, role, kind):
+    on = office.X["u_heat"] > 0.1
+    np.testing.assert_array_equal(read(office.X.assign(u_heat=on.astype(kind))).inputs["u_heat"], on)
+    with pytest.raises(ValueError, match=rf"^column {role!r} is true or false, but {role} is no stage; give numbers"):
+        read(office.X.assign(**{role: on.astype(kind)}))
+
+
+def test_no_table_is_refused_in_one_sentence(office):
+    with pytest.raises(ValueError, match=r"^X is None; give a DataFrame or an array\.$"):
+        gray_box(office).predict(None)
+
+
 @pytest.mark.parametrize("text", ["21", ["21", "22"], [21.0, "22"], np.array(["21"])])
 def test_digits_in_quotes_are_no_numbers(office, text):
     with pytest.raises(ValueError, match=r"^setpoint is text; give numbers"):

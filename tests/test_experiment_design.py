@@ -396,6 +396,15 @@ BAD = {
     "crossed levels": ({"perturbations": {"p": [[18.0, 25.0], [25.0, 18.0]]}}, "perturbation 'p' has .* in row 1"),
     "negative hysteresis": ({"hysteresis": -0.3}, "hysteresis=-0.3 must be"),
     "absent hysteresis": ({"hysteresis": np.nan}, "hysteresis=nan must be"),
+    "no weather": ({"weather": None}, "weather is a NoneType; give a DataFrame"),
+    "weather in words": ({"weather": WEATHER.assign(T_oa="mild")}, "column 'T_oa' of weather is not numeric"),
+    "true for weather": ({"weather": WEATHER.assign(T_oa=WEATHER["T_oa"] > 12)}, "'T_oa' of weather is true or false"),
+    "a column twice": ({"weather": pd.concat([WEATHER, WEATHER[["T_oa"]]], axis=1)}, "weather has 2 columns 'T_oa'"),
+    "nameless levels": ({"perturbations": [20.0]}, r"perturbations=\[20.0\] must be a mapping of names"),
+    "levels in words": ({"perturbations": {"p": "warm"}}, "perturbation 'p' is text; give numbers"),
+    "true for a level": ({"perturbations": {"p": [True, False]}}, "perturbation 'p' is true or false"),
+    "set-points in words": ({"setpoints": "warm"}, "setpoints is text; give numbers"),
+    "gain": ({"gain": 3.0}, "gain=3.0 must be a GainStatistics"),
     "fill value": ({"weather": WEATHER.assign(T_oa=9999.0)}, "weather column 'T_oa' holds 9999 degC"),
 }
 
@@ -405,6 +414,11 @@ def test_bad_request_is_refused_with_its_name(case):
     change, message = BAD[case]
     with pytest.raises(ValueError, match=message):
         plan_experiment("2R2C", **{"theta": THETA, "hours": [12], **SETTINGS, **change})
+
+
+def test_hours_may_be_one_number():
+    one, several = (plan_experiment("2R2C", THETA, hours=hours, **SETTINGS) for hours in (12, [12]))
+    pd.testing.assert_frame_equal(one.table, several.table)
 
 
 def test_a_perturbation_in_degf_is_told():

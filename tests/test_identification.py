@@ -447,6 +447,7 @@ def test_a_sun_that_never_shines_and_heat_that_was_measured(office):
         ({"n_starts": 0}, "n_starts=0 must be an integer"),
         ({"n_jobs": "a"}, "n_jobs='a' must be a number of workers"),
         ({"n_jobs": 0}, "n_jobs=0 must be a number of workers"),
+        ({"verbose": "no"}, "verbose='no' must be True, False or an integer"),
         ({"horizon": "20min"}, "not a positive multiple"),
         ({"horizon": "1D", "origin_step": "20min"}, "origin_step='20min' is not a positive multiple"),
         ({"known": {"f": 1.5}}, "f the value 1.5; it is a share"),

@@ -421,3 +421,20 @@ def test_what_has_no_quantiles_says_so(office, arx):
     box = GrayBoxRC(known={"Q_h": 6.0}, n_starts=1, random_state=0).fit(office.X[: 5 * 96], office.y[: 5 * 96])
     with pytest.raises(ValueError, match="GrayBoxRC forecasts no quantiles"):
         backtest(box, X, y, quantiles=(0.1, 0.9))
+
+
+def test_one_quantile_may_be_given_alone(office, arx):
+    X, y = office.X[28 * 96 :], office.y[28 * 96 :]
+    pd.testing.assert_frame_equal(backtest(arx, X, y, quantiles=0.5), backtest(arx, X, y, quantiles=[0.5]))
+
+
+def test_other_columns_of_a_back_test_are_no_quantiles(office, arx):
+    frame = backtest(arx, office.X[28 * 96 :], office.y[28 * 96 :], quantiles=(0.1, 0.9))
+    pd.testing.assert_series_equal(score_intervals(frame.assign(q_e=1.0, q_5=1.0)), score_intervals(frame))
+
+
+@pytest.mark.parametrize("by", [3, ["lead"], ("lead", "origin")])
+def test_labels_that_are_not_one_per_row_are_refused(office, arx, by):
+    frame = backtest(arx, office.X[28 * 96 :], office.y[28 * 96 :], quantiles=(0.1, 0.9))
+    with pytest.raises(ValueError, match=rf"^by has the shape .*; give a label for each of {len(frame)} rows"):
+        score_intervals(frame, by=by)

@@ -348,6 +348,15 @@ def test_a_switch_among_temperatures_has_no_value(write):
     assert "'room': 2 cells such as 'True' read as 1 or 0, and as missing in a temperature" in log.notes
 
 
+def test_a_temperature_of_true_and_false_alone_has_no_value(write):
+    """They are switches in any file, also where pandas reads the whole column as booleans."""
+    rows = "".join(f"2024-01-01 {h:02d}:00,{h % 2 == 1},{h % 2 == 0}\n" for h in range(20))
+    log = read_log(write("time,room,stage\n" + rows))
+    found = to_roles(log, channels_of(log, {"T_za": "room", "u_heat": "stage"}))
+    assert found["T_za"].isna().all()
+    assert found["u_heat"].tolist() == 10 * [1.0, 0.0]
+
+
 HEAD = "time,T,x\n"
 
 

@@ -348,6 +348,8 @@ def test_a_backtest_that_cannot_be_made_says_why():
         backtest(model, X, y * np.nan)
     with pytest.raises(ValueError, match="origin_step='90min'"):
         backtest(model, X, y, origin_step="90min")
+    with pytest.raises(ValueError, match="whole='no' must be True or False"):
+        backtest(model, X, y, whole="no")
 
 
 @pytest.mark.parametrize(

@@ -298,6 +298,9 @@ BAD = {
     "no stamp": (b'[{"T_za": 20}]', "application/json", 422, "time of 0: field required"),
     "text for a number": (b'[{"time": "2018-09-27", "T_za": "off"}]', "application/json", 422, "T_za of 0: .*number"),
     "true for a number": (b'[{"time": "2018-09-27", "T_za": true}]', "application/json", 422, "T_za of 0: .*no number"),
+    "a stamp alone": (b'[{"time": "2018-09-27"}]', "application/json", 422, "^no posted row has a value"),
+    "a word for true": (b'[{"time": "2018-09-27", "T_za": true}]', "application/json", 422, "T_za of 0: true or false"),
+    "one line": (b"time,T_za", "text/csv", 422, "^the body has one line only"),
     "not finite": (b'[{"time": "2018-09-27", "T_za": Infinity}]', "application/json", 422, "finite number"),
     "a column missing": (b'[{"time": "2018-09-27T00:00-06:00", "T_za": 20}]', "application/json", 422, "T_oa is to be"),
     "not CSV": (b"\x1f\x8b\x08 packed", "text/csv", 422, "not text in UTF-8"),
@@ -325,7 +328,8 @@ def test_a_wrong_body_is_refused_in_one_sentence(case, made, cheap):
         ({"T_oa": -9999.0}, "T_oa holds -9999 degC"),
         ({"time": "2018-09-27T00:00:00"}, "the log of this zone has a time zone; post stamps with an offset"),
         ({"time": "2101-01-01T00:00:00-06:00"}, "2101-01-01 .* lies in the future"),
-        ({"time": "yesterday"}, "no cell that is a time stamp"),
+        ({"time": "yesterday"}, "time of 0: 'yesterday' is not a date and time such as 2024"),
+        ({"time": "03/04/2019 00:00"}, "time of 0: '03/04/2019 00:00' is not a date and time"),
     ],
 )
 def test_a_wrong_row_is_refused_and_changes_nothing(change, words, log, client, folder):

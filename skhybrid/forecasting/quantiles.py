@@ -236,7 +236,7 @@ def _normal_spread(changes: np.ndarray) -> np.ndarray:
 
 def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
     """Names of the columns that hold quantiles: ``q_0.1`` ..."""
-    return [f"q_{level:g}" for level in levels]
+    return [f"q_{level:g}" for level in np.atleast_1d(levels)]
 
 
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:

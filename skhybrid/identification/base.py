@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import as_mapping, check_integer, check_n_jobs
+from .._arguments import as_mapping, check_integer, check_n_jobs, check_verbose
 from .._summary import TrainingRecord, network_tables
 from .._table import HISTORY_ROLES, ZoneTable, read_table
 from .._threads import one_blas_thread
@@ -183,6 +183,7 @@ class NetworkIdentifier(ForecastingNetwork):
         network = get_network(self.network)
         check_integer("n_starts", self.n_starts)
         check_n_jobs(self.n_jobs)
+        check_verbose(self.verbose)
         settings = self._given()
         table = self._read(X, network, reset=True)
         target = read_outputs(y, table, network, max_missing=self.max_missing)

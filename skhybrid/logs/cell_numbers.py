@@ -70,7 +70,7 @@ class NumberColumn:
 
     def add(self, cells: pd.Series, decimal: str) -> None:
         """Read the cells of the next piece."""
-        if pd.api.types.is_numeric_dtype(cells) and not pd.api.types.is_complex_dtype(cells):
+        if cells.dtype.kind in "iuf":  # not "b": pandas reads True and False, which are switches
             values = cells.to_numpy(dtype=np.float64, na_value=np.nan)
         else:
             values = self._from_text(cells, decimal)

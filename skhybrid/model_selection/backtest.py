@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
+from .._arguments import check_bool
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
 from .._time import assumed_clock, even_step, positive_duration, rows_of, spell, wall_clock
 from .._warnings import several
@@ -78,6 +79,7 @@ def backtest(
         without ``predict_from`` reads what is measured after an origin.
     """
     check_is_fitted(estimator)
+    check_bool("whole", whole)
     forecaster, table = unwrapped(estimator, X)
     if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
@@ -163,7 +165,7 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
         (Koenker & Bassett 1978); and the number ``n`` of forecasts compared.
     """
     named = (c for c in map(str, getattr(frame, "columns", ())) if re.fullmatch(r"q_[\d.e-]+", c))
-    levels = {c: float(c.removeprefix("q_")) for c in named}
+    levels = {c: level for c in named if 0.0 < (level := pd.to_numeric(c.removeprefix("q_"), errors="coerce")) < 1.0}
     if len(levels) < 2:
         raise ValueError("the back-test has no interval; make it with backtest(..., quantiles=(0.1, 0.9)).")
     names = sorted(levels, key=lambda c: levels[c])
@@ -184,6 +186,8 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
         return pd.concat([scores.mean(), pd.Series({"n": len(scores)})])
     if isinstance(by, str) and by not in frame:
         raise ValueError(f"by={by!r} is not a column of the back-test; give 'lead' or 'origin'.")
+    if not isinstance(by, str) and np.shape(by) != (len(frame),):
+        raise ValueError(f"by has the shape {np.shape(by)}; give a label for each of {several(len(frame), 'row')}.")
     keys = frame[by] if isinstance(by, str) else pd.Series(np.asarray(by), index=frame.index)
     groups = scores.groupby(keys[known])
     return groups.mean().assign(n=groups.size())

@@ -27,6 +27,7 @@ from .zone_view import QUANTITIES, plain_rows, view_zones
 from .zones_page import building_page
 
 _MOST_BYTES = 8 * 2**20  # of a body: months of rows
+_FILE = "rows.csv"  # of a body, for as long as it is read
 _UNITS = {name: "degC" if name.startswith("T_") else "kW" for name in QUANTITIES.values()}
 _BODY = {
     "required": True,
@@ -142,7 +143,7 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
         text, n_rows = _csv_of_json(body) if is_json else _csv_text(body)
         said: list[SkhybridWarning] = []
         with one_at_a_time, tempfile.TemporaryDirectory() as place, warnings_to(said.append):
-            path = Path(place) / "rows.csv"
+            path = Path(place) / _FILE
             path.write_text(text, encoding="utf-8")
             done = zone.post(path, weather, schedule, plain=is_json)
         frame = None if done.forecast is None else done.forecast.frame
@@ -166,7 +167,8 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
 def _add_refusals(app: FastAPI) -> None:
     def answer(code: int, headers: dict[str, str] | None = None) -> Any:
         def refuse(request: Request, error: Exception) -> JSONResponse:
-            return JSONResponse({"detail": " ".join(str(error).split())}, code, headers)
+            said = " ".join(str(error).split()).replace(f"'{_FILE}'", "the body")
+            return JSONResponse({"detail": said}, code, headers)
 
         return refuse
 
@@ -191,10 +193,13 @@ def _csv_of_json(body: bytes) -> tuple[str, int]:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = " of ".join(str(part) for part in reversed(first["loc"])) or "the body"
+        said = first["msg"].removeprefix("Value error, ")
         raise ValueError(
-            f"the rows cannot be read: {where}: {first['msg'][0].lower()}{first['msg'][1:]} (rows count from 0)."
+            f"the rows cannot be read: {where}: {said[0].lower()}{said[1:]} (rows count from 0)."
         ) from None
     table = pd.DataFrame([row.model_dump() for row in rows])
+    if table.shape[1] == 1:
+        raise ValueError("no posted row has a value; the columns are those of zone.toml.")
     return table[["time", *table.columns.drop("time")]].to_csv(index=False), len(table)
 
 

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
 
 
 def _no_truth(value: Any) -> Any:
     if isinstance(value, bool):
         raise ValueError("true or false is no number; post 1 or 0 where that is meant")
+    return value
+
+
+def _iso(value: str) -> str:
+    try:
+        datetime.fromisoformat(value)
+    except ValueError:
+        raise ValueError(f"{value!r} is not a date and time such as 2024-01-31T13:45:00+01:00") from None
     return value
 
 
@@ -21,7 +30,9 @@ class Row(BaseModel):
 
     model_config = ConfigDict(extra="allow", str_max_length=200)
     __pydantic_extra__: dict[str, _Number | None]
-    time: str = Field(description="ISO 8601, with an offset where the log of the zone has a time zone")
+    time: Annotated[str, AfterValidator(_iso)] = Field(
+        description="ISO 8601, with an offset where the log of the zone has a time zone"
+    )
 
 
 ROWS = TypeAdapter(Annotated[list[Row], Field(min_length=1)])

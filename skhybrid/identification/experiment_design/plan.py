@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..._arguments import check_integer, is_number
+from ..._arguments import as_mapping, check_integer, is_number
 from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
 from ..._ranges import check_range
+from ..._table import as_numbers, float_columns
 from ..._threads import one_blas_thread
 from ..._time import refuse_other_stamps, rows_of, wall_clock
 from ..._warnings import percent
@@ -101,7 +102,7 @@ def plan_experiment(
     weather: pd.DataFrame,
     perturbations: Mapping[str, Any],
     known: Iterable[str] | None = None,
-    hours: Sequence[float] = (0, 12, 24, 48),
+    hours: float | Sequence[float] = (0, 12, 24, 48),
     target: float = 0.1,
     when: Any = "weekend",
     setpoints: Any = (20.0, 25.0),
@@ -131,7 +132,7 @@ def plan_experiment(
         (n, 2).  Repeated where shorter than the hours asked for.  See :func:`skhybrid.datasets.make_prbs`.
     known : iterable of str, optional
         Parameters that the identification will be given, such as ``["Q_h"]``; one of them must fix the network's scale.
-    hours : sequence of float
+    hours : float or sequence of float
         Hours of perturbation to compare, whole steps of ``weather``; 0, the log without one, is always looked at.
     target : float
         Relative standard error that every parameter is to reach [-].
@@ -185,7 +186,7 @@ def plan_experiment(
     cases = [_Case(_NONE, 0.0, usual)]
     allowed = _allowed(when, weather.index, log)
     perturbed = [h for h in _checked_hours(hours, log) if h > 0]
-    for name, wanted in perturbations.items():
+    for name, wanted in as_mapping("perturbations", perturbations, "names to temperatures [degC]").items():
         levels = _levels(name, wanted)
         cases += [_Case(name, h, _perturbed(usual, levels, allowed, h, log)) for h in perturbed]
     if not (is_number(target) and target > 0):
@@ -215,7 +216,9 @@ def _zone(
     if theta is None:
         raise ValueError("theta is missing: give a prior guess of every parameter, or a fitted identification.")
     known = {known} if isinstance(known, str) else set(known or ())
-    solar = [c for c in weather.columns if str(c).startswith("q_sol")]
+    if not isinstance(gain, GainStatistics | None):
+        raise ValueError(f"gain={gain!r} must be a GainStatistics, or None for that of the synthetic office.")
+    solar = [c for c in getattr(weather, "columns", ()) if str(c).startswith("q_sol")]
     stages = [role for role, capacity in _STAGES.items() if capacity in theta]
     if not stages:
         raise ValueError("theta has neither Q_h nor Q_c [kW]: without heating or cooling no set-point can be held.")
@@ -255,6 +258,8 @@ def _fitted_gain(model: Any) -> GainStatistics | None:
 
 
 def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log:
+    roles = [role for role in zone.roles if role not in _STAGES]
+    known = float_columns(weather, roles, "weather")
     index = weather.index
     if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
         raise ValueError("weather needs a DatetimeIndex of two rows or more: the hour decides about the gain.")
@@ -262,12 +267,9 @@ def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log
     if (steps != steps[0]).any() or steps[0] <= np.timedelta64(0):
         raise ValueError(f"weather is not evenly spaced (first at {index[1 + int(np.argmax(steps != steps[0]))]}).")
     inputs = np.zeros((len(index), len(zone.network.inputs(zone.roles))))
-    for role in (r for r in zone.roles if r not in _STAGES):
-        if role not in weather:
-            raise ValueError(f"weather has no column {role!r}; it has {', '.join(map(str, weather.columns))}.")
-        values = weather[role].to_numpy(dtype=np.float64)
-        bad = ~np.isfinite(values)
-        if bad.any():
+    for role in roles:
+        values = known[role].to_numpy()
+        if (bad := ~np.isfinite(values)).any():
             raise ValueError(f"weather column {role!r} has NaN or inf (first at {index[bad][0]}); fill it first.")
         check_range(values, role, f"weather column {role!r}", index)
         inputs[:, zone.column(role)] = values
@@ -283,10 +285,9 @@ def _usual_setpoints(setpoints: Any, index: pd.Index, log: _Log) -> np.ndarray:
     if isinstance(setpoints, pd.Series | pd.DataFrame):
         refuse_other_stamps(setpoints, index, "setpoints", "weather")
     if isinstance(setpoints, pd.DataFrame):
-        both = setpoints.reindex(columns=["T_heat_set", "T_cool_set"])
-        wanted = both.to_numpy(dtype=np.float64)[: len(log.time)]
+        wanted = as_numbers(setpoints.reindex(columns=["T_heat_set", "T_cool_set"]), "setpoints")[: len(log.time)]
     else:
-        wanted = np.tile(np.asarray(setpoints, dtype=np.float64).reshape(1, -1), (len(log.time), 1))
+        wanted = np.tile(as_numbers(setpoints, "setpoints").reshape(1, -1), (len(log.time), 1))
     if wanted.shape != (len(log.time), 2) or not np.isfinite(wanted).all() or (wanted[:, 0] > wanted[:, 1]).any():
         raise ValueError(
             "setpoints must be a pair of heating and cooling set-point [degC], the first not above the second, or a "
@@ -312,7 +313,7 @@ def _allowed(when: Any, index: pd.Index, log: _Log) -> np.ndarray:
 
 def _levels(name: str, wanted: Any) -> np.ndarray:
     """Heating and cooling set-points of a perturbation, (n, 2)."""
-    levels = np.asarray(wanted, dtype=np.float64)
+    levels = as_numbers(wanted, f"perturbation {name!r}")
     if levels.ndim == 1 and len(levels):
         levels = levels[:, None] + np.array([-HALF_BAND, HALF_BAND])
     if levels.ndim != 2 or levels.shape[1] != 2 or not len(levels) or not np.isfinite(levels).all():
@@ -321,8 +322,7 @@ def _levels(name: str, wanted: Any) -> np.ndarray:
             "and cooling set-points, (n, 2)."
         )
     check_range(levels.ravel(), "T_za", f"perturbation {name!r}", pd.RangeIndex(len(levels)).repeat(2))
-    crossed = levels[:, 0] > levels[:, 1]
-    if crossed.any():
+    if (crossed := levels[:, 0] > levels[:, 1]).any():
         raise ValueError(
             f"perturbation {name!r} has the heating set-point above the cooling one in row {int(np.argmax(crossed))}; "
             "swap or mend them."
@@ -330,7 +330,8 @@ def _levels(name: str, wanted: Any) -> np.ndarray:
     return levels
 
 
-def _checked_hours(hours: Sequence[float], log: _Log) -> list[float]:
+def _checked_hours(hours: Any, log: _Log) -> list[float]:
+    hours = [hours] if is_number(hours) else list(hours)
     for h in hours:
         if not is_number(h) or h < 0 or abs(h / log.hours - round(h / log.hours)) > 1e-9:
             raise ValueError(f"hours has {h!r}; give 0 or a multiple of the step of weather, {log.hours:g} h.")

@@ -17,7 +17,7 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
-from ..._arguments import check_bool, check_integer
+from ..._arguments import as_mapping, check_bool, check_integer, check_verbose
 from ..._transaction import unchanged_on_failure
 from ..._warnings import first_sentence
 from ...forecasting.extras import require_networks
@@ -178,6 +178,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def _check_settings(self) -> None:
         check_integer("chunk_size", self.chunk_size)
         check_bool("retry_failed", self.retry_failed)
+        check_verbose(self.verbose)
+        as_mapping("baselines", self.baselines, "names to regressors, such as {'arx': ARXRegressor()}")
         given = self.error_score
         if not (isinstance(given, Real) and not isinstance(given, bool)) and given != "raise":
             raise ValueError(f"error_score={given!r} must be a number, such as NaN, or 'raise'.")
@@ -227,8 +229,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
     def _metrics(outcome: Outcome) -> list[str]:
         good = next((one for row in outcome.results for one in row if one.error is None), None)
         if good is None:
-            last = str(outcome.results[0][0].error).strip().splitlines()[-1]  # of the traceback
-            cause = first_sentence(last)
+            cause = first_sentence(_error_told(outcome.results[0][0].error))
             raise ValueError(f"every candidate failed (error_score='raise' shows where), the first with {cause}.")
         return list(good.scores)
 
@@ -250,7 +251,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.results_ = tables[0] if len(tables) == 1 else _one_table(tables)
         failed = self.results_["error"].notna()
         if failed.any():
-            first = str(self.results_["error"][failed].iloc[0]).strip().splitlines()[-1]
+            first = _error_told(self.results_["error"][failed].iloc[0])
             warnings.warn(
                 f"{failed.sum()} of {len(failed)} candidates failed (see results_['error']), the first with: {first}",
                 FitFailedWarning,
@@ -310,6 +311,13 @@ class DesignMatrixSearchCV(BaseSearchCV):
         self.refit_time_ = time.perf_counter() - started
         if hasattr(self.best_estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.best_estimator_.feature_names_in_
+
+
+def _error_told(text: Any) -> str:
+    """The error at the end of a traceback on one line; its message may have several."""
+    lines = str(text).rpartition("Traceback (most recent call last):\n")[2].strip("\n").splitlines()
+    first = next((i for i, line in enumerate(lines) if not line.startswith(" ")), 0)
+    return " ".join(" ".join(lines[first:]).split())
 
 
 def _one_table(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
