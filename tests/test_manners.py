@@ -369,7 +369,7 @@ def test_rows_ahead_of_a_load_need_no_plant_columns(fitted, X, name):
         model.predict(ahead.drop(columns=plant))
     table = read_table(BaseEstimator(), ahead, reset=True)
     pd.testing.assert_frame_equal(model.predict_load(table, 21.0), load, check_exact=True)
-    with pytest.raises(ValueError, match="Expected 2D array, got scalar array"):
+    with pytest.raises(ValueError, match="X is None; give a DataFrame or an array"):
         model.predict_load(None, 21.0)
 
 
