@@ -10,6 +10,7 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, is_plant
 from .._warnings import several
 from .conversion import row_hours
+from .zone_names import shared_plants
 
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant shows little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
@@ -98,8 +99,7 @@ def _to_name(role: str, what: str, unplaced: Sequence[str], plant: bool) -> list
 def _thermostat(
     have: set[str], plants: Sequence[str], rooms: Sequence[str], cannot: list[str], steps: list[str]
 ) -> None:
-    shared = [role for role in plants if not any(role.endswith(room.removeprefix("T_za")) for room in rooms)]
-    if len(rooms) > 1 and shared:
+    if len(rooms) > 1 and (shared := shared_plants(plants, [room.removeprefix("T_za_") for room in rooms])):
         cannot.append(f"tomorrow from set-points: the zones share the plant {shared[0]}.")
         steps.append(f"give {shared[0]} in rows ahead to forecast the temperatures.")
     elif not any(role.startswith(SETPOINT_ROLES) for role in have):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from ..preprocessing._units import UNITS
 from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, guess_role, plain
@@ -14,6 +14,11 @@ _NO_ZONES = {
     "actual", "target",
 }  # fmt: skip
 _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
+
+
+def shared_plants(roles: Iterable[str], zones: Collection[str]) -> list[str]:
+    """Those roles of plants that end with the name of none of several zones."""
+    return [role for role in roles if not any(role.endswith(f"_{zone}") for zone in zones)]
 
 
 def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:

@@ -11,6 +11,7 @@ import pandas as pd
 from .._table import is_plant, listed
 from ..datasets import weather_on_steps
 from ..logs.even_steps import resample_column
+from ..logs.zone_names import shared_plants
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
 from ..study.zone_part import roles_of
@@ -93,8 +94,7 @@ def _setpoints(
         if any(values.notna().any() for values in given.values()):
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
-    shared = [role for role in plant if not any(role.endswith(f"_{zone}") for zone in settings.zones)]
-    if settings.zones and shared:
+    if settings.zones and (shared := shared_plants(plant, settings.zones)):
         raise ValueError(
             f"the zones share the plant {shared[0]}, and one stage cannot hold the set-points of several: give what "
             f"it will do, as {shared[0]} in rows of the log after the last measured one, and no set-points."
