@@ -15,6 +15,7 @@ from skhybrid.logs.log_findings import (
     _skipped_hours,
     clock_findings,
     counter_findings,
+    doubts_on_temperatures,
     gap_findings,
     gaps_of,
     sensor_findings,
@@ -266,6 +267,8 @@ def test_a_room_that_its_plant_holds_is_not_stuck(zone):
         assert without_standstills(spell, T).isna().sum() == max(n_stuck - 1, 0)
         said = [f.text for f in LogReport(spell, {name: name for name in spell}).findings if f.where == T]
         assert len([text for text in said if "stuck" in text]) == bool(n_stuck)
+    outdoors = frame.assign(T_oa=frame["T_oa"].mask(np.isin(np.arange(240), np.arange(48, 120)), 21.0))
+    assert [text for text in doubts_on_temperatures(outdoors, [T]) if text.startswith("T_oa is 21 degC")]  # no plant
 
 
 def test_a_room_and_outdoors_that_are_swapped_are_found(frame):

@@ -18,9 +18,8 @@ from ..preprocessing._gaps import fill_gaps, stamp_hours
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
 CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
 _SET_POINT_HOLD = pd.Timedelta("7D")  # a set-point stays in force until the next, also over a weekend
-_SILENCE = (
-    10.0  # times all but the longest hundredth of the distances of rows, from which on a log of changes is silent
-)
+#: times all but the longest hundredth of the distances of rows, from which on a log of changes is silent
+_SILENCE = 10.0
 _MOST_ROWS = 40_000_000  # more than a year of one-second steps comes from a mistaken step or stamp
 
 

@@ -13,7 +13,7 @@ from .._table import SETPOINT_ROLES, is_plant
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
 from .counters import counter_jumps, counter_resets
-from .standstills import controlled_rows, standstills
+from .standstills import room_standstills, standstills
 
 _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
@@ -268,7 +268,7 @@ def _left_alone(missed: pd.Series) -> pd.Index | None:
 def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:
     """Remarks on temperatures at even stamps: the longest standstill of each, and a room that is that of outdoors."""
     for role in (role for role in (*rooms, "T_oa") if role in frame):
-        found = standstills("T_za", frame[role], controlled_rows(frame, role))
+        found = standstills(role, frame[role]) if role == "T_oa" else room_standstills(frame, role)
         if len(found):
             at = found.iloc[int((found["last"] - found["first"]).to_numpy().argmax())]
             text = f"{role} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck?"

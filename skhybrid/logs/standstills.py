@@ -33,10 +33,15 @@ def standstills(role: str, values: pd.Series, controlled: pd.Series | None = Non
     return found[stuck].reset_index(drop=True)
 
 
+def room_standstills(frame: pd.DataFrame, role: str) -> pd.DataFrame:
+    """Standstills of a room's temperature, a column of ``frame``, but those in which its plant holds it."""
+    return standstills("T_za", frame[role], controlled_rows(frame, role))
+
+
 def without_standstills(frame: pd.DataFrame, role: str) -> pd.Series:
     """A room's temperature, a column of ``frame``, whose standstills are missing, but for their first value."""
     out = frame[role].copy()
-    for first, last, _ in standstills("T_za", out, controlled_rows(frame, role)).itertuples(index=False):
+    for first, last, _ in room_standstills(frame, role).itertuples(index=False):
         out[(out.index > first) & (out.index <= last)] = np.nan
     return out
 

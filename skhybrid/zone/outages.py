@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, listed
-from ..logs.standstills import controlled_rows, standstills, without_standstills
+from ..logs.standstills import room_standstills, without_standstills
 from ..study.data import SETPOINT
 
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
@@ -76,8 +76,7 @@ def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame
 def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timestamp) -> None:
     """Refuse a log that ends with temperatures of a sensor that stands still, so that its last known row is old."""
     for role in measured:
-        known = frame[role].dropna()
-        found = standstills("T_za", frame[role], controlled_rows(frame, role))
+        known, found = frame[role].dropna(), room_standstills(frame, role)
         last = pd.DatetimeIndex(known.index).max()
         if len(found) and found["last"].iloc[-1] == last > origin:
             begin, value = found["first"].iloc[-1], found["value"].iloc[-1]
