@@ -286,6 +286,7 @@ def test_the_module_runs_and_tells_its_version():
         ("n_starts", "n_startz", "unknown key 'n_startz' in [estimator]"),
         ('model = "profile"', 'modl = "profile"', "unknown key 'modl' in [forecaster]"),
         ('model = "profile"', "patience = 3", "[forecaster] patience has no effect with model = 'schedule'"),
+        ('model = "profile"', 'model = "prophet"', "[forecaster] model='prophet' is not known; use "),
         ("end = 2024-01-10", "ende = 2024-01-10", "unknown key 'ende' in [train]"),
         ('"room_temp"', '"temperature"', "'temperature'"),
         ('T_oa = "outdoor_temp"', "", "does not say which column is T_oa"),
@@ -365,6 +366,26 @@ def test_a_gap_of_an_input_in_the_training_span_is_named(files, capsys):
     log.to_csv(files / "log.csv")
     assert _run(files, "-q") == 1
     assert "T_oa" in capsys.readouterr().err
+
+
+def test_a_span_that_the_log_cuts_is_told(files):
+    (files / "zone.toml").write_text(
+        CONFIG.replace("start = 2024-01-11", "start = 2024-01-11\nend = 2024-03-01").replace(
+            "end = 2024-01-10", "start = 2023-12-24\nend = 2024-01-10"
+        )
+    )
+    settings = read_settings(files / "zone.toml")
+    log = read_log(files / "log.csv", settings)[0]
+    data = split_log(log, settings)
+    assert data.remarks == (
+        f"[train] start = 2023-12-24 is before the first measured row; it starts at {log.index[0]}.",
+        f"[test] end = 2024-03-01 is after the last measured row; it ends at {log.index[-1]}.",
+    )
+    (files / "zone.toml").write_text(CONFIG)
+    assert not split_log(log, read_settings(files / "zone.toml")).remarks
+    utc = log.tz_localize("UTC")
+    (files / "zone.toml").write_text(CONFIG.replace("start = 2024-01-11", "start = 2024-01-11T00:00:00Z"))
+    assert not split_log(utc, read_settings(files / "zone.toml")).remarks
 
 
 def test_a_sensor_that_stands_still_is_told(files, capsys):

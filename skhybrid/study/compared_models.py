@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from .. import identification
 from .._time import rows_of
 from ..forecasting import ARXRegressor, BoostedRegressor, DisturbanceForecaster
+from ..forecasting.named_models import check_parameters
 from ..hybrid import HybridPredictor, TwoStagePredictor
 from ..hybrid.schedule_predictor import DEFAULT_NETWORK
 from ..thermal import RCNetwork, get_network
@@ -191,7 +192,12 @@ def make_forecaster(settings: Settings) -> DisturbanceForecaster | None:
     made = DisturbanceForecaster("ridge")
     check_keys("forecaster", given, made.get_params(deep=False))
     if given["model"] != SCHEDULE:
-        return made.set_params(**given)
+        made.set_params(**given)
+        try:
+            check_parameters(made)
+        except ValueError as error:
+            raise ValueError(f"[forecaster] {error}") from None
+        return made
     unused = [key for key in given if key != "model"]
     if unused:
         raise ValueError(f"[forecaster] {unused[0]} has no effect with model = {SCHEDULE!r}; remove it.")

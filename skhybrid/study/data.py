@@ -213,6 +213,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         raise ValueError(f"the log has no measured temperature ({', '.join(temperatures)}) at all.")
     measured = frame.iloc[: known[-1] + 1]
     train, test = train_and_test(measured, settings)
+    remarks = (*doubts, *_cut_spans(measured, settings))
     for role in temperatures:
         _refuse_constant(train[role], least=0)
     roles = frame[[*inputs, *temperatures]]
@@ -230,7 +231,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         future,
         _setpoints(frame, settings, history, future),
         held_out,
-        doubts,
+        remarks,
     )
 
 
@@ -331,6 +332,25 @@ def _rows(frame: pd.DataFrame, span: Mapping[str, Any], name: str) -> pd.DataFra
             f"{frame.index[0]} to {frame.index[-1]}."
         )
     return rows
+
+
+def _cut_spans(measured: pd.DataFrame, settings: Settings) -> list[str]:
+    """Remarks on spans of the settings that reach beyond the measured rows, which cut them."""
+    first, last = measured.index[0], measured.index[-1]
+    remarks = []
+    for name, span in (("train", settings.train), ("test", settings.test)):
+        start, end = (_wall_time(span.get(key), last.tz) for key in ("start", "end"))
+        if start < first.tz_localize(None).normalize():
+            remarks.append(f"[{name}] start = {span['start']} is before the first measured row; it starts at {first}.")
+        if end > last.tz_localize(None):
+            remarks.append(f"[{name}] end = {span['end']} is after the last measured row; it ends at {last}.")
+    return remarks
+
+
+def _wall_time(stamp: Any, timezone: Any) -> pd.Timestamp:
+    """A date or stamp of the settings on the log's clock; NaT where there is none."""
+    read = pd.Timestamp(None if stamp is None else str(stamp))
+    return read if read.tz is None else read.tz_convert(timezone).tz_localize(None)
 
 
 def _next_day(
