@@ -291,6 +291,17 @@ def test_rows_without_an_input_are_named_in_the_answer(log, client):
     assert any(f"no values of 'Q_hvac' since {rows.index[0]}" in text for text in found["remarks"])
 
 
+def test_rows_of_one_stamp_are_one_row_and_unknown_columns_are_named(log, client, folder):
+    row, later = as_json(log.iloc[24 * DAYS : 24 * DAYS + 2])
+    parts = [{"time": row["time"], name: row[name]} for name in row if name != "time"]
+    found = client.post("/rows", json=[*parts, {**later, "T_zaa": 20.0}]).json()
+    assert "the posted 'T_zaa' was not read; the columns are those of zone.toml." in found["remarks"]
+    with open_archive(folder / "archive.sqlite") as archive:
+        kept = archive.log(POSTED).loc[log.index[24 * DAYS]]
+    assert kept["T_za"] == row["T_za"]
+    assert kept["q_sol"] == row["q_sol"]
+
+
 BAD = {
     "not JSON": (b"{", "application/json", 422, "the rows cannot be read: the body: invalid JSON"),
     "no list": (b'{"time": "2018-09-27T00:00:00-06:00"}', "application/json", 422, "input should be a valid array"),

@@ -11,7 +11,9 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import check_range
-from .._table import refuse_infinite_columns, role_of
+from .._table import listed, refuse_infinite_columns, role_of
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
 from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.raw_log import RawLog
@@ -33,8 +35,8 @@ def read_posted(
     """Rows of a file by role, at their own stamps, and the roles that are logged by change.
 
     ``known`` are those of the log, which a few rows do not show; without a change they need no value.  ``plain``: a
-    CSV with commas and ``time``, whatever the log is.  A ValueError says what cannot be read by the settings, or which
-    value is beyond physics.
+    CSV with commas and ``time``, whatever the log is.  Of several values of a stamp the last counts.  A ValueError says
+    what cannot be read by the settings, or which value is beyond physics; a warning, which column was not read.
     """
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
@@ -42,6 +44,9 @@ def read_posted(
     log = by_role(raw, _with_changes(raw, settings, known or ()))
     for channel in log.channels:
         _refuse_sums(channel)
+    unread = raw.frame.columns.difference([channel.name for channel in log.channels])
+    if plain and len(unread):
+        warn_user(f"the posted {listed(unread)} was not read; the columns are those of zone.toml.", SkhybridWarning)
     held = log.held if known is None else list(known)
     if held and settings.label == "right":
         raise ValueError(
@@ -58,7 +63,7 @@ def read_posted(
     frame = frame.sort_index(kind="stable").dropna(how="all")
     if frame.empty:
         raise ValueError("no posted row has a value; the columns are those of zone.toml.")
-    return frame[~frame.index.duplicated(keep="last")], [*held, *(["Q_hvac"] if meters else [])]
+    return frame.groupby(level=0).last(), [*held, *(["Q_hvac"] if meters else [])]
 
 
 def _with_changes(raw: RawLog, settings: Settings, known: Sequence[str]) -> Settings:
