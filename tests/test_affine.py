@@ -360,8 +360,7 @@ def test_a_plan_beyond_training_is_warned_of(name, fitted, tables, recwarn):
     assert not [w for w in recwarn if issubclass(w.category, PlanWarning)]
     wild = future.copy()
     wild.iloc[: DAY // 4, wild.columns.get_loc("Q_hvac")] = 40.0
-    clipping = () if name == "output" else (model.forecast,)
-    for call in (model.affine_forecast, model.to_state_space, *clipping):
+    for call in (model.forecast, model.affine_forecast, model.to_state_space):
         with pytest.warns(PlanWarning, match="Q_hvac outside of .* in 25 % of the rows ahead"):
             call(None, wild)
 
