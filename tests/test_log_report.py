@@ -481,6 +481,9 @@ def test_power_that_cannot_be_is_asked_about(frame):
             report = LogReport(heat.assign(**{name: factor * heat[name] + offset}))
             found = [f.text for f in report.findings if f.where == name]
             assert [words in text for text in found] == ([True] if words else []), (name, factor, found)
+    switch = (heat["Heating [kW]"] > heat["Heating [kW]"].mean()).astype(float)
+    found = [f.text for f in LogReport(heat.assign(**{"Heating [kW]": switch})).findings if f.where == "Heating [kW]"]
+    assert found == ["is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool."]
     never = LogReport(heat.assign(**{"Heating [kW]": 2.0}))
     assert "the effect of Q_heat: it never changed." in never.cannot
 

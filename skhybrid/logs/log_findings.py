@@ -130,13 +130,15 @@ def sensor_findings(
 
 
 def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
-    """Remarks on irradiance and plants that never change, heating that is always negative, and W that are called kW."""
+    """Remarks on what never changes, heating that is always negative, switches as heat, and W that are called kW."""
     low, high = float(known.min()), float(known.max())
     if known.index.max() - known.index.min() >= _UNCHANGED and low == high != 0.0:
         yield Finding("warning", name, f"is {low:.4g} in all rows: does the sensor or meter work?")
     elif role.startswith("Q_heat") and low < 0.0 >= high:
         text = f"heat into the room is positive, but this is never: give [scale] {role} = -1 if its sign is reversed"
         yield Finding("warning", name, f"{text}, or Q_cool if it is cooling.")
+    elif role.startswith("Q_") and low == 0.0 and high == 1.0 and known.nunique() == 2:
+        yield Finding("warning", name, "is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool.")
     elif role.startswith("Q_") and is_in_watts(known.to_numpy(dtype=np.float64), None):
         text = f"values reach {max(high, -low):.4g} kW: are they W? Then give that as its unit."
         yield Finding("warning", name, text)
