@@ -17,7 +17,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor
-from skhybrid.exceptions import SkhybridWarning
+from skhybrid.exceptions import SkhybridWarning, UnitWarning
 from skhybrid.model_selection import RollingOriginSplit, backtest, day_ahead_scorer, score_backtest
 from skhybrid.model_selection.backtest import _origins
 
@@ -331,6 +331,15 @@ def test_a_backtest_compares_with_the_rows_of_x():
         backtest(model, X, y.shift(1, freq="1h"))
     hidden = np.ma.masked_array(y.to_numpy(), np.arange(len(y)) % 2 == 0)
     assert backtest(model, X, hidden)["y_true"].isna().mean() == 0.5
+
+
+def test_a_backtest_warns_of_measurements_in_another_unit():
+    X, y = _room()
+    model = ARXRegressor().fit(X, y)
+    with pytest.warns(UnitWarning, match="^y ranges from .*: likely degF rather than degC"):
+        backtest(model, X, y * 1.8 + 32.0)
+    with pytest.raises(ValueError, match="y holds -999 degC in 1 row"):
+        backtest(model, X, y.where(np.arange(len(y)) != 50, -999.0))
 
 
 def test_a_backtest_that_cannot_be_made_says_why():

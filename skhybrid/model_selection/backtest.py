@@ -11,6 +11,8 @@ import pandas as pd
 from sklearn.utils.validation import _num_samples, check_is_fitted
 
 from .._arguments import check_bool
+from .._ranges import check_range
+from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
 from .._time import assumed_clock, even_step, positive_duration, rows_of, spell, wall_clock
 from .._warnings import several
@@ -74,9 +76,14 @@ def backtest(
     Raises
     ------
     ValueError
-        If the lengths of X and y differ, a duration is not a multiple of the sampling time, ``start`` is not of the
-        kind of the rows, X is too short for a forecast or has no midnight, the estimator forecasts no quantiles, or one
-        without ``predict_from`` reads what is measured after an origin.
+        If the lengths of X and y differ, y is beyond what a room can have, a duration is not a multiple of the sampling
+        time, ``start`` is not of the kind of the rows, X is too short for a forecast or has no midnight, the estimator
+        forecasts no quantiles, or one without ``predict_from`` reads what is measured after an origin.
+
+    Warns
+    -----
+    UnitWarning
+        If y is likely in another unit.
     """
     check_is_fitted(estimator)
     check_bool("whole", whole)
@@ -86,6 +93,9 @@ def backtest(
     zones = getattr(forecaster, "zones_", ("",))
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
+    if isinstance(forecaster, RollingForecastMixin):
+        role = getattr(forecaster, "_target_role", "T_za")
+        check_range(truth.ravel(), role, "y", stamps.repeat(len(zones)))
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
