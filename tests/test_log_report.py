@@ -488,6 +488,26 @@ def test_power_that_cannot_be_is_asked_about(frame):
     assert "the effect of Q_heat: it never changed." in never.cannot
 
 
+@pytest.mark.parametrize(
+    ("others", "plant", "asked"),
+    [
+        (["Bedroom temp"], "Boiler [kW]", ["Bedroom temp"]),
+        (["Bedroom temp", "Indoor temp hall"], "Boiler [kW]", ["Bedroom temp", "Indoor temp hall"]),
+        (["Bedroom temp"], "Living heat [kW]", []),  # the room's own
+        (["Bedroom temp"], None, []),
+        (["Bedroom RH (%)", "Flow temp"], "Boiler [kW]", []),
+    ],
+)
+def test_a_plant_that_may_serve_other_rooms_is_asked_about(frame, others, plant, asked):
+    named = frame.iloc[:, :4].set_axis(["Living room temp", "Outdoor temp", "Sun (W/m²)", plant or "x"], axis=1)
+    named = named.drop(columns="x", errors="ignore").assign(**dict.fromkeys(others, frame.iloc[:, 0] - 2.0))
+    found = [f.text for f in LogReport(named).findings if f.where == plant and "does it serve" in f.text]
+    assert [all(repr(name) in text for name in asked) for text in found] == [True] * bool(asked)
+    if plant is not None:
+        columns = {"T_za": "Living room temp", "T_oa": "Outdoor temp", "Q_heat": plant}
+        assert not [f for f in LogReport(named, columns).findings if "does it serve" in f.text]
+
+
 def test_infinite_values_are_an_error(frame):
     room = frame.columns[0]
     frame.iloc[:, 0] = -np.inf

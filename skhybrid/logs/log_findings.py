@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from .._ranges import is_in_watts, range_of
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import SETPOINT_ROLES, is_plant, listed
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
 from .counters import counter_jumps, counter_resets
@@ -240,6 +240,14 @@ def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
         if len(crossed):
             text = f"is above {high} in {several(len(crossed), 'row')}, first at {crossed[0]}: are they swapped?"
             yield Finding("error", low, text)
+
+
+def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> Iterator[Finding]:
+    """A remark on each plant that may serve other rooms than that of ``T_za``; ``columns`` by role."""
+    for role, name in columns.items() if others else ():
+        if is_plant(role):
+            text = f"is taken to act on {columns['T_za']!r} alone: does it serve {listed(others)} too? Then name each"
+            yield Finding("warning", name, f"{text} room in [columns], as T_za_<room>.")
 
 
 def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Finding]:

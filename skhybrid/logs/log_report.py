@@ -28,6 +28,7 @@ from .log_findings import (
     plant_findings,
     sensor_findings,
     set_point_findings,
+    shared_plant_findings,
     swap_findings,
 )
 from .log_report_html import report_html
@@ -35,7 +36,7 @@ from .naming import NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
 from .standstills import controlled_rows
 from .unit_names import ENERGY
-from .zone_names import zone_guesses, zone_roles, zones_of
+from .zone_names import further_rooms, zone_guesses, zone_roles, zones_of
 
 _SHOWN_ROWS = 3
 _STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
@@ -125,6 +126,8 @@ class LogReport:
             for name, guess in self._guesses.items()
             if guess.role is not None
         ]
+        given = columns or raw.roles or rooms
+        self._further_rooms = [] if given else further_rooms(stated, {c.role: c.name for c in channels})
         channels = self._outdoor_as_room(self._of_known_scale(channels, {*(columns or {}), *raw.roles}))
         self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
         self.columns = self._table(channels)
@@ -344,6 +347,7 @@ class LogReport:
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += set_point_findings(self.even)
+        found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 

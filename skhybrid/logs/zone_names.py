@@ -6,6 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 
+from .._table import is_plant
 from ..preprocessing._units import UNITS
 from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, guess_role, plain
 
@@ -40,6 +41,18 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
     others = {c: unit for c, unit in units.items() if not set(plain(c).split()) & set(zones)}
     shared = {g.role: c for c, g in assign_roles(others).items() if g.role is not None and g.role != "T_za"}
     return shared | found
+
+
+def further_rooms(units: Mapping[str, str | None], columns: Mapping[str, str]) -> list[str]:
+    """Columns with the temperatures of other rooms than that of ``T_za``, unless a plant bears the name of that room.
+
+    ``columns`` are those that were found, by role.
+    """
+    room = columns.get("T_za", "")
+    others = [name for name, unit in units.items() if name != room and guess_role(name, unit).role == "T_za"]
+    words_of_plants = {word for role, name in columns.items() if is_plant(role) for word in plain(name).split()}
+    own_words = set(plain(room).split()).difference(*(plain(name).split() for name in others))
+    return [] if not words_of_plants or own_words & words_of_plants else others
 
 
 def zones_of(roles: Iterable[str]) -> list[str]:
