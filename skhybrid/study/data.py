@@ -349,7 +349,7 @@ def _cut_spans(measured: pd.DataFrame, settings: Settings) -> list[str]:
 
 def _wall_time(stamp: Any, timezone: Any) -> pd.Timestamp:
     """A date or stamp of the settings on the log's clock; NaT where there is none."""
-    read = pd.Timestamp(None if stamp is None else str(stamp))
+    read = pd.Timestamp("NaT" if stamp is None else str(stamp))
     return read if read.tz is None else read.tz_convert(timezone).tz_localize(None)
 
 
