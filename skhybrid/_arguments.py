@@ -1,4 +1,4 @@
-"""Checks of arguments that estimators share: integers, numbers, mappings and seeds."""
+"""Checks of arguments that are shared: integers, numbers, mappings, seeds and estimators of one kind."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
 
 _LARGEST = sys.float_info.max
 
@@ -55,6 +57,14 @@ def check_level(level: Any, least: float = 0.0) -> None:
     """Refuse a probability that is no number between the least one and 1."""
     if not (is_number(level) and least < level < 1.0):
         raise ValueError(f"level={level!r} is not between {least:g} and 1; give a share, such as 0.9 for 90 %.")
+
+
+def refuse_without(estimator: Any, name: str, needed: str) -> None:
+    """Refuse an estimator that lacks a method or a fitted attribute, in words for what is ``needed``."""
+    if not hasattr(estimator, name):
+        if isinstance(estimator, BaseEstimator):
+            check_is_fitted(estimator)
+        raise ValueError(f"{type(estimator).__name__} is not {needed}; give one.")
 
 
 def as_mapping(name: str, given: Any, content: str) -> dict[Any, Any]:

@@ -8,12 +8,19 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from sklearn.base import BaseEstimator
+from sklearn.exceptions import NotFittedError
 
+from skhybrid import ARXRegressor
 from skhybrid.inspection import (
     DayAheadDisplay,
     DisturbanceWeekDisplay,
     ForecastDisplay,
     LeadErrorDisplay,
+    PosteriorDisplay,
+    ProfileDisplay,
+    ResidualDisplay,
+    RobustnessDisplay,
+    RoomMapDisplay,
     ScheduleDisplay,
 )
 from skhybrid.inspection._style import time_axis
@@ -243,6 +250,41 @@ def test_schedules_are_drawn_by_hour_and_type_of_day():
     np.testing.assert_array_equal(_lines(below)["weekday"].get_ydata()[:24], -np.arange(24.0))
     assert "kW]" in above.get_ylabel()
     assert "kW/K" in below.get_ylabel()
+
+
+@pytest.mark.parametrize(
+    ("display", "given", "words"),
+    [
+        (DisturbanceWeekDisplay, 1, "ARXRegressor is not an identification, such as OutputDisturbanceID; give one"),
+        (ResidualDisplay, 1, "ARXRegressor is not an identification, such as OutputDisturbanceID; give one"),
+        (ProfileDisplay, 3, "ARXRegressor is not an identification, such as OutputDisturbanceID; give one"),
+        (RoomMapDisplay, 0, "ARXRegressor is not a BuildingPredictor; give one"),
+        (PosteriorDisplay, 0, "ARXRegressor is not a PatternExpressiveness; give one"),
+        (RobustnessDisplay, 0, "ARXRegressor is not a RobustnessComparison; give one"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_an_estimator_of_another_kind_is_refused(display, given, words, table):
+    rows = table.assign(T_oa=5.0 + np.cos(np.arange(len(table)) / 9.0))
+    model = ARXRegressor().fit(rows, rows["T_za"])
+    with pytest.raises(ValueError, match=words):
+        display.from_estimator(model, *(rows, rows["T_za"], "R_zo")[:given])
+    with pytest.raises(NotFittedError):
+        display.from_estimator(ARXRegressor(), *(rows, rows["T_za"], "R_zo")[:given])
+
+
+@pytest.mark.parametrize(
+    ("display", "words"),
+    [
+        (ForecastDisplay, "the back-test has no column 'origin'"),
+        (LeadErrorDisplay, "the back-test has no column 'origin'"),
+        (DayAheadDisplay, "the forecast has no column 'T_za'"),
+        (ScheduleDisplay, "the schedule has no column 'gain'"),
+    ],
+)
+def test_a_frame_of_another_kind_is_refused(display, words, table):
+    with pytest.raises(ValueError, match=words):
+        display.from_predictions(table[["T_oa"]])
 
 
 def test_schedules_of_a_model_that_has_none_are_refused():

@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import refuse_without
+from .._columns import refuse_absent_columns
 from .._time import wall_clock
 from ._display import Display
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, legend, line_style, tidy
@@ -65,6 +67,7 @@ class DisturbanceWeekDisplay(Display):
         names = getattr(gray_box, "feature_names_in_", None)
         if names is not None and isinstance(X, pd.DataFrame) and set(names) <= set(X.columns):
             X = X[list(names)]  # a predictor may have passed the columns to its gray box in another order
+        refuse_without(gray_box, "estimate_disturbance", "an identification, such as OutputDisturbanceID")
         zeta = gray_box.estimate_disturbance(X, kind=kind, smooth=smooth)
         return cls.from_predictions(zeta, truth=truth, unit="kW" if kind == "input" else "K", ax=ax, **kwargs)
 
@@ -172,6 +175,7 @@ class ScheduleDisplay(Display):
             As in the class.
         %(drawing)s
         """
+        refuse_absent_columns(schedule, _PANELS, "the schedule")
         return cls(schedule).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> ScheduleDisplay:

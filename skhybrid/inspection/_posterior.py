@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import gaussian_kde
 
+from .._arguments import check_level, refuse_without
+from .._table import float_columns
 from .._warnings import percent
 from ..model_selection import PatternExpressiveness, RobustnessComparison
 from ._display import Display
@@ -49,6 +51,7 @@ class PosteriorDisplay(Display):
         estimator : PatternExpressiveness
         %(drawing)s
         """
+        refuse_without(estimator, "draws_", "a PatternExpressiveness")
         return cls(estimator.draws_, estimator.summary_, log=estimator.log).plot(ax, level=estimator.level, **kwargs)
 
     @classmethod
@@ -64,6 +67,8 @@ class PosteriorDisplay(Display):
         log : bool, default=False
         %(drawing)s
         """
+        check_level(level)
+        draws = float_columns(draws, getattr(draws, "columns", ()), "draws")
         tail = 0.5 * (1.0 - level)
         ends = {"lower": draws.quantile(tail), "upper": draws.quantile(1.0 - tail)}
         summary = pd.DataFrame({"mean": draws.mean(), **ends, "probability_reduces": (draws < 0.0).mean()})
@@ -147,6 +152,7 @@ class RobustnessDisplay(Display):
         estimator : RobustnessComparison
         %(drawing)s
         """
+        refuse_without(estimator, "probability_", "a RobustnessComparison")
         found = estimator.errors_, estimator.difference_, estimator.probability_, estimator.indistinguishable_
         return cls(*found).plot(ax, **kwargs)
 

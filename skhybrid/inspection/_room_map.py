@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse.csgraph import shortest_path
 
+from .._arguments import refuse_without
 from ._display import Display
 from ._style import COLORS, MEASURED, axes_or_new, heading
 
@@ -58,6 +59,7 @@ class RoomMapDisplay(Display):
         ValueError
             If ``errors`` name a zone that the building does not have.
         """
+        refuse_without(estimator, "coupled_", "a BuildingPredictor")
         pairs = ((zone, other) for zone, one in estimator.coupled_.items() for other in one.neighbours)
         known = dict(errors or {})
         unknown = [zone for zone in known if zone not in estimator.zones_]

@@ -11,6 +11,7 @@ from itertools import permutations
 from typing import NamedTuple
 
 from .canvas import ZIGZAG, Canvas, width
+from .catalogue import get_network
 from .circuit import Rail, assign_levels
 from .joined_rooms import resistors_of
 from .network import RCNetwork, diagram
@@ -22,16 +23,17 @@ _MARGIN = 26.0  # distance from a room's frame to the next, and to the wires bet
 
 
 @diagram.register(RCNetwork)
-def draw(network: RCNetwork, roles: Iterable[str] | None = None) -> str:
+def draw(network: str | RCNetwork, roles: Iterable[str] | None = None) -> str:
     """Draw a network as a circuit diagram, a self-contained SVG element.
 
     Parameters
     ----------
-    network : RCNetwork
+    network : RCNetwork, or a name of the catalogue
         The rooms of a :func:`building_network` are drawn apart, joined by their partitions.
     roles : iterable of str, optional
         Columns whose inputs are drawn; default :attr:`RCNetwork.usual_roles`.
     """
+    network = get_network(network)
     roles = tuple(network.usual_roles if roles is None else roles)
     canvas = Canvas()
     if network.zones:

@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
-from ..._arguments import check_integer, check_level
+from ..._arguments import check_integer, check_level, refuse_without
 from ..._table import float_columns
 from ..._time import positive_duration, rows_covering, spell
 from .findings import ErrorPattern
@@ -121,6 +121,7 @@ def diagnose(estimator: Any, X: Any, *, output: int = 0, max_lag: Any = "1D", le
     False
     """
     check_is_fitted(estimator)
+    refuse_without(estimator, "innovations", "an identification, such as OutputDisturbanceID")
     table = estimator._read_X(X)
     found = estimator.innovations(table)
     half = found.shape[1] // 2  # one column per output, then their standard deviations

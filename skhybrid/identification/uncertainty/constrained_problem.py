@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from ..._arguments import refuse_without
 from ..._table import ZoneTable
 from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_to
@@ -27,6 +28,7 @@ class ConstrainedProblem:
     @classmethod
     def of(cls, estimator: Any, X: Any, y: Any) -> ConstrainedProblem:
         """With the estimator fitted, which is done here where it is not; refuses one that minimises no likelihood."""
+        refuse_without(estimator, "innovations", "an identification, such as OutputDisturbanceID")
         if getattr(estimator, "objective", "one_step") != "one_step":
             raise ValueError(
                 f'{type(estimator).__name__} with objective="multi_step" has no likelihood, as its errors overlap; '
