@@ -177,23 +177,16 @@ def role_numbers(column: pd.Series, role: str, label: str | None = None) -> np.n
 
 def float_columns(frame: Any, columns: Iterable[Any], name: str) -> pd.DataFrame:
     """Columns of a frame that is called ``name`` as float64, NaN where missing; refused where one is absent or huge."""
-    columns = list(columns)
-    refuse_absent_columns(frame, columns, name)
+    if not isinstance(frame, pd.DataFrame):
+        raise ValueError(f"{name} is a {type(frame).__name__}; give a DataFrame.")
     found = {}
     for column in columns:
+        if (n := int((frame.columns == column).sum())) != 1:
+            raise ValueError(f"{name} has {n or 'no'} column{'s' * (n > 1)} {column!r}; give one.")
         values = role_numbers(frame[column], str(column), f"column {column!r} of {name}")
         refuse_huge(values, f"column {column!r} of {name}")
         found[column] = values
     return pd.DataFrame(found, index=frame.index, columns=list(found))
-
-
-def refuse_absent_columns(frame: Any, columns: Iterable[Any], name: str) -> None:
-    """Refuse what is no frame, or one without each of the columns once."""
-    if not isinstance(frame, pd.DataFrame):
-        raise ValueError(f"{name} is a {type(frame).__name__}; give a DataFrame.")
-    for column in columns:
-        if (n := int((frame.columns == column).sum())) != 1:
-            raise ValueError(f"{name} has {n or 'no'} column{'s' * (n > 1)} {column!r}; give one.")
 
 
 def refuse_huge(values: np.ndarray, label: str) -> None:

@@ -276,8 +276,8 @@ def test_an_estimator_of_another_kind_is_refused(display, given, words, table):
 @pytest.mark.parametrize(
     ("display", "words"),
     [
-        (ForecastDisplay, "the back-test has no column 'origin'"),
-        (LeadErrorDisplay, "the back-test has no column 'origin'"),
+        (ForecastDisplay, "the back-test has no column 'y_true'"),
+        (LeadErrorDisplay, "the back-test has no column 'y_true'"),
         (DayAheadDisplay, "the forecast has no column 'T_za'"),
         (ScheduleDisplay, "the schedule has no column 'gain'"),
     ],

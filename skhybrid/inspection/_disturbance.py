@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import refuse_without
-from .._columns import refuse_absent_columns
+from .._table import float_columns
 from .._time import wall_clock
 from ._display import Display
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, legend, line_style, tidy
@@ -175,7 +175,7 @@ class ScheduleDisplay(Display):
             As in the class.
         %(drawing)s
         """
-        refuse_absent_columns(schedule, _PANELS, "the schedule")
+        float_columns(schedule, _PANELS, "the schedule")
         return cls(schedule).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> ScheduleDisplay:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._columns import refuse_absent_columns
+from .._table import float_columns
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
 from ._display import Display
@@ -238,9 +238,9 @@ class DayAheadDisplay(Display):
             As in the class.
         %(drawing)s
         """
-        refuse_absent_columns(forecast, ("T_za",), "the forecast")
+        float_columns(forecast, ("T_za",), "the forecast")
         if measured is not None:
-            refuse_absent_columns(measured, ("T_za",), "measured")
+            float_columns(measured, ("T_za",), "measured")
         return cls(forecast, measured, setpoint).plot(ax, **kwargs)
 
     @property
@@ -299,7 +299,7 @@ def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str,
     if not found or any(frame.empty for frame in found.values()):
         raise ValueError("there is no back-test to draw; pass at least one, with at least one origin.")
     for frame in found.values():
-        refuse_absent_columns(frame, ("origin", "lead", "time", "y_true", "y_pred"), "the back-test")
+        float_columns(frame, ("y_true", "y_pred"), "the back-test")
     return found
 
 

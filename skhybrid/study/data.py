@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from typing import Any, NamedTuple, cast
 
@@ -213,7 +213,6 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         raise ValueError(f"the log has no measured temperature ({', '.join(temperatures)}) at all.")
     measured = frame.iloc[: known[-1] + 1]
     train, test = train_and_test(measured, settings)
-    remarks = (*doubts, *_cut_spans(measured, settings))
     for role in temperatures:
         _refuse_constant(train[role], least=0)
     roles = frame[[*inputs, *temperatures]]
@@ -231,7 +230,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
         future,
         _setpoints(frame, settings, history, future),
         held_out,
-        remarks,
+        (*doubts, *_cut_spans(measured, settings)),
     )
 
 
@@ -334,22 +333,20 @@ def _rows(frame: pd.DataFrame, span: Mapping[str, Any], name: str) -> pd.DataFra
     return rows
 
 
-def _cut_spans(measured: pd.DataFrame, settings: Settings) -> list[str]:
+def _cut_spans(measured: pd.DataFrame, settings: Settings) -> Iterator[str]:
     """Remarks on spans of the settings that reach beyond the measured rows, which cut them."""
     first, last = measured.index[0], measured.index[-1]
-    remarks = []
     for name, span in (("train", settings.train), ("test", settings.test)):
-        start, end = (_wall_time(span.get(key), last.tz) for key in ("start", "end"))
+        start, end = (_wall_time(span.get(key, "NaT"), last.tz) for key in ("start", "end"))
         if start < first.tz_localize(None).normalize():
-            remarks.append(f"[{name}] start = {span['start']} is before the first measured row; it starts at {first}.")
+            yield f"[{name}] start = {span['start']} is before the first measured row; it starts at {first}."
         if end > last.tz_localize(None):
-            remarks.append(f"[{name}] end = {span['end']} is after the last measured row; it ends at {last}.")
-    return remarks
+            yield f"[{name}] end = {span['end']} is after the last measured row; it ends at {last}."
 
 
 def _wall_time(stamp: Any, timezone: Any) -> pd.Timestamp:
-    """A date or stamp of the settings on the log's clock; NaT where there is none."""
-    read = pd.Timestamp("NaT" if stamp is None else str(stamp))
+    """A date or stamp of the settings on the log's clock."""
+    read = pd.Timestamp(str(stamp))
     return read if read.tz is None else read.tz_convert(timezone).tz_localize(None)
 
 
