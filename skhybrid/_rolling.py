@@ -28,7 +28,9 @@ def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
     if not rows.size:
         rows = rows.astype(np.int64)
     if rows.ndim != 1 or rows.dtype.kind not in "iu" or (rows < -n_before).any() or (rows >= n_rows).any():
-        raise ValueError(f"origins must be row numbers of X, from {-n_before} to {n_rows - 1}.")
+        before = rows.dtype.kind == "i" and (rows < 0).any() and not n_before
+        cold = "; X does not continue the known rows, so that none lies before it" if before else ""
+        raise ValueError(f"origins must be row numbers of X, from {-n_before} to {n_rows - 1}{cold}.")
     return rows.astype(np.int64)
 
 

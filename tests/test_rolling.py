@@ -100,6 +100,8 @@ def test_origins_that_are_no_rows_are_refused(origins):
     X = clocked(200)
     with pytest.raises(ValueError, match="origins must be row numbers of X, from 0 to 199"):
         Clock().fit(X).predict_from(X, origins)
+    with pytest.raises(ValueError, match=r"199\.$" if origins != [-1] else "199; X does not continue the known rows"):
+        Clock().fit(X).predict_from(X, origins)
 
 
 def test_predict_and_predict_from_agree(office):

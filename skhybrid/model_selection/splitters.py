@@ -133,7 +133,8 @@ class RollingOriginSplit(BaseCrossValidator):
         n_rows, needed = _num_samples(X), int(row(whole + (wanted - 1) * step))
         if n_rows < needed:
             sampling = _sampling_time(X, self.sampling_time)
-            needs, has = (f"{n} rows" + ("" if sampling is None else f" ({n * sampling})") for n in (needed, n_rows))
+            days = None if sampling is None else sampling / pd.Timedelta("1D")
+            needs, has = (f"{n} rows" + ("" if days is None else f" ({n * days:.3g} days)") for n in (needed, n_rows))
             plural = "split needs" if wanted == 1 else "splits need"
             raise ValueError(
                 f"X is too short: {wanted} {plural} {needs} of train={self.train!r}, gap={self.gap!r} and "
