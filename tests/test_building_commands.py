@@ -252,10 +252,19 @@ def test_a_shared_plant_asks_for_its_stage_and_not_for_set_points():
     plan, roles = pd.DataFrame({"T_oa": 5.0}, index), ["T_oa", "T_za_a", "T_za_b", "u_heat"]
     settings = settings_from({"columns": {role: role for role in roles}, "step": "1h"})
     for schedule in (None, Schedule.of_text("21")):
-        with pytest.raises(ValueError, match=r"zones share the plant u_heat, .* as u_heat in rows of the log after"):
+        with pytest.raises(ValueError, match=r"zones share the plant 'u_heat', .* in rows of the log after"):
             rows_ahead(settings, index[0], ["T_oa", "u_heat"], plan=plan, schedule=schedule)
     planned = rows_ahead(settings, index[0], ["T_oa", "u_heat"], plan=plan.assign(u_heat=0.5))
     assert planned.planned
+
+
+def test_a_plant_is_called_by_its_columns():
+    index = pd.date_range("2024-01-05", periods=4, freq="1h")
+    plan = pd.DataFrame({"T_oa": 5.0}, index)
+    columns = {"T_za": "room", "T_oa": "out", "Q_heat": "boiler", "Q_cool": "chiller"}
+    settings = settings_from({"columns": columns, "step": "1h"})
+    with pytest.raises(ValueError, match="fill in 'boiler', 'chiller' in the rows ahead"):
+        rows_ahead(settings, index[0], ["T_oa", "Q_hvac"], plan=plan)
 
 
 def test_update_takes_in_new_rows(folder, log, tmp_path, capsys):

@@ -79,6 +79,12 @@ def rows_ahead(
     return RowsAhead(frame.join(_setpoints(settings, index, plan, weather, schedule, plant)), False)
 
 
+def _columns_of(plant: Sequence[str], settings: Settings) -> str:
+    """The columns of the log with the roles of a plant, of which ``Q_hvac`` may be the sum of two."""
+    roles = [role for one in plant for role in ([one] if one in settings.columns else ["Q_heat", "Q_cool"])]
+    return listed(settings.columns[role] for role in roles if role in settings.columns)
+
+
 def _setpoints(
     settings: Settings,
     index: pd.DatetimeIndex,
@@ -96,14 +102,13 @@ def _setpoints(
     found = schedule or Schedule.of_tables(settings.thermostat)
     if settings.zones and (shared := shared_plants(plant, settings.zones)):
         raise ValueError(
-            f"the zones share the plant {shared[0]}, and one stage cannot hold the set-points of several: give what "
-            f"it will do, as {shared[0]} in rows of the log after the last measured one, and no set-points."
+            f"the zones share the plant {_columns_of(shared[:1], settings)}, which cannot hold the set-points of several:"
+            " give what it will do, in rows of the log after the last measured one, and no set-points."
         )
     if found is None:
-        names = " and ".join(plant) or "heat"
         raise ValueError(
             f"nothing says what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
-            f"configuration, or fill in {names} in the rows ahead."
+            f"configuration, or fill in {_columns_of(plant, settings)} in the rows ahead."
         )
     if isinstance(found, Schedule) and not settings.zones:
         return found.band(index, settings.holidays)
