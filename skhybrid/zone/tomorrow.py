@@ -102,8 +102,8 @@ def _setpoints(
     found = schedule or Schedule.of_tables(settings.thermostat)
     if settings.zones and (shared := shared_plants(plant, settings.zones)):
         raise ValueError(
-            f"the zones share the plant {_columns_of(shared[:1], settings)}, which cannot hold the set-points of several:"
-            " give what it will do, in rows of the log after the last measured one, and no set-points."
+            f"the zones share the plant {_columns_of(shared[:1], settings)}, which cannot hold the set-points of several"
+            ": give what it will do, in rows of the log after the last measured one, and no set-points."
         )
     if found is None:
         raise ValueError(
