@@ -101,9 +101,10 @@ def _setpoints(
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
     if settings.zones and (shared := shared_plants(plant, settings.zones)):
+        named = _columns_of(shared[:1], settings)
         raise ValueError(
-            f"the zones share the plant {_columns_of(shared[:1], settings)}, which cannot hold the set-points of several"
-            ": give what it will do, in rows of the log after the last measured one, and no set-points."
+            f"the zones share the plant {named}, and one stage cannot hold the set-points of several: give what it "
+            "will do, in rows of the log after the last measured one, and no set-points."
         )
     if found is None:
         raise ValueError(
