@@ -1,25 +1,26 @@
 """A fleet on Slurm: the same models as one process makes, also where a job is killed or reaches its wall time.
 
 ``python benchmarks/fleet_slurm.py`` needs the commands of Slurm, two free processors and ``pip install dask-jobqueue``,
-takes a quarter of an hour, and writes ``results/fleet_slurm.md``.  The folder for temporary files has to be shared by the
-nodes (``TMPDIR``).
+takes a quarter of an hour, and writes ``results/fleet_slurm.md``.  The nodes have to share the folder for temporary
+files (``TMPDIR``).
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 import subprocess
 import tempfile
 import threading
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import joblib
 import pandas as pd
 from _report import write_table
 from dask.distributed import Client
-from dask_jobqueue import SLURMCluster
 
 from skhybrid import HybridPredictor
 from skhybrid.datasets import make_office
@@ -49,6 +50,8 @@ def kill_a_job() -> None:
 
 def on_slurm(case: str, fit: Callable[[], ZoneFleet], logs: Path) -> tuple[ZoneFleet, float, int]:
     """The fleet fitted by two jobs, the seconds, and the number of jobs that ran."""
+    from dask_jobqueue import SLURMCluster
+
     ends = case == CASES[2]
     with (
         SLURMCluster(
@@ -79,6 +82,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--zones", type=int, default=60)
     n_zones = parser.parse_args().zones
+    if shutil.which("sbatch") is None or find_spec("dask_jobqueue") is None:
+        parser.exit(0, "There is no Slurm, or no dask-jobqueue: nothing is measured.\n")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         train, ahead = make_data(folder, n_zones)
