@@ -319,7 +319,7 @@ class BuildingForecastMixin:
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             history, rows = (among, with_next(ahead, T)) if T else (known, ahead)
             band, within = (wanted.get(zone), limits) if model._plant else (None, None)
-            # quantiles with neighbours are needed of a load only: those of T_za move along (_blended)
+            # with neighbours only quantiles of a load are needed, which stay within the plant; those of T_za move along
             under_heat = band is None and not model._has_setpoints_only(rows)
             without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_
             levels = None if without else quantiles
@@ -389,10 +389,7 @@ def columns_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
 def _blended(
     own: Mapping[str, np.ndarray], coupled: Mapping[str, np.ndarray], one: CoupledZone, first_lead: int
 ) -> dict[str, np.ndarray]:
-    """A zone's columns from those by itself and with neighbours; those of T_za move along, by the errors' spread.
-
-    Quantiles of a load are blended as the load is, so that they stay within what the plant can do.
-    """
+    """A zone's columns from those by itself and with neighbours; quantiles of T_za move along, by the errors."""
     n_rows = len(own["T_za"])
     share = one.share_by_row(n_rows, first_lead)
     widths = np.append(np.ones(1 - first_lead), one.widths(n_rows - 1 + first_lead))
