@@ -355,6 +355,9 @@ def test_a_configuration_that_cannot_be_right_is_refused(change, message, tmp_pa
 
 def test_set_points_of_one_zone_are_the_last_given():
     assert schedules_of(()) is None
+    assert schedules_of((), ["hall"]) is None
+    with pytest.raises(ValueError, match="names the zone 'hall', but the model is of one zone: leave the name out"):
+        schedules_of(("20", "hall:21,24"))
     assert schedules_of(("20", "6:00=21,22:00=17;24")).heat == {360: 21.0, 1320: 17.0}
     both = schedules_of(("hall:6:00=21,22:00=17", "20,26"), ["hall", "study"])
     assert both["hall"].heat == {360: 21.0, 1320: 17.0}

@@ -21,6 +21,7 @@ from skhybrid import (
     SchedulePredictor,
     TwoStagePredictor,
 )
+from skhybrid.datasets import make_house
 from skhybrid.exceptions import MeasurementWarning, UnitWarning
 from skhybrid.hybrid import base
 from skhybrid.hybrid.building import building_forecast, building_predictor
@@ -527,6 +528,21 @@ def test_what_is_known_and_learned_of_each_zone(building, rooms, later):
     found = model.forecast(None, later[:DAY], setpoint=(20.0, 26.0), quantiles=[0.1, 0.9])
     bands = [f"{name}_hall" for name in ("q_0.1", "q_0.9", "Q_hvac_0.1", "Q_hvac_0.9")]
     assert [name for name in found if "0." in name] == bands  # the others have none, and take none from it
+
+
+def test_quantiles_of_a_load_stay_within_the_plant():
+    house = make_house(15, 2, sampling_time="1h", random_state=3)
+    X, y = house.X.assign(T_heat_set=20.0), house.X[["T_za_living", "T_za_kitchen"]]
+    model = BuildingPredictor(HybridPredictor(network="1R1C", known={"Q_h": 3.0}), adjacency=[("living", "kitchen")])
+    model.fit(X[:N_TRAIN], y[:N_TRAIN])
+    ahead = X[N_TRAIN:].drop(columns=[*y])
+    found = model.forecast(None, ahead, setpoint=(21.0, None), quantiles=(0.01, 0.1, 0.9, 0.99))
+    for zone in ("living", "kitchen"):
+        assert model.shares_.loc[zone].min() > 0.1  # the neighbour counts
+        loads = found[[f"Q_hvac{of}_{zone}" for of in ("_0.01", "_0.1", "", "_0.9", "_0.99")]].to_numpy()
+        assert loads.min() >= 0.0  # a heater does not cool
+        assert loads.max() <= 3.0 + 1e-9
+        assert (np.diff(loads[:, [0, 1, 3, 4]], axis=1) >= 0.0).all()
 
 
 def test_new_rows_are_learned_by_each_zone(rooms, later, tomorrow):

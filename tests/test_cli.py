@@ -935,6 +935,18 @@ def test_help_begins_with_what_a_command_has_and_ends_with_an_example_of_it(name
         assert options[-4:] == ["--json", "--strict", "--quiet", "--help"]
 
 
+@pytest.mark.parametrize(
+    ("name", "required"),
+    [*((n, True) for n in ("fit", "backtest", "identify", "run", "report", "search")),
+     *((n, False) for n in ("check", "zone init", "export emhass"))],
+)  # fmt: skip
+def test_help_marks_a_configuration_that_a_command_does_not_go_without(name, required, capsys):
+    assert main([*name.split(), "-h"]) == 0
+    told = capsys.readouterr().out.partition("--config zone.toml")[2].partition("  --")[0]
+    assert told
+    assert ("[required]" in told) == required
+
+
 @pytest.mark.parametrize("name", ["", "zone", "export"])
 def test_a_list_of_commands_cuts_no_sentence(name, capsys):
     assert main([*name.split(), "-h"]) == 0

@@ -135,7 +135,8 @@ def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"frameworks": ["gru"]}, "'gru'"),
+        ({"frameworks": ["gru"]}, "framework 'gru' is not known; use mlp"),
+        ({"frameworks": {"mine": "gru"}}, "framework 'gru' is not known; use mlp"),
         ({"frameworks": {"r": Ridge}}, "regressor"),
         ({"frameworks": [Ridge()]}, "has no name"),
         ({"cases": ["case99"]}, "'case99' belongs to none"),

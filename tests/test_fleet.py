@@ -707,6 +707,21 @@ def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
     assert (folder / "status.html").exists()
 
 
+def test_columns_with_names_of_their_own_are_named_in_the_configuration(tmp_path, capsys):
+    rows = ZONES["a"][TRAIN].rename(columns={"T_za": "room"})
+    folder = tmp_path / "data" / "zone=a"
+    folder.mkdir(parents=True)
+    rows.to_parquet(folder / "first.parquet")
+    (tmp_path / "fleet.toml").write_text(CONFIG)
+    assert main(["fleet", "fit", str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert "the rows have no column 'T_za', the measured temperature, among " in said
+    assert "'room'" in said
+    assert "columns={'T_za': ...}" in said
+    (tmp_path / "fleet.toml").write_text(f'{CONFIG}\ncolumns = {{T_za = "room"}}\n')
+    assert main(["fleet", "fit", str(tmp_path)]) == 0
+
+
 def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
     """Each command is a process of its own: why a zone failed is kept in the store."""
     folder = tmp_path / "houses"

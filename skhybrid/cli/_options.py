@@ -15,16 +15,20 @@ from .._json import strict_json
 from ._output import DONE, FAILED, Progress, one_line
 
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
-CONFIG = click.option(
-    "--config",
-    type=click.Path(path_type=Path),
-    metavar="zone.toml",
-    help="How the log is read; skhybrid check LOG --config zone.toml proposes it.",
-)
+
+
+def _config(remark: str = "") -> Callable[[Any], Any]:
+    text = f"How the log is read; skhybrid check LOG --config zone.toml proposes it.{remark}"
+    return click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help=text)
+
+
+CONFIG_IF_ANY = _config()
+CONFIG = _config("  [required]")  # click's own error would not say how to get one: see settings_at
 SETPOINT = click.option(
     "--setpoint",
     multiple=True,
-    help="Heating and cooling set-point: 21,24; by the clock: 6:00=21,22:00=17;24; of one zone of several: hall:21,24.",
+    help="Heating and cooling set-point [degC]: 21,24; by the clock: '6:00=21,22:00=17;24'; of one zone of several: "
+    "hall:21,24.  May be given again for each zone.",
 )
 WEATHER = click.option(
     "--weather",

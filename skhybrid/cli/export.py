@@ -8,13 +8,13 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG, as_command, as_group, print_json, refuse_zones, settings_at
+from ._options import CONFIG_IF_ANY, as_command, as_group, print_json, refuse_zones, settings_at
 from ._output import DONE, Progress
 
 
 @as_command("emhass", "skhybrid export emhass thermostat.csv --config zone.toml --out emhass.json")
 @click.argument("source", metavar="LOG|MODEL|DIR", type=click.Path())
-@CONFIG
+@CONFIG_IF_ANY
 @click.option(
     "--log",
     type=click.Path(),

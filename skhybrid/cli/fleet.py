@@ -15,21 +15,27 @@ _DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 _MOST_SHOWN = 20
 
 
-def _some(context: click.Context, option: click.Parameter, jobs: int | None) -> int | None:
+def _some(context: click.Context, option: click.Parameter, jobs: int) -> int:
     if jobs == 0:
         raise click.BadParameter("0 processes do no work; give 1 or more, or -1 for every core")
     return jobs
 
 
 _JOBS = click.option(
-    "--jobs", type=int, default=None, callback=_some, metavar="N", help="Number of processes; -1 uses every core."
+    "--jobs",
+    type=int,
+    default=1,
+    show_default=True,
+    callback=_some,
+    metavar="N",
+    help="Number of processes; -1 uses every core.",
 )
 
 
 @as_command("fit", "skhybrid fleet fit houses --jobs -1")
 @_DIR
 @_JOBS
-def fit(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
+def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     """Fit a model per zone of DIR/data.
 
     DIR/data is a Parquet dataset with a folder per zone, such as data/zone=kitchen.  DIR/fleet.toml is made where there
@@ -46,7 +52,7 @@ def fit(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
 @as_command("tick", "skhybrid fleet tick houses")
 @_DIR
 @_JOBS
-def tick(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
+def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     """Take in new rows of DIR/data and forecast (for cron).
 
     What was measured since is taken in, and the rows after the last temperature are forecast: they hold the weather to
@@ -64,7 +70,7 @@ def tick(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
 @as_command("status", "skhybrid fleet status houses")
 @_DIR
 @_JOBS
-def status(folder: Path, jobs: int | None, say: Progress, as_json: bool) -> int:
+def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     """Show how each zone is doing, the worst first.
 
     The page DIR/status.html has all zones, each with a small chart.

@@ -17,7 +17,9 @@ _TITLES = {"framework": "model", "name": "case", "rmse": "RMSE [K]", "fit_time":
 @LOG
 @CONFIG
 @click.option("--store", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of results.")
-@click.option("--models", default="mlp", show_default=True, help="Any of mlp,cnn,rnn,lstm,ridge, with commas between.")
+@click.option(
+    "--models", default="mlp", show_default=True, help="Any of mlp,cnn,rnn,lstm,ridge,profile, with commas between."
+)
 @click.option(
     "--size",
     type=click.Choice(["small", "paper"]),

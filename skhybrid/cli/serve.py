@@ -15,15 +15,23 @@ from ._output import DONE, Progress
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen on; any but loopback needs a token."
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0 takes a free one.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8765,
+    show_default=True,
+    help="Port to listen on; 0 takes a free one.",
+)
 @click.option(
     "--token",
     envvar="SKHYBRID_TOKEN",
     show_envvar=True,
     help="What requests must send, as Authorization: Bearer TOKEN; prefer the variable, which other users cannot see.",
 )
-@click.option("--weather", type=click.Path(path_type=Path), help="As for zone tick, read anew at each post.")
-@click.option("--setpoint", multiple=True, help="As for zone tick.")
+@click.option(
+    "--weather", type=click.Path(path_type=Path), help="Weather to come, as for zone tick; read anew at each post."
+)
+@click.option("--setpoint", multiple=True, help="Set-points [degC], as for zone tick.")
 def command(
     folder: Path,
     host: str,

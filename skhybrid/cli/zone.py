@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .._warnings import percent
-from ._options import CONFIG, SETPOINT, WEATHER, as_command, as_group, print_json
+from ._options import CONFIG_IF_ANY, SETPOINT, WEATHER, as_command, as_group, print_json
 from ._output import DONE, Progress
 from .forecast import forecast_content, summary_lines
 
@@ -21,7 +21,7 @@ _LOG = click.option(
 @as_command("init", "skhybrid zone init kitchen --log thermostat.csv")
 @_DIR
 @_LOG
-@CONFIG
+@CONFIG_IF_ANY
 def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bool) -> int:
     """Make the folder of a zone: configuration, model and archive.
 

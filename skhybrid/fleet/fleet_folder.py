@@ -17,13 +17,14 @@ from .zone_fleet import ZoneFleet
 
 _KEYS = {"key", "days", "fallback", "estimator"}
 _MOST_DAYS = 36_500  # a century
-EXAMPLE = """# skhybrid fleet: data/ holds a folder per zone, such as data/zone=kitchen/*.parquet
+EXAMPLE = """# skhybrid fleet: data/ holds a folder per zone, such as data/zone=kitchen/*.parquet, in degC, kW and kW/m2
 key = "zone"       # name of these folders
 days = 56          # of training, at the end of the data
 fallback = true    # an ARX model of zones for which the estimator cannot be fitted
 
 [estimator]        # parameters of skhybrid.HybridPredictor
 horizon = "1D"
+# columns = {T_za = "room", T_oa = "outdoors"}   # where columns are not named after their roles
 # known = {Q_h = 6.0, Q_c = -6.0}   # capacities [kW] at stage 1, the same in all zones
 """
 

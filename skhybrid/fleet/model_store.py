@@ -132,6 +132,7 @@ class ModelStore:
             database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
             known = self._compare(database, settings)
             if not known:
+                database.execute("DELETE FROM setting")
                 database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
             database.execute("COMMIT")  # a kill must not lose them
             database.execute("BEGIN IMMEDIATE")
@@ -145,6 +146,8 @@ class ModelStore:
         except sqlite3.OperationalError as error:
             if "no such table" not in str(error):
                 raise
+            known = {}
+        if not any(self.path.glob(f"[!.]*{_JOURNAL}")):  # every zone failed, so that no model is of these settings
             known = {}
         check_settings(str(self.path), known, settings)
         return known

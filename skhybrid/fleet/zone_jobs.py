@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from .._table import listed
 from .._time import SHORTEST_GAP, in_time_zone, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
@@ -248,7 +249,10 @@ def _with_target(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, pd.Serie
         return rows.drop(columns=TARGET), rows[TARGET].rename("T_za")
     column = _measured_column(model)
     if column not in rows:
-        raise ValueError(f"the rows have no column {column!r}, what was measured; give it, or y.")
+        raise ValueError(
+            f"the rows have no column {column!r}, the measured temperature, among {listed(rows.columns)}; name it by "
+            "the estimator's columns={'T_za': ...}, or give y."
+        )
     return rows, rows[column]
 
 

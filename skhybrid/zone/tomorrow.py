@@ -32,18 +32,17 @@ def schedules_of(texts: Sequence[str], zones: Sequence[str] = ()) -> Schedules |
 
     A ValueError names a text that cannot be read, or an unknown zone.
     """
-    if not texts or not zones:
-        return Schedule.of_text(texts[-1]) if texts else None
     found: dict[str, Schedule] = {}
     for text in texts:
         name, colon, rest = text.partition(":")
         if colon and name.strip() in zones:
             found[name.strip()] = Schedule.of_text(rest)
         elif colon and name.strip().isidentifier():
-            raise ValueError(f"--setpoint names the zone {name.strip()!r}, but the model has {listed(zones)}.")
+            known = f"has {listed(zones)}" if zones else "is of one zone: leave the name out"
+            raise ValueError(f"--setpoint names the zone {name.strip()!r}, but the model {known}.")
         else:
             found[""] = Schedule.of_text(text)
-    return found
+    return (found or None) if zones else found.get("")
 
 
 def rows_ahead(
@@ -140,7 +139,7 @@ def _weather(
             only = f" (only {listed(known)})" if known else ""
             raise ValueError(
                 f"{role} is not known for the rows ahead, after {origin}{only}; give tomorrow's weather with "
-                "--weather, or rows ahead in the log."
+                f"--weather, in a column named {role} or as in the log, or rows ahead in the log."
             )
     assert given is not None
     out = {}

@@ -14,7 +14,6 @@ from ..._joining import read_now, refuse_no_frames
 from ..._table import as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_prefixed_with, warnings_to
-from ...control import heat_column
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ..base import BaseHybrid
 from .building_tables import tables_of_zones, with_neighbour_temperatures
@@ -318,9 +317,12 @@ class BuildingForecastMixin:
         learned = any(model.thermostat_learned_ for model in self.own_.values())
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
-            history, rows, levels = (among, with_next(ahead, T), None) if T else (known, ahead, quantiles)
+            history, rows = (among, with_next(ahead, T)) if T else (known, ahead)
             band, within = (wanted.get(zone), limits) if model._plant else (None, None)
-            levels = None if band is not None and learned and not model.thermostat_learned_ else levels
+            # with neighbours only quantiles of a load are needed, which stay within the plant; those of T_za move along
+            under_heat = band is None and not model._has_setpoints_only(rows)
+            without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_
+            levels = None if without else quantiles
             return columns_of(model.forecast(history, rows, now.get(zone), band, levels, limits=within))
 
         return of
@@ -387,14 +389,11 @@ def columns_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
 def _blended(
     own: Mapping[str, np.ndarray], coupled: Mapping[str, np.ndarray], one: CoupledZone, first_lead: int
 ) -> dict[str, np.ndarray]:
-    """A zone's columns from those by itself and with neighbours; quantiles move along, by the errors' spread."""
+    """A zone's columns from those by itself and with neighbours; quantiles of T_za move along, by the errors."""
     n_rows = len(own["T_za"])
     share = one.share_by_row(n_rows, first_lead)
     widths = np.append(np.ones(1 - first_lead), one.widths(n_rows - 1 + first_lead))
-    both = {name: (1.0 - share) * values + share * coupled[name] for name, values in own.items() if name in coupled}
-
-    def moved(name: str) -> np.ndarray:  # q_0.1 and Q_hvac_0.1
-        of = "T_za" if name.startswith("q_") else heat_column(both)
-        return both[of] + (own[name] - own[of]) * (widths if of == "T_za" else 1.0)
-
-    return {name: both[name] if name in both else moved(name) for name in own}
+    found = {name: (1.0 - share) * values + share * coupled[name] for name, values in own.items() if name in coupled}
+    T = found["T_za"]
+    moved = {name: T + (own[name] - own["T_za"]) * widths for name in own if name.startswith("q_")}
+    return {name: moved[name] if name in moved else found[name] for name in own}

@@ -194,7 +194,8 @@ def _models(frameworks: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
         known = model in (*NETWORKS, *BASELINES) if isinstance(model, str) else hasattr(model, "fit")
         if not known or isinstance(model, type):
             names = ", ".join((*NETWORKS, *BASELINES))
-            raise ValueError(f"framework {name!r} is {model!r}; use {names} or a scikit-learn regressor.")
+            what = f"{model!r} is not known" if isinstance(model, str) else f"{name!r} is {model!r}"
+            raise ValueError(f"framework {what}; use {names} or a scikit-learn regressor.")
     return dict(frameworks)
 
 
