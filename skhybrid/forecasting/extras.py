@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
-from .cases import NETWORKS
+from .cases import is_network
 
 
 def networks_available() -> bool:
@@ -21,7 +21,7 @@ def require_networks(model: Any, device: str = "cpu") -> None:
 
     Any other model of a forecaster is accepted.
     """
-    if not (isinstance(model, str) and model in NETWORKS):
+    if not is_network(model):
         return
     if not networks_available():
         raise ImportError(

@@ -73,10 +73,14 @@ def target_rows(origins: np.ndarray, n_leads: int) -> np.ndarray:
     return origins[:, None] + np.arange(1, n_leads + 1)
 
 
+def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """(n_origins, n_leads) target rows, held at the last row beyond the table."""
+    return np.minimum(target_rows(origins, n_leads), table.n_rows - 1)
+
+
 def known_at(series: np.ndarray, rows: np.ndarray, origins: np.ndarray) -> np.ndarray:
-    """Values of ``series`` at ``rows`` (n_origins, ...); NaN after the origin and before the table."""
-    limit = origins.reshape((-1,) + (1,) * (rows.ndim - 1))
-    inside = (rows >= 0) & (rows <= limit)
+    """Values of ``series`` at ``rows`` (n_origins, n); NaN after the origin and before the table."""
+    inside = (rows >= 0) & (rows <= origins[:, None])
     return np.where(inside, series[np.clip(rows, 0, len(series) - 1)], np.nan)
 
 

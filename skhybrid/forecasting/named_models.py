@@ -9,7 +9,7 @@ import numpy as np
 from .._arguments import check_bool, check_integer, check_rate, is_number
 from .._table import ZoneTable
 from .baselines import LastWeek, NoDisturbance, Persistence, WeeklyProfile
-from .cases import ACTIVATIONS, NETWORKS, SIZES, resolve_case
+from .cases import ACTIVATIONS, NETWORKS, SIZES, is_network, resolve_case
 from .features import TIME_ENCODINGS
 from .ridge import RidgeForecaster
 
@@ -23,11 +23,6 @@ BASELINES: dict[str, Any] = {
 #: the least value of each integer
 _LEAST = dict.fromkeys(("n_layers", "hidden_size", "n_channels", "filter_size"), 1) | {"pool_size": 0}
 _LEAST |= dict.fromkeys(("max_epochs", "patience", "batch_size", "n_repeats"), 1)
-
-
-def is_network(model: Any) -> bool:
-    """Whether a model is the name of a network."""
-    return isinstance(model, str) and model in NETWORKS
 
 
 def fit_baseline(name: str, table: ZoneTable, target: np.ndarray, n_leads: int) -> Any:

@@ -17,7 +17,7 @@ from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
-from .features import known_before, target_rows
+from .features import known_before, rows_ahead, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
 
@@ -160,8 +160,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # forecasts made whole days before an origin have the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
-        first = self._first_past(table) if intervals.follow else table.n_rows
-        past = np.unique(earlier[earlier >= first])
+        past = np.unique(earlier[earlier >= self._first_past(table)])
         if paths is None:
             paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
         else:
@@ -245,7 +244,7 @@ def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock
     last = last_known_row(np.isfinite(table.measured()), long_ago)
     seen = np.where(origins < 0, long_ago, last[np.maximum(origins, 0)])
     rows = target_rows(origins, n_leads)
-    slots = day_type_hour(table)[np.minimum(rows, table.n_rows - 1)]
+    slots = day_type_hour(table)[rows_ahead(table, origins, n_leads)]
     return PathClock((rows - seen[:, None]) * table.step_hours, slots, rows * table.step_hours / 24.0)
 
 

@@ -17,12 +17,12 @@ from scipy.linalg import eigh
 from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
 from .._time import rows_per_day, rows_per_hour
-from .baselines import rows_ahead
 from .features import (
     clock_changes,
     irradiance_roles,
     known_at,
     known_before,
+    rows_ahead,
     same_slot,
     target_rows,
     trailing_mean,
@@ -188,7 +188,7 @@ def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n
     hours = np.arange(1, n_leads + 1) * table.step_hours
     rows = target_rows(origins, n_leads)
     means = [trailing_mean(deviation, width) for width in (1, max(1, per_day // 4), per_day, 7 * per_day)]
-    now = [known_at(series, origins, origins)[:, None] for series in means]
+    now = [known_at(series, origins[:, None], origins) for series in means]
     fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
     changes, weekend = clock_changes(table), table.weekend
     day_before, week_before = (same_slot(rows, origins, n * per_day, changes) for n in (1, 7))

@@ -89,7 +89,7 @@ def _answer(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.ndarray:
     model, M = fit.model, fit.model.matrices(fit.psi)
     if delayed and fit.plan.emitter:
         heat = heat + fit.coef[-1] * emitter_series(heat, model.step, np.exp(fit.psi[-1]))
-    forcing = np.outer(heat, M.B[:, M.B.shape[1] - len(M.A) + fit.plan.heated])
+    forcing = np.outer(heat, M.of_heat[:, fit.plan.heated])
     return np.asarray(simulate_path(M.A, forcing, np.zeros(len(M.A))))[:-1, model.zone]
 
 
@@ -119,7 +119,7 @@ def _moves(fit: LeadFit) -> tuple[np.ndarray, np.ndarray]:
 
 def _slopes(fit: LeadFit, coef: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives (O L, q) of the weighted errors by psi and by coefficients, 0 where not ``free``; the errors."""
-    problem, scored, p = fit.problem, fit.problem.forecasts[0], len(fit.psi)
+    problem, scored, p = fit.problem, fit.problem.scored, len(fit.psi)
     E = problem.design(fit.psi, scored)
     _, de = problem.sensitivities(fit.psi, coef, scored)
     slopes = np.hstack([(problem.root_weights(scored)[..., None] * de).reshape(-1, p), -E[:, :-1]])
@@ -130,22 +130,22 @@ def _slopes(fit: LeadFit, coef: np.ndarray, free: np.ndarray) -> tuple[np.ndarra
 def _hessian(fit: LeadFit, slopes: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hessian (q, q) by the slopes of the forecasts, and those of the pull (r, q)."""
     problem, p = fit.problem, len(fit.psi)
-    H = gram(slopes) + np.diag(np.append(1.0 / problem.spread**2, problem.penalty + ~free))
+    H = gram(slopes)
+    H[:p, :p] += problem.psi_precision
+    H[p:, p:] += np.diag(problem.penalty + ~free)
     if problem.prior is not None:
-        H[:p, :p] += problem.psi_precision - np.diag(1.0 / problem.spread**2)
         H[p:, p:] += problem.prior.of_channels(problem.channels)[:-1, :-1] * (free[:, None] & free)
     if problem.pull is None:
         return H, np.empty((0, len(H)))
-    segment = problem.forecasts[0].segment
-    by_coef = -problem.pull.design(problem.model, fit.psi, segment)[:, :-1]
-    pulled = np.hstack([problem.pull.sensitivities(problem.model, fit.psi, fit.coef, segment), by_coef])
+    by_coef = -problem.pull.design(problem.model, fit.psi, problem.segment)[:, :-1]
+    pulled = np.hstack([problem.pull.sensitivities(problem.model, fit.psi, fit.coef, problem.segment), by_coef])
     pulled[:, p:][:, ~free] = 0.0
     return H + gram(pulled), pulled
 
 
 def _pull_without(fit: LeadFit, block: int) -> np.ndarray:
     """(r,) change of the weighted errors of the pull when its jumps in a block of days are left out."""
-    pull, scored = fit.problem.pull, fit.problem.forecasts[0]
+    pull, scored = fit.problem.pull, fit.problem.scored
     if pull is None:
         return np.empty(0)
     begin = scored.sample.origins[np.argmax(fit.blocks == block)]
