@@ -156,8 +156,10 @@ def test_the_sums_are_re_fitted_when_a_day_after_the_training_is_complete():
     zero = np.zeros((len(coef), len(coef)))
     fit = MultiStepFit(problem, coef, Moments(zero, zero[0]), Moments(zero, zero[0]), Knobs(1.0, 10.0, 1.0), 1.0)
     recursive, begin = RecursiveMultiStep(fit, 6 * 96), 6 * 96
-    assert recursive.advanced(view, begin + 94) is coef  # its last row is not known
-    assert np.abs(recursive.advanced(view, begin + 95) - coef).max() > 1e-6
+    recursive.advance(view, begin + 94)
+    assert recursive.coef() is coef  # the last row of the day is not known
+    recursive.advance(view, begin + 95)
+    assert np.abs(recursive.coef() - coef).max() > 1e-6
 
 
 def test_daily_re_fits_come_near_a_fit_of_everything(monkeypatch):

@@ -16,7 +16,7 @@ from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
-from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
+from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX, coefs_at
 from .arx_multi_step import MultiStepFit, RecursiveMultiStep, fit_multi_step
 from .arx_prior import ZoneEvidence, ZoneSums, prior_of
 from .features import target_rows
@@ -358,9 +358,4 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         view, origins : ARXData, ndarray of int, shape (n_origins,)
         begin : int; first row after the training table
         """
-        regression = self.recursive(begin)
-        coefs = np.empty((len(origins), len(self.coef_)))
-        for i in np.argsort(origins, kind="stable"):
-            regression.advance(view, int(origins[i]))
-            coefs[i] = regression.coef()
-        return coefs
+        return coefs_at(self.recursive(begin), view, origins)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.signal import lfilter
@@ -323,6 +323,15 @@ class RecursiveARX:
         if self._coef is None:
             self._coef = self._moments.ridge(self._alpha, self._prior)
         return self._coef
+
+
+def coefs_at(regression: Any, view: ARXData, origins: np.ndarray) -> np.ndarray:
+    """(n_origins, n_columns) coefficients of an updated regression as known at each origin, in any order."""
+    known = {}
+    for origin in np.unique(origins).tolist():
+        regression.advance(view, origin)
+        known[origin] = regression.coef()
+    return np.array([known[origin] for origin in origins.tolist()])
 
 
 def _input_columns(

@@ -11,7 +11,7 @@ import pandas as pd
 from .._table import ZoneTable
 from .._time import rows_per_day, rows_per_hour
 from ..filtering import hourly_sample, iterate_lags, regression_slopes
-from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments, Pairs
+from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments, Pairs, coefs_at
 from .arx_prior import ARXPrior
 from .features import target_rows
 
@@ -270,11 +270,6 @@ class RecursiveMultiStep:
         """Coefficients (n_columns,) of the last re-fit."""
         return self._coef
 
-    def advanced(self, view: ARXData, row: int) -> np.ndarray:
-        """Coefficients (n_columns,) as known at ``row``."""
-        self.advance(view, row)
-        return self._coef
-
 
 def fit_multi_step(
     design: ARXDesign,
@@ -354,6 +349,6 @@ def _later_squares(fit: MultiStepFit, view: ARXData, begin: int, n_leads: int, r
     coefs = fit.coef[None, :]
     if refits:
         recursive = RecursiveMultiStep(fit, begin, _STEPS_PER_DAY // fit.problem.stride)
-        coefs = np.array([recursive.advanced(view, int(origin)) for origin in origins])
+        coefs = coefs_at(recursive, view, origins)
     paths = fit.problem.design.iterate(view, origins, n_leads, coefs)
     return float(np.nansum((paths - view.T[target_rows(origins, n_leads) - view.first]) ** 2))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -156,11 +155,6 @@ SIZES: Mapping[str, Mapping[str, tuple[int | str, ...]]] = {
 
 #: long names of the paper, such as ``DEEP_AR_LSTM_FORECAST-case01``: framework, then case
 _LONG_NAME = re.compile(r"[A-Z0-9_]*?(?:^|_)(MLP|CNN|RNN|LSTM)(?:_[A-Z0-9_]*)?-(case\d+)\Z")
-
-
-def is_network(model: Any) -> bool:
-    """Whether a model is the name of a network."""
-    return isinstance(model, str) and model in NETWORKS
 
 
 def cases_of(model: str) -> Mapping[str, ModelCase]:

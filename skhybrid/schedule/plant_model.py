@@ -43,7 +43,8 @@ def into_heated(fit: LeadFit, state: OriginState) -> np.ndarray:
 def fitted_heat(fit: LeadFit, coef: np.ndarray, table: ZoneTable) -> np.ndarray:
     """(N,) heat [kW] of fitted capacities, and of part-load curves beyond what is proportional, in a table's rows."""
     coefs = dict(zip(fit.channel_names, coef, strict=False))
-    return sum((coefs[one.name] * one.series for one in equipment(fit.plan, table)), np.zeros(table.n_rows))
+    parts = (coefs[name] * series for name, series in equipment(fit.plan, table).items())
+    return sum(parts, np.zeros(table.n_rows))
 
 
 def forcing_by(matrices: Matrices, segment: Segment, heat: np.ndarray) -> np.ndarray:

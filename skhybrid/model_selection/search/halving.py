@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ...forecasting.cases import is_network
+from ...forecasting.named_models import is_network
 from .candidates import forecaster_prefix, model_of
 from .store import Result
 
