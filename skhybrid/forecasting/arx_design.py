@@ -84,7 +84,7 @@ class Moments(NamedTuple):
         """The sums over these pairs."""
         return cls(pairs.D.T @ pairs.D, pairs.D.T @ pairs.d)
 
-    def plus(self, pairs: Pairs, sign: int = 1) -> Moments:
+    def with_pairs(self, pairs: Pairs, sign: int = 1) -> Moments:
         """The sums with further pairs or, with ``sign=-1``, without some of them."""
         return Moments(with_products(self.gram, pairs.D, sign=sign), self.cross + sign * (pairs.D.T @ pairs.d))
 
@@ -94,7 +94,7 @@ class Moments(NamedTuple):
         A prior, as sums over pairs, takes the place of the penalty.
         """
         if prior is not None:
-            return self.added(prior).solution(np.zeros(len(self.cross)))
+            return self.plus(prior).solution(np.zeros(len(self.cross)))
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
         return np.asarray(solve_positive_definite(self.gram + np.diag(penalty), self.cross))
@@ -106,7 +106,7 @@ class Moments(NamedTuple):
         scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
         return np.asarray(unit * solve_positive_definite(scaled, unit * self.cross))
 
-    def added(self, other: Moments, weight: float = 1.0) -> Moments:
+    def plus(self, other: Moments, weight: float = 1.0) -> Moments:
         """The sums plus ``weight`` times others."""
         return Moments(self.gram + weight * other.gram, self.cross + weight * other.cross)
 
@@ -316,7 +316,7 @@ class RecursiveARX:
         """Add the pairs that end by ``row``."""
         if row > max(self._next, 0):
             pairs = self._design.pairs(view, max(self._next, 0), row)
-            self._moments, self._next, self._coef = self._moments.plus(pairs), row, None
+            self._moments, self._next, self._coef = self._moments.with_pairs(pairs), row, None
 
     def coef(self) -> np.ndarray:
         """Coefficients (n_columns,) from all pairs so far."""

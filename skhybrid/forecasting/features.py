@@ -100,7 +100,7 @@ def clock_changes(table: ZoneTable) -> np.ndarray | None:
 def rows_back(rows: np.ndarray, n_steps: Any, changes: np.ndarray | None) -> np.ndarray:
     """Rows that lie ``n_steps`` before others by the local clock, whose ``changes`` are those of :func:`clock_changes`.
 
-    Of an hour that comes twice it is the first; in place of one that is left out it is the row after.
+    Where the clock repeats an hour it is the first of the two; where the clock skips one, the row after.
     """
     if changes is None:
         return np.asarray(rows - n_steps)
@@ -133,8 +133,8 @@ def last_same_slot(
     changes: np.ndarray | None = None,
 ) -> np.ndarray:
     """(n_origins, n_leads) value at :func:`same_slot`, the last known one of ``n_back``; NaN if none."""
-    out = known_at(series, same_slot(rows, origins, period, changes), origins)
-    for back in range(1, n_back):
+    out = np.full(rows.shape, np.nan)
+    for back in range(n_back):
         missing = np.isnan(out)
         if not missing.any():
             break

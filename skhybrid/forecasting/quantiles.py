@@ -182,8 +182,8 @@ class QuantileForecastMixin(RollingForecastMixin):
     ) -> Sequence[np.ndarray | None]:
         """(n_origins, n_leads) spread of what errors of the weather change in forecasts; None without such errors.
 
-        It is the standard deviation of a normal error that has the same 80 % interval: changes have long tails.  Some
-        of the origins tell it to all later ones; from one to the next their number doubles.
+        It is the standard deviation of a normal error that has the same 80 % interval: changes have long tails.  It is
+        found at the first, second, fourth, eighth ... origin, and holds up to the next of them.
         """
         if weather is None:
             return [None] * len(origins)

@@ -94,7 +94,7 @@ class LeadFit:
 
     @property
     def sums(self) -> NetworkSums:
-        """The fit as a prior is learned from it."""
+        """Sums from which a prior of other zones is learned."""
         problem = self.problem
         left = np.append(-self.coef, 1.0)
         count = float(np.sum(problem.root_weights(problem.scored) ** 2 / problem.precision))
@@ -187,7 +187,7 @@ def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: Ga
 def with_expected_heat(scored: ScoredForecasts, step: float) -> ScoredForecasts:
     """Forecasts with expected in place of delivered heat, where there are enough days to tell it."""
     blocks = _blocks_of_days(scored.sample, step)
-    if not _several(blocks) or not np.any(scored.segment.heat):
+    if not _can_leave_out(blocks) or not np.any(scored.segment.heat):
         return scored
     return scored._replace(surprise=heat_surprise(scored.segment, scored.sample, blocks, step))
 
@@ -349,7 +349,7 @@ def _blocks_of_days(sample: ForecastSample, step: float) -> np.ndarray:
 
 def _best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> Shrinkage:
     """Shrinkage with the least error in blocks that are left out in turn."""
-    if not problem.plan.calendar or not _several(blocks):
+    if not problem.plan.calendar or not _can_leave_out(blocks):
         return Shrinkage()
     scored = problem.scored
     grams = block_grams(at.designs[0], scored.sample, blocks)
@@ -371,7 +371,7 @@ def _left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -
     """(O, L) errors [K] of forecasts whose block of days was left out; NaN where there is no measurement."""
     scored, E = problem.scored, at.designs[0]
     errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
-    if not _several(blocks):
+    if not _can_leave_out(blocks):
         return errors
     root, by_origin = problem.root_weights(scored), E.reshape(*errors.shape, -1)
     for b, (_, others) in enumerate(block_grams(E, scored.sample, blocks)):
@@ -385,6 +385,6 @@ def _forecast_errors(root: np.ndarray, design: np.ndarray, coef: np.ndarray) -> 
     return np.where(root > 0, e / np.where(root > 0, root, 1.0), np.nan)
 
 
-def _several(blocks: np.ndarray) -> bool:
+def _can_leave_out(blocks: np.ndarray) -> bool:
     """Whether there is more than one block of days, so that one can be left out."""
     return bool(len(blocks) and blocks.max())

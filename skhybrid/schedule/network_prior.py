@@ -23,7 +23,7 @@ _STARTS = (-2.0, -1.0, 0.0, 1.0, 2.0)
 
 
 class NetworkSums(NamedTuple):
-    """A fitted network as a prior is learned from it."""
+    """Sums of a fitted network, from which a prior is learned."""
 
     network: RCNetwork
     step: float  # [h]
@@ -43,7 +43,7 @@ class NetworkSums(NamedTuple):
 
 
 class ProblemPrior(NamedTuple):
-    """A prior as the problem of a zone takes it."""
+    """A prior in the form that a zone's problem takes."""
 
     psi_precision: np.ndarray  # (p, p)
     channels: tuple[str, ...]

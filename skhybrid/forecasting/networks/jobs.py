@@ -34,7 +34,7 @@ class _Data(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """A job made ready."""
+    """A job with its network, settings and windows."""
 
     job: TrainingJob
     spec: NetworkSpec
@@ -105,7 +105,7 @@ def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, list[Traini
 
 
 def _in_order(specs: dict[int, NetworkSpec]) -> list[int]:
-    """Keys by depth, and by activation to and fro, so that many neighbours share one, also where depths meet."""
+    """Keys by depth, and by activation up and down in turn: neighbours share one, also where depths meet."""
     names = sorted({spec.activation for spec in specs.values()})
     depths = sorted({spec.n_layers for spec in specs.values()})
 
