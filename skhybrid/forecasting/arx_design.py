@@ -97,14 +97,14 @@ class Moments(NamedTuple):
             return self.plus(prior).solution(np.zeros(len(self.cross)))
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
-        return np.asarray(solve_positive_definite(self.gram + np.diag(penalty), self.cross))
+        return solve_positive_definite(self.gram + np.diag(penalty), self.cross)
 
     def solution(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""
         whole = self.gram + np.diag(penalty)
         unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), CONSTANT_PENALTY))
         scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
-        return np.asarray(unit * solve_positive_definite(scaled, unit * self.cross))
+        return unit * solve_positive_definite(scaled, unit * self.cross)
 
     def plus(self, other: Moments, weight: float = 1.0) -> Moments:
         """The sums plus ``weight`` times others."""
@@ -299,7 +299,7 @@ class ARXDesign:
         recursion = -np.append(0.0, lags)
         recursion[1] -= 1.0
         recursion[0] = 1.0
-        return np.asarray(lfilter([1.0], recursion, drive[:n_leads]))
+        return lfilter([1.0], recursion, drive[:n_leads])
 
 
 class RecursiveARX:

@@ -29,9 +29,8 @@ class WeeklyProfile:
 
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
         """Average the training target."""
-        overall = float(np.nanmean(target)) if np.isfinite(target).any() else 0.0
         slots, self.n_slots_ = slot_of_day(table.time, table.step), rows_per_day(table.step)
-        by_hour = _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, overall))
+        by_hour = _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, np.nanmean(target)))
         hours = np.floor(np.arange(self.n_slots_) * 24.0 / self.n_slots_ + 1e-9).astype(np.int64)
         day_types = np.repeat([0, 0, 0, 0, 0, 24, 24], self.n_slots_)
         fallback = by_hour[np.tile(hours, 7) + day_types]

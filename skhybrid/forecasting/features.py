@@ -27,7 +27,7 @@ def encode_time(table: ZoneTable, feature: str, encoding: str) -> np.ndarray:
         return value[:, None]
     if encoding == "onehot":
         return one_hot(np.floor(value).astype(np.int64), n_levels)
-    angles = 2.0 * np.pi * value[:, None] * np.asarray(harmonics, dtype=np.float64) / n_levels
+    angles = 2.0 * np.pi * value[:, None] * np.array(harmonics) / n_levels
     return np.hstack([np.sin(angles), np.cos(angles)])
 
 
@@ -103,7 +103,7 @@ def rows_back(rows: np.ndarray, n_steps: Any, changes: np.ndarray | None) -> np.
     Where the clock repeats an hour it is the first of the two; where the clock skips one, the row after.
     """
     if changes is None:
-        return np.asarray(rows - n_steps)
+        return rows - n_steps
     clock = np.maximum.accumulate(np.arange(len(changes)) + changes)
     earlier = rows + changes[np.clip(rows, 0, len(changes) - 1)] - n_steps
     return np.where(earlier < 0, earlier, np.searchsorted(clock, earlier))
@@ -146,7 +146,7 @@ def span_means(series: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.nd
     """Means of the rows ``first`` ... ``stop - 1`` of series (N,) or (N, m); 0 where there is none."""
     total = np.concatenate([np.zeros((1, *series.shape[1:])), np.cumsum(series, axis=0)])
     count = np.maximum(stop - first, 1)
-    return np.asarray((total[stop] - total[first]) / count.reshape(count.shape + (1,) * (series.ndim - 1)))
+    return (total[stop] - total[first]) / count.reshape(count.shape + (1,) * (series.ndim - 1))
 
 
 def trailing_mean(series: np.ndarray, width: int) -> np.ndarray:

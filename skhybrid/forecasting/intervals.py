@@ -128,7 +128,7 @@ class LeadIntervals:
             (low, middle, high), own = both[:, :3].T, both[:, 3:]
             sigma = np.maximum(high - low, 1e-9) / 2.0
             wider = factor if further is None else np.hypot(factor, further / sigma)[:, None]
-            return np.asarray(middle[:, None] + (own - middle[:, None]) * wider)
+            return middle[:, None] + (own - middle[:, None]) * wider
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
         if recent is not None and now is not None and recent[0].size:

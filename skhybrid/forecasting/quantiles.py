@@ -212,7 +212,7 @@ class QuantileForecastMixin(RollingForecastMixin):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Paths from the origins and from earlier rows, in one call."""
         every, where = np.unique(np.concatenate([origins, past]), return_inverse=True)
-        paths = np.asarray(self._forecast(table, every, max(n_leads, n_past)))[where]
+        paths = self._forecast(table, every, max(n_leads, n_past))[where]
         return paths[: len(origins), :n_leads], paths[len(origins) :, :n_past]
 
 
@@ -230,7 +230,7 @@ def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
 def _normal_spread(changes: np.ndarray) -> np.ndarray:
     """(n_leads,) standard deviation of a normal error with the 80 % interval of the changes (n, n_leads)."""
     size = np.sqrt(np.mean(changes**2, axis=0))
-    return np.asarray(size * np.quantile(changes / np.maximum(size, 1e-12), 0.8) / _NORMAL_80)
+    return size * np.quantile(changes / np.maximum(size, 1e-12), 0.8) / _NORMAL_80
 
 
 def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:

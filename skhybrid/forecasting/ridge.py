@@ -54,7 +54,7 @@ def _moments(D: np.ndarray, y: np.ndarray) -> np.ndarray:
     return whole.T @ whole
 
 
-def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Column means (p,), coefficients (n_alphas, p) and intercept of the ridge with a free intercept."""
     n = max(moments[-2, -2], 1.0)
     mean, y_mean = moments[:-2, -2] / n, moments[-1, -2] / n
@@ -62,7 +62,7 @@ def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndar
     cross = moments[:-2, -1] - n * mean * y_mean
     values, vectors = eigh(gram)
     coefs = (vectors @ ((vectors.T @ cross)[:, None] / (np.maximum(values, 0.0)[:, None] + alphas))).T
-    return mean, coefs, np.asarray(y_mean)
+    return mean, coefs, float(y_mean)
 
 
 def ridge_by_blocks(D: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> tuple[RidgeFit, np.ndarray]:
@@ -81,7 +81,7 @@ def ridge_by_blocks(D: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> tuple[R
         best = int(np.argmin(((paths - y) ** 2).mean(axis=1)))
         alpha, left_out = float(ALPHAS[best]), paths[best]
     mean, coefs, intercept = _solve(total, np.array([alpha]))
-    fit = RidgeFit(mean, coefs[0], float(intercept), alpha)
+    fit = RidgeFit(mean, coefs[0], intercept, alpha)
     return fit, fit.predict(D) if left_out is None else left_out
 
 

@@ -146,7 +146,7 @@ def _autoregressive(model: HourlyErrors, noise: np.ndarray) -> np.ndarray:
     """(n_hours,) errors from standardised draws."""
     errors = model.drift + model.scale * noise
     errors[0] = model.begin + model.begin_scale * noise[0]
-    return np.asarray(lfilter([1.0], [1.0, -model.share], errors))
+    return lfilter([1.0], [1.0, -model.share], errors)
 
 
 def _n_hours(leads: np.ndarray) -> int:

@@ -38,7 +38,7 @@ def step_gain_error(fit: LeadFit, rows: np.ndarray) -> np.ndarray:
 
 def _variance(H: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """(L,) variance of what has slopes (L, q) by parameters of which ``H`` is the information."""
-    return np.asarray(np.sum(slope.T * np.linalg.solve(H, slope.T), axis=0))
+    return np.sum(slope.T * np.linalg.solve(H, slope.T), axis=0)
 
 
 def days_to_determine(fit: LeadFit, role: str) -> tuple[int, float]:
@@ -90,7 +90,7 @@ def _temperature_change(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.nda
     if delayed and fit.plan.emitter:
         heat = heat + fit.coef[-1] * emitter_series(heat, model.step, np.exp(fit.psi[-1]))
     forcing = np.outer(heat, M.of_heat[:, fit.plan.heated])
-    return np.asarray(simulate_path(M.A, forcing, np.zeros(len(M.A))))[:-1, model.zone]
+    return simulate_path(M.A, forcing, np.zeros(len(M.A)))[:-1, model.zone]
 
 
 def _gain_and_slope(fit: LeadFit, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

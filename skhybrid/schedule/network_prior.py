@@ -16,7 +16,7 @@ from .channels import UA_DIFFERENCE
 from .filter_model import FilterModel
 
 _OUTDOOR = 10.0  # outdoor temperature from which shared coefficients count [degC]
-_RELATIVE = 1e-2  # least standard deviation of the logarithm of a parameter
+_LEAST_SPREAD = 1e-2  # least standard deviation of the logarithm of a parameter
 _EMITTER = "emitter"
 #: standard deviations from the usual size from which a fit starts
 _STARTS = (-2.0, -1.0, 0.0, 1.0, 2.0)
@@ -77,7 +77,7 @@ class NetworkPrior:
         first = zones[0]
         along = _scaling(first.network, first.names)
         psi = np.array([zone.psi for zone in zones]) - log_nameplates[:, None] * along
-        covariance = shrunk_covariance(np.cov(psi.T, ddof=0), len(psi), pseudo_zones, _RELATIVE**2)
+        covariance = shrunk_covariance(np.cov(psi.T, ddof=0), len(psi), pseudo_zones, _LEAST_SPREAD**2)
         shared = tuple(name for name in first.channels if all(name in zone.channels for zone in zones))
         sums = [_shared_sums(zone, shared) for zone in zones]
         grams, crosses = np.array([G[:-1, :-1] for G in sums]), np.array([G[:-1, -1] for G in sums])

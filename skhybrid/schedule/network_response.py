@@ -66,7 +66,7 @@ class NetworkResponse:
         begin = np.zeros(len(A)) if state is None else state
         of_boundaries = plant_inputs(self.fit, self.rest, self._boundaries)
         effects = np.column_stack([effect, into_heated(self.fit, self.rest), of_boundaries])
-        return np.asarray(simulate_path(A, drive @ effects.T, begin))
+        return simulate_path(A, drive @ effects.T, begin)
 
     def step(self, n_leads: int) -> np.ndarray:
         """(n_leads,) temperature after 1, 2 ... rows of 1 kW of known heat [K/kW]."""

@@ -53,13 +53,13 @@ def emitter_series(
     row before the first; by default the first row's heat has always been given.
     """
     output, given = state if state is not None else (heat[0], heat[0])
-    return np.asarray(low_pass(np.append(given, heat[:-1]), np.exp(-step / time_constant), output) - heat)
+    return low_pass(np.append(given, heat[:-1]), np.exp(-step / time_constant), output) - heat
 
 
 def emitter_slope(lag: np.ndarray, step: float, time_constant: float) -> np.ndarray:
     """(N,) slope of an :func:`emitter_series` (N,) by the log of the time constant."""
     a = np.exp(-step / time_constant)
-    return np.asarray(lfilter([1.0], [1.0, -a], a * step / time_constant * np.append(0.0, lag[:-1])))
+    return lfilter([1.0], [1.0, -a], a * step / time_constant * np.append(0.0, lag[:-1]))
 
 
 class ResponseFilter:
