@@ -12,6 +12,7 @@ import pytest
 from scipy.linalg import block_diag, expm
 from scipy.signal import cont2discrete
 
+from skhybrid.filtering import Model as PredictorModel
 from skhybrid.filtering import (
     cholesky_root,
     discretize,
@@ -195,9 +196,13 @@ def run_track(m):
     return kalman_filter(m.A, m.forcing, m.Q, m.noise_class, m.c[None], np.array([m.R]), m.y[:, None], m.s0, m.P0)
 
 
-def run_errors(m, K):
-    """Errors and states of the plain predictor with one output."""
-    run = one_step_errors(m.A, m.forcing, K[..., None], m.c[None], m.y[:, None], m.s0)
+def run_errors(m, gain):
+    """Errors and states of the predictor with one output and a constant gain (n,)."""
+    n, no_slopes = len(m.A), np.empty((len(m.A), len(m.A), 0))
+    slopes = (no_slopes, no_slopes, np.empty((n, 1, 0)), no_slopes, np.empty((n, 0)))
+    noise = np.zeros((n, n)), np.zeros(1), np.zeros((n, n))
+    model = PredictorModel(m.A, np.eye(n), m.c[None], gain[:, None], *noise, m.s0, *slopes)
+    run = one_step_errors(model, m.forcing, m.y[:, None])
     return run.errors[:, 0], run.states
 
 
@@ -395,18 +400,18 @@ def test_adjoint_has_the_derivatives_of_any_scalar(m):
 # ---------------------------------------------------------------------------------------------------------- plain loops
 def test_one_step_errors_and_path_against_a_loop():
     m = drawn_model(N=30, seed=7)
-    K = np.random.default_rng(8).normal(scale=0.1, size=m.forcing.shape)
+    m = m._replace(y=np.where(m.seen, m.y, 20.0))
+    gain = np.random.default_rng(8).normal(scale=0.1, size=len(m.A))
     s, errors = m.s0.copy(), []
-    states = [s]
+    states, free = [s], [s]
     for k in range(len(m.y)):
-        e = m.y[k] - m.c @ s if m.seen[k] else 0.0
-        s = m.A @ s + m.forcing[k] + K[k] * e
-        errors.append(e)
+        errors.append(m.y[k] - m.c @ s)
+        s = m.A @ s + m.forcing[k] + gain * errors[-1]
         states.append(s)
-    found, path = run_errors(m, K)
+        free.append(m.A @ free[-1] + m.forcing[k])
+    found, path = run_errors(m, gain)
     np.testing.assert_allclose(found, errors, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(path, states, rtol=1e-9, atol=1e-12)
-    _, free = run_errors(m._replace(y=np.full_like(m.y, np.nan)), K)
     np.testing.assert_allclose(simulate_path(m.A, m.forcing, m.s0), free, rtol=1e-12)
 
 
@@ -652,7 +657,7 @@ def test_kernels_leave_their_arguments_alone():
     ones = np.ones_like(result.errors), np.ones_like(result.S)
     filter_channels_adjoint(m.A, ch.series, m.noise_class, m.c[None], m.y[:, None], 3, result, *ones)
     smooth_states(m.A, m.c[None], np.array([m.R]), m.y[:, None], run_track(m))
-    run_errors(m, np.ones_like(m.forcing))
+    run_errors(m, np.ones_like(m.s0))
     simulate_path(m.A, m.forcing, m.s0)
     nothing = np.zeros(len(m.forcing))
     solve_lq_path(m.A, m.forcing, m.forcing[:2], m.c, nothing, 1.0, nothing - 1.0, nothing + 1.0, m.s0, 3)

@@ -14,9 +14,9 @@ from skhybrid.filtering import forecast_sample
 from skhybrid.forecasting import ARXRegressor, arx_multi_step
 from skhybrid.forecasting.arx_design import ARXDesign, Moments
 from skhybrid.forecasting.arx_multi_step import (
-    Knobs,
     MultiStepFit,
     MultiStepProblem,
+    Penalties,
     RecursiveMultiStep,
     fit_multi_step,
 )
@@ -45,7 +45,7 @@ def problem_of(X, n_lags=5):
     design = ARXDesign.of_training(table, X["T_za"].to_numpy(), n_lags, 3, True, daily=True)
     problem = MultiStepProblem.of_training(design, table, 96)
     view = design.view(table, X["T_za"].to_numpy())
-    coef = Moments.of(design.pairs(view)).solution(problem.penalty(Knobs(1.0, 10.0, 1.0)))
+    coef = Moments.of(design.pairs(view)).solution(problem.penalty(Penalties(1.0, 10.0, 1.0)))
     return problem, view, coef
 
 
@@ -107,21 +107,22 @@ def test_a_fit_ends_at_its_optimum_after_few_steps(monkeypatch):
     X, seen, moments_at = room(), [], MultiStepProblem.moments
     table, T = read_table(ARXRegressor(), X, reset=True), X["T_za"].to_numpy()
     design = ARXDesign.of_training(table, T, 5, 3, True, daily=True)
-    view, knobs = design.view(table, T), Knobs(1.0, 1000.0, 5.0)
+    view, penalties = design.view(table, T), Penalties(1.0, 1000.0, 5.0)
 
     def counted(self, view, made):
         seen.append(made)
         return moments_at(self, view, made)
 
     monkeypatch.setattr(MultiStepProblem, "moments", counted)
-    fit = fit_multi_step(design, table, view, 96, knobs, refits=False)
+    fit = fit_multi_step(design, table, view, 96, penalties, refits=False)
     assert len(seen) <= 1 + 4  # the start and four of at most six steps
 
     def objective(at):
-        squares, penalty = fit.problem.trained(view, at.coef, view.end).squares, fit.problem.penalty(knobs)
+        squares = fit.problem.training_forecasts(view, at.coef, view.end).squares
+        penalty = fit.problem.penalty(penalties)
         return squares + arx_multi_step._quadratic(fit.pairs, fit.one_step, penalty, at.coef), squares
 
-    (reached, squares), (least, _) = map(objective, (fit, fit.improved(view, view.end - 1, knobs, n_steps=6)))
+    (reached, squares), (least, _) = map(objective, (fit, fit.improved(view, view.end - 1, penalties, n_steps=6)))
     assert reached - least < 1e-3 * squares
 
 
@@ -154,10 +155,12 @@ def test_re_fits_learn_a_changed_gain_and_leave_the_estimator_alone():
 def test_the_sums_are_re_fitted_when_a_day_after_the_training_is_complete():
     problem, view, coef = problem_of(room(8))
     zero = np.zeros((len(coef), len(coef)))
-    fit = MultiStepFit(problem, coef, Moments(zero, zero[0]), Moments(zero, zero[0]), Knobs(1.0, 10.0, 1.0), 1.0)
+    fit = MultiStepFit(problem, coef, Moments(zero, zero[0]), Moments(zero, zero[0]), Penalties(1.0, 10.0, 1.0), 1.0)
     recursive, begin = RecursiveMultiStep(fit, 6 * 96), 6 * 96
-    assert recursive.advanced(view, begin + 94) is coef  # its last row is not known
-    assert np.abs(recursive.advanced(view, begin + 95) - coef).max() > 1e-6
+    recursive.advance(view, begin + 94)
+    assert recursive.coef() is coef  # the last row of the day is not known
+    recursive.advance(view, begin + 95)
+    assert np.abs(recursive.coef() - coef).max() > 1e-6
 
 
 def test_daily_re_fits_come_near_a_fit_of_everything(monkeypatch):
@@ -175,7 +178,7 @@ def test_daily_re_fits_come_near_a_fit_of_everything(monkeypatch):
     origins, span = fit.problem.origins(0, len(X)), (0, len(X) - 1)
     sums = moments(fit.problem, view, fit.coef, origins, span)
     start = fit._replace(moments=sums, pairs=Moments.of(design.pairs(view)))
-    whole = start.improved(view, len(X) - 1, fit.knobs)
+    whole = start.improved(view, len(X) - 1, fit.penalties)
     coefs = fit.coef, recursive.coef(), whole.coef
     squares = [forecasts(fit.problem, view, coef, origins, span).squares for coef in coefs]
     assert squares[2] < squares[1] < squares[0]

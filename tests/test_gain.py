@@ -144,9 +144,7 @@ def problem_of(model, *, lags, usual=True):
     scored = scored._replace(segment=scored.segment._replace(plan=plan_), sample=sample)
     pull = GainPull(fit.problem.pull.observed, usual, fit.model.step)
     psi = fit.psi + np.random.default_rng(0).normal(0.0, 0.1, len(fit.psi))
-    return LeadProblem(
-        fit.model, (scored,), fit.psi, fit.problem.spread, fit.problem.shrinkage, fit.problem.precision, pull
-    ), psi
+    return LeadProblem(fit.model, (scored,), fit.psi, fit.problem.precision, fit.problem.shrinkage, pull), psi
 
 
 @pytest.mark.parametrize("lags", [False, True])

@@ -579,7 +579,7 @@ def test_a_network_that_cannot_be_trained_is_refused_before_the_identification(
 ):
     pytest.importorskip("torch")
     if not settings:
-        monkeypatch.setattr("skhybrid.forecasting.extras.find_spec", lambda name: None)
+        monkeypatch.setattr("skhybrid.forecasting.named_models.find_spec", lambda name: None)
     monkeypatch.setattr(InputDisturbanceID, "fit", lambda *args: pytest.fail("an identification has begun"))
     with pytest.raises(error, match=message):
         TwoStagePredictor(InputDisturbanceID(), DisturbanceForecaster("lstm", **settings)).fit(office.X, office.y)

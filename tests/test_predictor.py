@@ -217,8 +217,14 @@ def test_without_derivatives_the_errors_are_the_same(case):
     assert found.derrors.shape == (S, N, y.shape[1], 0)
 
 
-def test_the_plain_pass_is_the_predictor_with_constant_gain(case):
-    m, inputs, y = case
+def test_one_start_alone_has_the_same_errors_and_variances(arma_case):
+    m, inputs, y = arma_case
+    many = one_step_sensitivities(m, inputs, y, 0, True)
     for b in range(S):
-        run = one_step_errors(m.A[b], inputs @ m.B[b].T, m.K[b][None], m.C, y, m.s0[b])
-        np.testing.assert_allclose(run.errors, plain_filter(m, b, inputs, y, 0), rtol=1e-9, atol=1e-10)
+        parts = {f: v if f in ("C", "R", "P0") else v[b] for f, v in m._asdict().items()}
+        none = {f: np.ascontiguousarray(parts[f][..., :0]) for f in ("dA", "dB", "dK", "dQ", "ds0")}
+        run = one_step_errors(Model(**parts | none), inputs, y)
+        np.testing.assert_allclose(run.errors, many.errors[b], rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(run.variances, many.variances[b], rtol=1e-12)
+        seen = np.isfinite(y)
+        np.testing.assert_allclose((y - run.states[:-1] @ m.C.T)[seen], run.errors[seen], rtol=1e-9, atol=1e-12)

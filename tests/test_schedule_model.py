@@ -370,13 +370,12 @@ def lagging_problem(table, network="2R2C", n_rows=6 * DAY, shrinkage=None):
     T[50:70], T[200] = np.nan, np.nan
     segment = make_segment(plan, part, T, 20.0)
     sample = ForecastSample(np.arange(30, n_rows - 1, 3), np.array([1, 4, 12, 40]))
-    spread = np.full(len(psi), 1.2)
     precision = np.array([4.0, 3.0, 2.0, 1.0])
     parts = (
         ScoredForecasts(segment, sample),
         ScoredForecasts(segment.between(0, 150), ForecastSample(np.arange(60, 140, 7), sample.leads), 2.0),
     )
-    return LeadProblem(model, parts, psi + 0.1, spread, shrinkage or Shrinkage(), precision), psi
+    return LeadProblem(model, parts, psi + 0.1, precision, shrinkage or Shrinkage()), psi
 
 
 def test_the_objective_is_that_of_weighted_forecast_errors(table):

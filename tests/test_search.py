@@ -552,7 +552,7 @@ def test_a_case_without_its_columns_fails_as_it_does_outside_a_search(office):
 
 
 def test_a_network_without_its_libraries_is_refused_before_anything_is_fitted(office, estimator, count, monkeypatch):
-    monkeypatch.setattr("skhybrid.forecasting.extras.find_spec", lambda name: None)
+    monkeypatch.setattr("skhybrid.forecasting.named_models.find_spec", lambda name: None)
     with pytest.raises(ImportError, match=r"model='mlp' needs torch and skorch; .*skhybrid\[networks\]"):
         DesignMatrixSearchCV(estimator, design_matrix(**SIX), cv=CV, verbose=0).fit(office.X, office.y)
     assert count == {"identify": 0, "tasks": 0, "networks": 0}

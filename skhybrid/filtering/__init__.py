@@ -10,7 +10,7 @@ from .lead_rows import lead_rows
 from .load_paths import simulate_inverse, solve_lq_path
 from .multi_step_errors import multi_step_sensitivities
 from .normal_equations import cholesky_root, solve_positive_definite, with_products
-from .normal_prior import learn_normal
+from .normal_prior import learn_normal, shrunk_covariance
 from .regression_slopes import regression_slopes
 from .simplex import simplex_weights
 from .simulation import iterate_lags, low_pass, simulate_path
@@ -43,6 +43,7 @@ __all__ = [
     "one_step_errors",
     "one_step_sensitivities",
     "regression_slopes",
+    "shrunk_covariance",
     "simplex_weights",
     "simulate_inputs",
     "simulate_inverse",

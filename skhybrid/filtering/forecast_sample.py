@@ -20,12 +20,12 @@ class ForecastSample(NamedTuple):
 
     @property
     def stride(self) -> int:
-        """Every how many-th origin or lead is enough for a fit: neighbours among many overlap and say little more."""
+        """Step between the origins and leads that a fit needs: neighbours among many overlap and say little more."""
         return 2 if len(self.origins) > _MANY else 1
 
     @property
     def main_leads(self) -> np.ndarray:
-        """(-(-L // stride),) leads of such a fit, the longest among them."""
+        """(ceil(L / stride),) leads of such a fit, with the longest among them."""
         return self.leads[:: -self.stride][::-1]
 
     def targets(self, n_rows: int) -> tuple[np.ndarray, np.ndarray]:

@@ -19,13 +19,6 @@ from .covariance import propagate_covariance, update_covariance
 from .rows import store_row
 
 
-class Prediction(NamedTuple):
-    """One-step prediction of every row."""
-
-    errors: np.ndarray  # (N, o) e[k]; 0 where nothing was measured
-    states: np.ndarray  # (N + 1, n) s[k|k-1]
-
-
 class Model(NamedTuple):
     """Predictor of one start, with derivatives by p parameters in the last axis.
 
@@ -47,6 +40,14 @@ class Model(NamedTuple):
     ds0: np.ndarray  # (n, p)
 
 
+class Prediction(NamedTuple):
+    """One-step prediction of every row."""
+
+    errors: np.ndarray  # (N, o) e[k]; 0 where nothing was measured
+    variances: np.ndarray  # (N, o) of the errors in units of the noise; 1 where nothing was measured
+    states: np.ndarray  # (N + 1, n) s[k|k-1]
+
+
 class Sensitivity(NamedTuple):
     """One-step errors of S starts and their exact derivatives by each of p parameters."""
 
@@ -54,36 +55,6 @@ class Sensitivity(NamedTuple):
     derrors: np.ndarray  # (S, N, o, p)
     variances: np.ndarray  # (S, N, o) of the errors: Kalman's; in units of the noise under a constant gain; 1 unseen
     dvariances: np.ndarray  # (S, N, o, p); both have N = 0 where they were not asked for
-
-
-@compiled
-def one_step_errors(A, forcing, K, C, y, s0):
-    """Run the predictor under ``forcing`` ``B v`` (N, n), from ``s0`` (n,) at the first row.
-
-    ``A`` (n, n), ``C`` (o, n), ``y`` (N, o) with NaN where missing; ``K`` (n_gains, n, o) is the gain of every row, in
-    predictor form, the last one that of all later rows.
-    """
-    N, n = forcing.shape
-    o, last = C.shape[0], K.shape[0] - 1
-    errors, states = np.zeros((N, o)), np.empty((N + 1, n))
-    for i in range(n):
-        states[0, i] = s0[i]
-    for k in range(N):
-        for j in range(o):
-            if not np.isnan(y[k, j]):
-                e = y[k, j]
-                for i in range(n):
-                    e -= C[j, i] * states[k, i]
-                errors[k, j] = e
-        row = min(k, last)
-        for i in range(n):
-            value = forcing[k, i]
-            for j in range(o):
-                value += K[row, i, j] * errors[k, j]
-            for j in range(n):
-                value += A[i, j] * states[k, j]
-            states[k + 1, i] = value
-    return Prediction(errors, states)
 
 
 @compiled
@@ -111,7 +82,7 @@ def _correct_after_gap(model, k, seen, begun, errors, derrors, after, dafter, p,
     The last o states are the processes that the gain drives, one per output; ``p`` (o,) are their variances, 0 up to
     the first measured row (``begun``).
     """
-    A, K, dA, dK = model[0], model[3], model[8], model[10]
+    A, K, dA, dK = model.A, model.K, model.dA, model.dK
     n, o = K.shape
     for j in range(o):
         i, v = n - o + j, p[j]
@@ -272,6 +243,13 @@ def run_predictor(
 
 
 @compiled
+def one_start(models, b, K, dK):
+    """The predictor of start ``b`` of several, with a constant gain and its derivatives."""
+    m = models
+    return Model(m.A[b], m.B[b], m.C, K, m.Q[b], m.R, m.P0, m.s0[b], m.dA[b], m.dB[b], dK, m.dQ[b], m.ds0[b])
+
+
+@compiled
 def one_step_sensitivities(model, inputs, y, n_filtered, with_variances):
     """One-step errors and their exact derivatives, for S starts over one segment of rows.
 
@@ -280,15 +258,26 @@ def one_step_sensitivities(model, inputs, y, n_filtered, with_variances):
     exact one after missing rows; its model has one state per output, the last o ones, which K drives and nothing else
     does.
     """
-    A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
-    S, p = A.shape[0], dA.shape[3]
+    S, n, p = model.ds0.shape
     N, o = y.shape
     n_variances = N if with_variances else 0
     errors, derrors = np.zeros((S, N, o)), np.zeros((S, N, o, p))
     variances, dvariances = np.ones((S, n_variances, o)), np.zeros((S, n_variances, o, p))
-    rows, states, dstates = np.empty(0, np.int64), np.empty((0, A.shape[1])), np.empty((0, A.shape[1], p))
+    rows, states, dstates = np.empty(0, np.int64), np.empty((0, n)), np.empty((0, n, p))
     for b in range(S):
-        one = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
+        one = one_start(model, b, model.K[b], model.dK[b])
         out = (errors[b], derrors[b], variances[b], dvariances[b])
         run_predictor(one, inputs, y, n_filtered, with_variances, *out, rows, states, dstates)
     return Sensitivity(errors, derrors, variances, dvariances)
+
+
+@compiled
+def one_step_errors(model, inputs, y):
+    """Errors and states of one start without derivatives, under the constant gain that is exact after missing rows."""
+    (N, o), n = y.shape, len(model.s0)
+    errors, variances, states = np.zeros((N, o)), np.ones((N, o)), np.empty((N + 1, n))
+    states[0] = model.s0
+    none = np.empty((N, o, 0))
+    out = (errors, none, variances, none)
+    run_predictor(model, inputs, y, 0, True, *out, np.arange(N), states[1:], np.empty((N, n, 0)))
+    return Prediction(errors, variances, states)

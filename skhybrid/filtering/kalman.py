@@ -92,12 +92,12 @@ def smooth_states(A: np.ndarray, C: np.ndarray, R: np.ndarray, y: np.ndarray, fo
     errors = np.where(seen, y, 0.0) - np.einsum("koi,ki->ko", measured, found.predicted)
     S = measured @ found.predicted_covariances @ np.swapaxes(measured, 1, 2) + np.diag(R)
     weighted = np.linalg.solve(S, measured)
-    told = np.swapaxes(measured, 1, 2) @ weighted
-    left = np.eye(len(A)) - found.predicted_covariances @ told  # of the prediction, after the row's measurements
+    information = np.swapaxes(measured, 1, 2) @ weighted
+    kept = np.eye(len(A)) - found.predicted_covariances @ information  # of the prediction, after the row's measurements
     slope, curvature = np.zeros(len(A)), np.zeros_like(A)  # of the later rows' squared errors by the state
     for k in range(len(y) - 1, -1, -1):
         states[k] -= found.covariances[k] @ slope
         spread[k] -= found.covariances[k] @ curvature @ found.covariances[k]
-        slope = A.T @ (left[k].T @ slope - errors[k] @ weighted[k])
-        curvature = A.T @ (left[k].T @ curvature @ left[k] + told[k]) @ A
+        slope = A.T @ (kept[k].T @ slope - errors[k] @ weighted[k])
+        curvature = A.T @ (kept[k].T @ curvature @ kept[k] + information[k]) @ A
     return Smoothed(states, spread)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled
-from .innovations import run_predictor
+from .innovations import one_start, run_predictor
 from .lead_rows import output_powers
 
 
@@ -58,8 +58,7 @@ def multi_step_sensitivities(model, inputs, y, n_filtered, exact, origins, leads
     Model, inputs, measurements and ``n_filtered`` are as in :func:`one_step_sensitivities`; ``exact`` makes the
     constant gain the exact one after missing rows, as ``with_variances`` does there.
     """
-    A, B, C, K, Q, R, P0, s0, dA, dB, dK, dQ, ds0 = model
-    (S, n), p, (N, o) = A.shape[:2], dA.shape[3], y.shape
+    (S, n, p), (N, o) = model.ds0.shape, y.shape
     n_origins, L, n_variances = len(origins), len(leads), N if exact else 0
     errors, derrors = np.zeros((S, n_origins, L, o)), np.zeros((S, n_origins, L, o, p))
     simulated, dsimulated = np.empty((N, o)), np.empty((N, o, p))
@@ -73,14 +72,14 @@ def multi_step_sensitivities(model, inputs, y, n_filtered, exact, origins, leads
             values[:] = 0.0
         for slopes in (dsimulated, dinnovations, dvariances):
             slopes[:] = 0.0
-        simulation = (A[b], B[b], C, no_gain, Q[b], R, P0, s0[b], dA[b], dB[b], dno_gain, dQ[b], ds0[b])
+        simulation = one_start(model, b, no_gain, dno_gain)
         out = (simulated, dsimulated, variances, dvariances)
         run_predictor(simulation, inputs, y, 0, False, *out, origins, start, dstart)
-        predictor = (A[b], B[b], C, K[b], Q[b], R, P0, s0[b], dA[b], dB[b], dK[b], dQ[b], ds0[b])
+        predictor = one_start(model, b, model.K[b], model.dK[b])
         out = (innovations, dinnovations, variances, dvariances)
         run_predictor(predictor, inputs, y, n_filtered, exact, *out, origins, known, dknown)
         known -= start
         dknown -= dstart
-        rows, drows = output_powers(A[b], dA[b], C, leads - 1)
+        rows, drows = output_powers(model.A[b], model.dA[b], model.C, leads - 1)
         _add_forecasts(simulated, dsimulated, known, dknown, rows, drows, y, origins, leads, errors[b], derrors[b])
     return LeadErrors(errors, derrors)

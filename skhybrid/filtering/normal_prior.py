@@ -28,5 +28,10 @@ def learn_normal(grams: np.ndarray, crosses: np.ndarray, pseudo: float) -> tuple
         mean = at.mean(axis=0)
         away = at - mean
         found = (own.sum(axis=0) + away.T @ away) / n
-        covariance = (n * found + pseudo * np.diag(np.diag(found))) / (n + pseudo) + _LEAST * np.eye(p)
+        covariance = shrunk_covariance(found, n, pseudo, _LEAST)
     return mean, np.linalg.inv(covariance)
+
+
+def shrunk_covariance(found: np.ndarray, n: int, pseudo: float, least: float) -> np.ndarray:
+    """Covariance (p, p) of ``n`` samples, shrunk toward its diagonal as by ``pseudo`` more, plus ``least``."""
+    return (n * found + pseudo * np.diag(np.diag(found))) / (n + pseudo) + least * np.eye(len(found))

@@ -34,7 +34,7 @@ def simplex_weights(M, pulled):
 
 @compiled
 def _stationary(M, pulled, face, w):
-    """Write the weights (K,) on a ``face``, the members of which are bits, whose sum is 1 and loss stationary."""
+    """Write weights (K,) that sum to 1 and make the loss stationary on a ``face``, whose members are its set bits."""
     K = len(w)
     own, n = np.empty(K, np.int64), 0
     for i in range(K):

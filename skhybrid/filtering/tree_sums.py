@@ -9,7 +9,7 @@ from ._compile import compiled
 
 @compiled
 def sum_of_leaves(X, feature, threshold, left, right, missing_left, value, depth):
-    """(n,) sums over the trees of the leaves that rows (n, n_features) come to after ``depth`` steps."""
+    """(n,) sums over the trees of the leaves that rows (n, n_features) reach after ``depth`` steps."""
     out = np.zeros(len(X))
     for i in range(len(X)):
         for tree in range(len(feature)):

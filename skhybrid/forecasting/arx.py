@@ -16,7 +16,7 @@ from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
-from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX
+from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX, coefs_at
 from .arx_multi_step import MultiStepFit, RecursiveMultiStep, fit_multi_step
 from .arx_prior import ZoneEvidence, ZoneSums, prior_of
 from .features import target_rows
@@ -170,9 +170,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         view = self.view(table, T)
         if daily:
             n_leads = min(self._leads_of_horizon(table.step), _MOST_DAYS * rows_per_day(table.step))
-            penalties, refits = self.alpha if like is None else like._fit.knobs, self.adapt is not None
+            penalties, refits = self.alpha if like is None else like._fit.penalties, self.adapt is not None
             self._fit = fit_multi_step(self._design, table, view, n_leads, penalties, refits, prior)
-            self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.knobs
+            self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.penalties
             return
         for name in ("_fit", "calendar_alpha_", "one_step_weight_"):  # of an earlier fit with the other objective
             self.__dict__.pop(name, None)
@@ -232,7 +232,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         edges = np.linspace(0, view.end, n_blocks + 1).astype(np.int64)
         errors = np.zeros(len(_ALPHAS))
         for start, stop in pairwise(edges):
-            rest = self._moments.plus(pairs.between(start, stop), sign=-1)
+            rest = self._moments.with_pairs(pairs.between(start, stop), sign=-1)
             origins = np.arange(start, stop - n_leads, max(1, n_leads // 6))
             truth = view.T[target_rows(origins, n_leads)]
             for i, alpha in enumerate(_ALPHAS):
@@ -266,7 +266,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             if self._has_multi_step:
                 coef = self._fit.without(view, begin, end)
             else:
-                coef = self._moments.plus(left_out, sign=-1).ridge(self.alpha_, self._prior)
+                coef = self._moments.with_pairs(left_out, sign=-1).ridge(self.alpha_, self._prior)
             out[mine] = self.iterate(view, origins[mine], n_leads, coef[None, :])
         return out
 
@@ -358,9 +358,4 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         view, origins : ARXData, ndarray of int, shape (n_origins,)
         begin : int; first row after the training table
         """
-        regression = self.recursive(begin)
-        coefs = np.empty((len(origins), len(self.coef_)))
-        for i in np.argsort(origins, kind="stable"):
-            regression.advance(view, int(origins[i]))
-            coefs[i] = regression.coef()
-        return coefs
+        return coefs_at(self.recursive(begin), view, origins)

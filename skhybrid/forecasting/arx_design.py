@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.signal import lfilter
@@ -84,7 +84,7 @@ class Moments(NamedTuple):
         """The sums over these pairs."""
         return cls(pairs.D.T @ pairs.D, pairs.D.T @ pairs.d)
 
-    def plus(self, pairs: Pairs, sign: int = 1) -> Moments:
+    def with_pairs(self, pairs: Pairs, sign: int = 1) -> Moments:
         """The sums with further pairs or, with ``sign=-1``, without some of them."""
         return Moments(with_products(self.gram, pairs.D, sign=sign), self.cross + sign * (pairs.D.T @ pairs.d))
 
@@ -94,19 +94,19 @@ class Moments(NamedTuple):
         A prior, as sums over pairs, takes the place of the penalty.
         """
         if prior is not None:
-            return self.added(prior).solution(np.zeros(len(self.cross)))
+            return self.plus(prior).solution(np.zeros(len(self.cross)))
         penalty = np.full(len(self.cross), alpha)
         penalty[-1] = CONSTANT_PENALTY
-        return np.asarray(solve_positive_definite(self.gram + np.diag(penalty), self.cross))
+        return solve_positive_definite(self.gram + np.diag(penalty), self.cross)
 
     def solution(self, penalty: np.ndarray) -> np.ndarray:
         """Coefficients (p,) under a penalty (p,) on each, of equations whose units may differ by far."""
         whole = self.gram + np.diag(penalty)
         unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), CONSTANT_PENALTY))
         scaled = unit[:, None] * whole * unit + _ROUNDING * np.eye(len(whole))
-        return np.asarray(unit * solve_positive_definite(scaled, unit * self.cross))
+        return unit * solve_positive_definite(scaled, unit * self.cross)
 
-    def added(self, other: Moments, weight: float = 1.0) -> Moments:
+    def plus(self, other: Moments, weight: float = 1.0) -> Moments:
         """The sums plus ``weight`` times others."""
         return Moments(self.gram + weight * other.gram, self.cross + weight * other.cross)
 
@@ -299,7 +299,7 @@ class ARXDesign:
         recursion = -np.append(0.0, lags)
         recursion[1] -= 1.0
         recursion[0] = 1.0
-        return np.asarray(lfilter([1.0], recursion, drive[:n_leads]))
+        return lfilter([1.0], recursion, drive[:n_leads])
 
 
 class RecursiveARX:
@@ -316,13 +316,22 @@ class RecursiveARX:
         """Add the pairs that end by ``row``."""
         if row > max(self._next, 0):
             pairs = self._design.pairs(view, max(self._next, 0), row)
-            self._moments, self._next, self._coef = self._moments.plus(pairs), row, None
+            self._moments, self._next, self._coef = self._moments.with_pairs(pairs), row, None
 
     def coef(self) -> np.ndarray:
         """Coefficients (n_columns,) from all pairs so far."""
         if self._coef is None:
             self._coef = self._moments.ridge(self._alpha, self._prior)
         return self._coef
+
+
+def coefs_at(regression: Any, view: ARXData, origins: np.ndarray) -> np.ndarray:
+    """(n_origins, n_columns) coefficients of an updated regression as known at each origin, in any order."""
+    known = {}
+    for origin in np.unique(origins).tolist():
+        regression.advance(view, origin)
+        known[origin] = regression.coef()
+    return np.array([known[origin] for origin in origins.tolist()])
 
 
 def _input_columns(

@@ -11,7 +11,7 @@ import pandas as pd
 from .._table import ZoneTable
 from .._time import rows_per_day, rows_per_hour
 from ..filtering import hourly_sample, iterate_lags, regression_slopes
-from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments, Pairs
+from .arx_design import CONSTANT_PENALTY, ARXData, ARXDesign, Moments, Pairs, coefs_at
 from .arx_prior import ARXPrior
 from .features import target_rows
 
@@ -25,7 +25,7 @@ _STEPS_PER_DAY = 2  # Gauss-Newton steps of a daily re-fit; where penalties are 
 _HISTORY_WEIGHT, _HALF_LIFE_DAYS = 3.0, 30.0  # of the rows after the training table
 
 
-class Knobs(NamedTuple):
+class Penalties(NamedTuple):
     """The penalties of a fit."""
 
     alpha: float  # on every standardised column
@@ -33,7 +33,7 @@ class Knobs(NamedTuple):
     one_step: float  # weight of squared one-step errors, relative to those at all leads at the start
 
 
-_USUAL = Knobs(alpha=1.0, calendar=1000.0, one_step=5.0)
+_USUAL = Penalties(alpha=1.0, calendar=1000.0, one_step=5.0)
 _CHOICES = {"one_step": (1.0, 25.0), "calendar": (100.0,), "alpha": (1000.0,)}  # compared in turn with the usual ones
 _ORIGINS_PER_DAY = 8  # of the comparison
 
@@ -105,7 +105,7 @@ class MultiStepProblem:
         errors = np.where(targets.weights > 0.0, targets.truth - paths[:, self.leads - 1], 0.0)
         return LeadForecasts(coef, targets, paths, errors)
 
-    def trained(self, view: ARXData, coef: np.ndarray, end: int) -> LeadForecasts:
+    def training_forecasts(self, view: ARXData, coef: np.ndarray, end: int) -> LeadForecasts:
         """Forecasts by coefficients (p,) of all targets before row ``end``."""
         return self.forecasts(view, coef, self.targets(view, self.origins(view.first, end), (view.first, end - 1)))
 
@@ -123,7 +123,7 @@ class MultiStepProblem:
             root = np.sqrt(weights)
             slopes = regression_slopes(T, rows, impulse, self.every, self.leads, root)
             errors = (root * made.errors[part])[weights > 0.0]
-            total = total.added(Moments(slopes.T @ slopes, slopes.T @ (errors + slopes @ coef)))
+            total = total.plus(Moments(slopes.T @ slopes, slopes.T @ (errors + slopes @ coef)))
         return total
 
     def _impulse(self, coef: np.ndarray) -> np.ndarray:
@@ -133,11 +133,11 @@ class MultiStepProblem:
         begin[0, -1] = 1.0
         return np.append(1.0, iterate_lags(begin, lags, still, -np.inf, np.inf))
 
-    def penalty(self, knobs: Knobs) -> np.ndarray:
+    def penalty(self, penalties: Penalties) -> np.ndarray:
         """(p,) the penalty on each coefficient; none on the constant."""
         p = self.design.n_lags + len(self.design.input_mean) + self.design.n_calendar + 1
-        penalty = np.full(p, knobs.alpha)
-        penalty[p - 1 - self.design.n_calendar :] += knobs.calendar
+        penalty = np.full(p, penalties.alpha)
+        penalty[p - 1 - self.design.n_calendar :] += penalties.calendar
         penalty[-1] = CONSTANT_PENALTY
         return penalty
 
@@ -149,7 +149,7 @@ class MultiStepFit(NamedTuple):
     coef: np.ndarray  # (p,)
     moments: Moments  # of the errors at all leads, linearised at ``coef``
     pairs: Moments  # of the one-step errors
-    knobs: Knobs
+    penalties: Penalties
     ratio: float  # squares at all leads per one-step square, at the start
     noise: float = 0.0  # squares at all leads and of one step, per row, in units of the leads' weights [K2]
     prior: Moments | None = None  # as sums over pairs, which ``pairs`` includes
@@ -157,7 +157,7 @@ class MultiStepFit(NamedTuple):
     @property
     def one_step(self) -> float:
         """Weight of the one-step sums."""
-        return self.knobs.one_step * self.ratio
+        return self.penalties.one_step * self.ratio
 
     def without(self, view: ARXData, begin: int, end: int) -> np.ndarray:
         """Coefficients (p,) one step from the solution, without forecasts and pairs that meet rows [begin, end)."""
@@ -166,15 +166,15 @@ class MultiStepFit(NamedTuple):
         meeting = origins[(origins >= begin - reach) & (origins < end)]
         targets = self.problem.targets(view, meeting, (view.first, view.end))
         meant = self.problem.moments(view, self.problem.forecasts(view, self.coef, targets))
-        left = self.moments.added(meant, -1.0)
-        pairs = self.pairs.plus(self.problem.design.pairs(view, begin, end), sign=-1)
-        return left.added(pairs, self.one_step).solution(self.problem.penalty(self.knobs))
+        left = self.moments.plus(meant, -1.0)
+        pairs = self.pairs.with_pairs(self.problem.design.pairs(view, begin, end), sign=-1)
+        return left.plus(pairs, self.one_step).solution(self.problem.penalty(self.penalties))
 
-    def improved(self, view: ARXData, end: int, knobs: Knobs, n_steps: int = _STEPS) -> MultiStepFit:
+    def improved(self, view: ARXData, end: int, penalties: Penalties, n_steps: int = _STEPS) -> MultiStepFit:
         """After damped Gauss-Newton steps with these penalties on errors with targets up to row ``end``."""
         problem, coef, moments, damping = self.problem, self.coef, self.moments, _DAMPING
         targets = problem.targets(view, problem.origins(view.first, end), (view.first, end))
-        penalty, weight = problem.penalty(knobs), knobs.one_step * self.ratio
+        penalty, weight = problem.penalty(penalties), penalties.one_step * self.ratio
 
         def tried(at: np.ndarray) -> tuple[LeadForecasts, float]:
             made = problem.forecasts(view, at, targets)
@@ -182,7 +182,7 @@ class MultiStepFit(NamedTuple):
 
         _, best = tried(coef)
         for _ in range(n_steps):
-            whole, before = moments.added(self.pairs, weight), best
+            whole, before = moments.plus(self.pairs, weight), best
             for _ in range(_TRIES):
                 held = damping * np.diag(whole.gram)
                 trial = Moments(whole.gram, whole.cross + held * coef).solution(penalty + held)
@@ -193,17 +193,17 @@ class MultiStepFit(NamedTuple):
                     break
             if not before - best >= _LEAST_GAIN * made.squares:  # NaN far from where equations hold
                 break
-        return self._replace(coef=coef, moments=moments, knobs=knobs)
+        return self._replace(coef=coef, moments=moments, penalties=penalties)
 
     @property
     def _own_pairs(self) -> Moments:
         """The sums of the one-step errors without the prior's."""
-        return self.pairs if self.prior is None else self.pairs.added(self.prior, -1.0)
+        return self.pairs if self.prior is None else self.pairs.plus(self.prior, -1.0)
 
     def information(self) -> Moments:
         """The sums of the training at the solution, of errors at all leads and of one step, per unit of weight."""
         weight = self.problem.unit
-        whole = self.moments.added(self._own_pairs, self.one_step)
+        whole = self.moments.plus(self._own_pairs, self.one_step)
         return Moments(whole.gram / weight, whole.cross / weight)
 
     def under(self, prior: ARXPrior, step: pd.Timedelta, squares: float, n: int) -> MultiStepFit:
@@ -213,7 +213,7 @@ class MultiStepFit(NamedTuple):
         pull = prior.pseudo_rows(self.problem.design, step, here, float(whole), n)
         share = weight / self.one_step
         rows = Moments(share * pull.gram, share * pull.cross)
-        return self._replace(pairs=self._own_pairs.added(rows), prior=rows)
+        return self._replace(pairs=self._own_pairs.plus(rows), prior=rows)
 
 
 def _quadratic(moments: Moments, weight: float, penalty: np.ndarray, coef: np.ndarray) -> float:
@@ -227,7 +227,7 @@ class RecursiveMultiStep:
     def __init__(self, fit: MultiStepFit, begin: int, n_steps: int = _STEPS_PER_DAY) -> None:
         self._fit, self._coef, self._done, self._n_steps = fit, fit.coef, begin - 1, n_steps
         self._begin = max(begin - 1, 0)
-        self._known = fit.moments.added(fit.pairs, fit.one_step)
+        self._known = fit.moments.plus(fit.pairs, fit.one_step)
         p = len(fit.coef)
         self._history = Moments(np.zeros((p, p)), np.zeros(p))
 
@@ -246,7 +246,7 @@ class RecursiveMultiStep:
         earliest += -(earliest - self._begin) % problem.every
         targets = problem.targets(view, problem.origins(earliest, mark), (self._done, mark))
         pairs = Moments.of(problem.design.pairs(view, max(self._done, 0), mark))
-        penalty, known = problem.penalty(fit.knobs), self._known.added(self._history)
+        penalty, known = problem.penalty(fit.penalties), self._known.plus(self._history)
 
         def tried(at: np.ndarray) -> tuple[LeadForecasts, float]:
             made = problem.forecasts(view, at, targets)
@@ -256,23 +256,18 @@ class RecursiveMultiStep:
         made, best = tried(self._coef)
         self._done = mark
         for _ in range(self._n_steps):
-            new = problem.moments(view, made).added(pairs, fit.one_step)
+            new = problem.moments(view, made).plus(pairs, fit.one_step)
             if not np.isfinite(new.cross).all():  # inputs far beyond training: such a day teaches nothing
                 return
-            trial = known.added(new, _HISTORY_WEIGHT).solution(penalty)
+            trial = known.plus(new, _HISTORY_WEIGHT).solution(penalty)
             made, reached = tried(trial)
             if reached >= best:
                 break
             self._coef, best = trial, reached
-        self._history = self._history.added(new, _HISTORY_WEIGHT)
+        self._history = self._history.plus(new, _HISTORY_WEIGHT)
 
     def coef(self) -> np.ndarray:
         """Coefficients (n_columns,) of the last re-fit."""
-        return self._coef
-
-    def advanced(self, view: ARXData, row: int) -> np.ndarray:
-        """Coefficients (n_columns,) as known at ``row``."""
-        self.advance(view, row)
         return self._coef
 
 
@@ -281,7 +276,7 @@ def fit_multi_step(
     table: ZoneTable,
     view: ARXData,
     n_leads: int,
-    penalties: Knobs | float | None,
+    penalties: Penalties | float | None,
     refits: bool,
     prior: ARXPrior | None = None,
 ) -> MultiStepFit:
@@ -293,56 +288,57 @@ def fit_multi_step(
     if prior is not None:
         fit = _under_prior(problem, table.step, view, prior)
     else:
-        knobs = penalties
-        if not isinstance(knobs, Knobs):
-            knobs = _choose_knobs(problem, view, n_leads, knobs, refits)
-        fit = _start(problem, view, view.end).improved(view, view.end - 1, knobs)
+        if not isinstance(penalties, Penalties):
+            penalties = _choose_penalties(problem, view, n_leads, penalties, refits)
+        fit = _one_step_start(problem, view, view.end).improved(view, view.end - 1, penalties)
     pairs = design.pairs(view)
-    noise = _left(fit, view, pairs) / problem.unit / max(len(pairs.d), 1)
+    noise = _training_squares(fit, view, pairs) / problem.unit / max(len(pairs.d), 1)
     return fit._replace(noise=noise)
 
 
-def _choose_knobs(problem: MultiStepProblem, view: ARXData, n_leads: int, alpha: float | None, refits: bool) -> Knobs:
+def _choose_penalties(
+    problem: MultiStepProblem, view: ARXData, n_leads: int, alpha: float | None, refits: bool
+) -> Penalties:
     """The penalties that forecast the last third best, the usual ones for a short table; ``alpha`` may be given."""
     best = _USUAL if alpha is None else _USUAL._replace(alpha=float(alpha))
     split = (2 * view.end) // 3
     if view.end - split <= n_leads:  # no forecast from the last third ends within it
         return best
-    first = _start(problem, view, split).improved(view, split - 1, best)
+    first = _one_step_start(problem, view, split).improved(view, split - 1, best)
     least = _later_squares(first, view, split, n_leads, refits)
     for name, values in _CHOICES.items():
         if name == "alpha" and alpha is not None:
             continue
         for value in values:
-            knobs = best._replace(**{name: value})
-            squares = _later_squares(first.improved(view, split - 1, knobs, 1), view, split, n_leads, refits)
+            penalties = best._replace(**{name: value})
+            squares = _later_squares(first.improved(view, split - 1, penalties, 1), view, split, n_leads, refits)
             if squares < least:
-                best, least = knobs, squares
+                best, least = penalties, squares
     return best
 
 
 def _under_prior(problem: MultiStepProblem, step: pd.Timedelta, view: ARXData, prior: ARXPrior) -> MultiStepFit:
     """The fit under a prior, whose size and strength are found from the errors by its mean, and again by the fit."""
-    knobs = Knobs(0.0, 0.0, _USUAL.one_step)
-    pairs, made = problem.design.pairs(view), problem.trained(view, prior.usual(problem.design), view.end)
+    penalties = Penalties(0.0, 0.0, _USUAL.one_step)
+    pairs, made = problem.design.pairs(view), problem.training_forecasts(view, prior.usual(problem.design), view.end)
     ratio = made.squares / max(pairs.squares(made.coef), 1e-12)
-    fit = MultiStepFit(problem, made.coef, problem.moments(view, made), Moments.of(pairs), knobs, ratio)
+    fit = MultiStepFit(problem, made.coef, problem.moments(view, made), Moments.of(pairs), penalties, ratio)
     for n_steps in (2, _STEPS):
-        fit = fit.under(prior, step, _left(fit, view, pairs), len(pairs.d))
-        fit = fit.improved(view, view.end - 1, knobs, n_steps)
+        fit = fit.under(prior, step, _training_squares(fit, view, pairs), len(pairs.d))
+        fit = fit.improved(view, view.end - 1, penalties, n_steps)
     return fit
 
 
-def _left(fit: MultiStepFit, view: ARXData, pairs: Pairs) -> float:
+def _training_squares(fit: MultiStepFit, view: ARXData, pairs: Pairs) -> float:
     """Weighted squared errors of a fit on its training rows, at all leads and of one step."""
-    return fit.problem.trained(view, fit.coef, view.end).squares + fit.one_step * pairs.squares(fit.coef)
+    return fit.problem.training_forecasts(view, fit.coef, view.end).squares + fit.one_step * pairs.squares(fit.coef)
 
 
-def _start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:
+def _one_step_start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:
     """The one-step solution of the rows before ``end``."""
     pairs = problem.design.pairs(view, 0, end - 1)
     sums = Moments.of(pairs)
-    made = problem.trained(view, sums.solution(problem.penalty(_USUAL)), end)
+    made = problem.training_forecasts(view, sums.solution(problem.penalty(_USUAL)), end)
     one_step = pairs.squares(made.coef)
     ratio = made.squares / one_step if one_step > 0.0 else 1.0
     return MultiStepFit(problem, made.coef, problem.moments(view, made), sums, _USUAL, ratio)
@@ -354,6 +350,6 @@ def _later_squares(fit: MultiStepFit, view: ARXData, begin: int, n_leads: int, r
     coefs = fit.coef[None, :]
     if refits:
         recursive = RecursiveMultiStep(fit, begin, _STEPS_PER_DAY // fit.problem.stride)
-        coefs = np.array([recursive.advanced(view, int(origin)) for origin in origins])
+        coefs = coefs_at(recursive, view, origins)
     paths = fit.problem.design.iterate(view, origins, n_leads, coefs)
     return float(np.nansum((paths - view.T[target_rows(origins, n_leads) - view.first]) ** 2))

@@ -63,7 +63,7 @@ class ARXKind(NamedTuple):
 
 
 class ZoneSums(NamedTuple):
-    """The normal equations of a fitted zone, as a prior is learned from them."""
+    """The normal equations of a fitted zone, from which a prior is learned."""
 
     design: ARXDesign
     step: pd.Timedelta
@@ -121,11 +121,12 @@ class ARXPrior:
         noise, scale = self.noise, 1.0
         for _ in range(_TURNS):
             scale = self._likeliest_size(design, moments, noise)
-            whole = moments.added(self._moments(design, scale, noise))
+            whole = moments.plus(self._moments(design, scale, noise))
             coef = whole.solution(np.zeros(len(whole.cross)))
             left = squares - 2.0 * coef @ moments.cross + coef @ moments.gram @ coef
-            told = min(float(np.trace(np.linalg.solve(whole.gram, moments.gram))), n / 2)  # coefficients by the rows
-            noise = float((self.noise_rows * self.noise + max(left, 0.0)) / (self.noise_rows + n - told))
+            # number of coefficients that the rows determine
+            effective = min(float(np.trace(np.linalg.solve(whole.gram, moments.gram))), n / 2)
+            noise = float((self.noise_rows * self.noise + max(left, 0.0)) / (self.noise_rows + n - effective))
         return self._moments(design, scale, noise)
 
     def _moments(self, design: ARXDesign, size: float, noise: float) -> Moments:

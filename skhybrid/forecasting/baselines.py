@@ -10,15 +10,10 @@ from .._calendar import N_CELLS, day_type_hour, slot_of_day
 from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import rows_per_day
-from .features import clock_changes, last_same_slot, target_rows
+from .features import clock_changes, last_same_slot, rows_ahead, target_rows
 
 SAME_KIND_DAYS = 14  # days before an origin in which the last one of a kind is looked for
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
-
-
-def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-    """(n_origins, n_leads) target rows, held at the last row beyond the table."""
-    return np.minimum(target_rows(origins, n_leads), table.n_rows - 1)
 
 
 def _means(levels: np.ndarray, target: np.ndarray, n_levels: int, fallback: np.ndarray) -> np.ndarray:
@@ -34,9 +29,8 @@ class WeeklyProfile:
 
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
         """Average the training target."""
-        overall = float(np.nanmean(target)) if np.isfinite(target).any() else 0.0
         slots, self.n_slots_ = slot_of_day(table.time, table.step), rows_per_day(table.step)
-        by_hour = _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, overall))
+        by_hour = _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, np.nanmean(target)))
         hours = np.floor(np.arange(self.n_slots_) * 24.0 / self.n_slots_ + 1e-9).astype(np.int64)
         day_types = np.repeat([0, 0, 0, 0, 0, 24, 24], self.n_slots_)
         fallback = by_hour[np.tile(hours, 7) + day_types]
@@ -66,18 +60,7 @@ class NoDisturbance:
         return np.zeros((len(origins), n_leads))
 
 
-class _WithProfile:
-    """A baseline that falls back on the profile where the past says nothing."""
-
-    def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
-        self.profile_ = WeeklyProfile().fit(table, target)
-        return self
-
-    def expected(self, table: ZoneTable) -> np.ndarray:
-        return self.profile_.expected(table)
-
-
-class LastWeek(_WithProfile):
+class LastWeek(WeeklyProfile):
     """``"last_week"``: the value seven days before, else the last known one of that time of day, else the profile.
 
     Days and times of day are those of the local clock.  With holidays the first is that of the last known day of
@@ -96,12 +79,12 @@ class LastWeek(_WithProfile):
                 alike = last_same_slot(of_kind, rows, origins, per_day, SAME_KIND_DAYS, changes)
                 out = np.where(ahead == kind, alike, out)
         out = np.where(np.isnan(out), last_same_slot(zeta, rows, origins, per_day, 7, changes), out)
-        return np.where(np.isnan(out), self.profile_.forecast(table, origins, n_leads), out)
+        return np.where(np.isnan(out), super().forecast(table, origins, n_leads), out)
 
 
-class Persistence(_WithProfile):
+class Persistence(WeeklyProfile):
     """``"persistence"``: the last known value at or before the origin, at all leads; else the profile."""
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         last = carried_forward(table.measured("zeta"))[origins, None]
-        return np.where(np.isnan(last), self.profile_.forecast(table, origins, n_leads), last)
+        return np.where(np.isnan(last), super().forecast(table, origins, n_leads), last)

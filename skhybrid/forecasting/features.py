@@ -27,7 +27,7 @@ def encode_time(table: ZoneTable, feature: str, encoding: str) -> np.ndarray:
         return value[:, None]
     if encoding == "onehot":
         return one_hot(np.floor(value).astype(np.int64), n_levels)
-    angles = 2.0 * np.pi * value[:, None] * np.asarray(harmonics, dtype=np.float64) / n_levels
+    angles = 2.0 * np.pi * value[:, None] * np.array(harmonics) / n_levels
     return np.hstack([np.sin(angles), np.cos(angles)])
 
 
@@ -73,10 +73,14 @@ def target_rows(origins: np.ndarray, n_leads: int) -> np.ndarray:
     return origins[:, None] + np.arange(1, n_leads + 1)
 
 
+def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """(n_origins, n_leads) target rows, held at the last row beyond the table."""
+    return np.minimum(target_rows(origins, n_leads), table.n_rows - 1)
+
+
 def known_at(series: np.ndarray, rows: np.ndarray, origins: np.ndarray) -> np.ndarray:
-    """Values of ``series`` at ``rows`` (n_origins, ...); NaN after the origin and before the table."""
-    limit = origins.reshape((-1,) + (1,) * (rows.ndim - 1))
-    inside = (rows >= 0) & (rows <= limit)
+    """Values of ``series`` at ``rows`` (n_origins, n); NaN after the origin and before the table."""
+    inside = (rows >= 0) & (rows <= origins[:, None])
     return np.where(inside, series[np.clip(rows, 0, len(series) - 1)], np.nan)
 
 
@@ -96,10 +100,10 @@ def clock_changes(table: ZoneTable) -> np.ndarray | None:
 def rows_back(rows: np.ndarray, n_steps: Any, changes: np.ndarray | None) -> np.ndarray:
     """Rows that lie ``n_steps`` before others by the local clock, whose ``changes`` are those of :func:`clock_changes`.
 
-    Of an hour that comes twice it is the first; in place of one that is left out it is the row after.
+    Where the clock repeats an hour it is the first of the two; where the clock skips one, the row after.
     """
     if changes is None:
-        return np.asarray(rows - n_steps)
+        return rows - n_steps
     clock = np.maximum.accumulate(np.arange(len(changes)) + changes)
     earlier = rows + changes[np.clip(rows, 0, len(changes) - 1)] - n_steps
     return np.where(earlier < 0, earlier, np.searchsorted(clock, earlier))
@@ -129,8 +133,8 @@ def last_same_slot(
     changes: np.ndarray | None = None,
 ) -> np.ndarray:
     """(n_origins, n_leads) value at :func:`same_slot`, the last known one of ``n_back``; NaN if none."""
-    out = known_at(series, same_slot(rows, origins, period, changes), origins)
-    for back in range(1, n_back):
+    out = np.full(rows.shape, np.nan)
+    for back in range(n_back):
         missing = np.isnan(out)
         if not missing.any():
             break
@@ -142,7 +146,7 @@ def span_means(series: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.nd
     """Means of the rows ``first`` ... ``stop - 1`` of series (N,) or (N, m); 0 where there is none."""
     total = np.concatenate([np.zeros((1, *series.shape[1:])), np.cumsum(series, axis=0)])
     count = np.maximum(stop - first, 1)
-    return np.asarray((total[stop] - total[first]) / count.reshape(count.shape + (1,) * (series.ndim - 1)))
+    return (total[stop] - total[first]) / count.reshape(count.shape + (1,) * (series.ndim - 1))
 
 
 def trailing_mean(series: np.ndarray, width: int) -> np.ndarray:

@@ -22,8 +22,7 @@ from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
 from .baselines import SAME_KIND_DAYS
 from .cases import ModelCase, resolve_case
-from .extras import require_networks
-from .named_models import check_parameters, fit_baseline, is_network
+from .named_models import check_parameters, fit_baseline, is_network, require_networks
 from .pair_regressor import PairRegressor
 from .reading import frame_only, read_weather
 from .training_job import EPOCHS_WITHOUT_VALIDATION, JobResult, TrainingJob, measured_split, repeat_seeds

@@ -54,18 +54,13 @@ class LeadIntervals:
     errors on left-out training data.  Location and width come from the errors of the last days, shrunk towards 0 and 1;
     the standardised errors of the last days also join the shape.
 
-    Without ``by_hour`` the scale depends on the lead alone; without ``follow`` recent errors change nothing;
     ``independent_per_day`` says how many errors of a day are independent, for the finite-sample correction.  Fitted
     are ``lead_scale_`` (2, n_bins), leads [h] and the mean absolute error there; ``hour_scale_`` (48,), the factor of
     each hour of a weekday and then of a weekend day; ``shape_`` (n_groups, 200), evenly spaced quantiles of the
     standardised errors of leads up to 2 h, up to 8 h and above; and ``n_days_``, the number of days with errors.
     """
 
-    def __init__(
-        self, *, by_hour: bool = True, follow: bool = True, independent_per_day: float = _INDEPENDENT_PER_DAY
-    ) -> None:
-        self.by_hour = by_hour
-        self.follow = follow
+    def __init__(self, *, independent_per_day: float = _INDEPENDENT_PER_DAY) -> None:
         self.independent_per_day = independent_per_day
 
     def fit(self, errors: np.ndarray, clock: PathClock) -> Self:
@@ -99,8 +94,6 @@ class LeadIntervals:
         by_hour = np.ones(N_CELLS)
         for _ in range(3):
             by_lead = np.maximum(np.bincount(bins, size / by_hour[slot]) / count, 1e-9)
-            if not self.by_hour:
-                break
             ratio = size / by_lead[bins]
             by_hour = _shrunk_hours(np.bincount(slot, ratio, N_CELLS), np.bincount(slot, minlength=N_CELLS), n_days)
             by_hour /= by_hour[slot].mean()
@@ -135,10 +128,10 @@ class LeadIntervals:
             (low, middle, high), own = both[:, :3].T, both[:, 3:]
             sigma = np.maximum(high - low, 1e-9) / 2.0
             wider = factor if further is None else np.hypot(factor, further / sigma)[:, None]
-            return np.asarray(middle[:, None] + (own - middle[:, None]) * wider)
+            return middle[:, None] + (own - middle[:, None]) * wider
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
-        if self.follow and recent is not None and now is not None and recent[0].size:
+        if recent is not None and now is not None and recent[0].size:
             errors, past = recent
             age = now - past.day
             standard = np.where(age >= -1e-9, errors / self.scale(past), np.nan)
@@ -160,7 +153,7 @@ class LeadIntervals:
         """
         errors, past = recent
         scores, weights = [np.empty(0)], [np.empty(0)]
-        for j in np.flatnonzero((now - past.day[:, 0] < _SCORED_DAYS) & self.follow):
+        for j in np.flatnonzero(now - past.day[:, 0] < _SCORED_DAYS):
             age = now - past.day[j]
             known = np.isfinite(errors[j]) & (age >= -1e-9)
             # just before the first target: what its origin knew

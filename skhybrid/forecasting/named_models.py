@@ -1,7 +1,8 @@
-"""Models of a forecaster by name, and the check of its parameters."""
+"""Models of a forecaster by name, the libraries that they need, and the check of a forecaster's parameters."""
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,31 @@ _LEAST |= dict.fromkeys(("max_epochs", "patience", "batch_size", "n_repeats"), 1
 def is_network(model: Any) -> bool:
     """Whether a model is the name of a network."""
     return isinstance(model, str) and model in NETWORKS
+
+
+def networks_available() -> bool:
+    """Whether torch and skorch are installed."""
+    try:
+        return all(find_spec(name) is not None for name in ("torch", "skorch"))
+    except (ImportError, ValueError):  # an import hook refuses them, or their place in sys.modules is taken
+        return False
+
+
+def require_networks(model: Any, device: str = "cpu") -> None:
+    """Refuse a network whose libraries are missing (ImportError), or a device that torch cannot use (ValueError).
+
+    Any other model of a forecaster is accepted.
+    """
+    if not is_network(model):
+        return
+    if not networks_available():
+        raise ImportError(
+            f'model={model!r} needs torch and skorch; install them with pip install "skhybrid[networks]".'
+        )
+    if device != "cpu":
+        from .networks.jobs import torch_device  # torch loads here
+
+        torch_device(device)
 
 
 def fit_baseline(name: str, table: ZoneTable, target: np.ndarray, n_leads: int) -> Any:

@@ -9,8 +9,7 @@ from sklearn.base import clone
 
 from .._calendar import clock_hour
 from .._table import ZoneTable
-from .baselines import rows_ahead
-from .features import irradiance_roles, known_before, target_rows
+from .features import irradiance_roles, known_before, rows_ahead, target_rows
 from .ridge import StaticModel, lag_features, training_origins
 
 

@@ -17,7 +17,7 @@ from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
-from .features import known_before, target_rows
+from .features import known_before, rows_ahead, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
 
@@ -160,8 +160,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # forecasts made whole days before an origin have the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
-        first = self._first_past(table) if intervals.follow else table.n_rows
-        past = np.unique(earlier[earlier >= first])
+        past = np.unique(earlier[earlier >= self._first_past(table)])
         if paths is None:
             paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
         else:
@@ -183,8 +182,8 @@ class QuantileForecastMixin(RollingForecastMixin):
     ) -> Sequence[np.ndarray | None]:
         """(n_origins, n_leads) spread of what errors of the weather change in forecasts; None without such errors.
 
-        It is the standard deviation of a normal error that has the same 80 % interval: changes have long tails.  Some
-        of the origins tell it to all later ones; from one to the next their number doubles.
+        It is the standard deviation of a normal error that has the same 80 % interval: changes have long tails.  It is
+        found at the first, second, fourth, eighth ... origin, and holds up to the next of them.
         """
         if weather is None:
             return [None] * len(origins)
@@ -213,7 +212,7 @@ class QuantileForecastMixin(RollingForecastMixin):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Paths from the origins and from earlier rows, in one call."""
         every, where = np.unique(np.concatenate([origins, past]), return_inverse=True)
-        paths = np.asarray(self._forecast(table, every, max(n_leads, n_past)))[where]
+        paths = self._forecast(table, every, max(n_leads, n_past))[where]
         return paths[: len(origins), :n_leads], paths[len(origins) :, :n_past]
 
 
@@ -231,7 +230,7 @@ def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
 def _normal_spread(changes: np.ndarray) -> np.ndarray:
     """(n_leads,) standard deviation of a normal error with the 80 % interval of the changes (n, n_leads)."""
     size = np.sqrt(np.mean(changes**2, axis=0))
-    return np.asarray(size * np.quantile(changes / np.maximum(size, 1e-12), 0.8) / _NORMAL_80)
+    return size * np.quantile(changes / np.maximum(size, 1e-12), 0.8) / _NORMAL_80
 
 
 def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
@@ -245,7 +244,7 @@ def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock
     last = last_known_row(np.isfinite(table.measured()), long_ago)
     seen = np.where(origins < 0, long_ago, last[np.maximum(origins, 0)])
     rows = target_rows(origins, n_leads)
-    slots = day_type_hour(table)[np.minimum(rows, table.n_rows - 1)]
+    slots = day_type_hour(table)[rows_ahead(table, origins, n_leads)]
     return PathClock((rows - seen[:, None]) * table.step_hours, slots, rows * table.step_hours / 24.0)
 
 

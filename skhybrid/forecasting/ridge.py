@@ -17,12 +17,12 @@ from scipy.linalg import eigh
 from .._calendar import N_CELLS, day_type_hour, one_hot
 from .._table import ZoneTable
 from .._time import rows_per_day, rows_per_hour
-from .baselines import rows_ahead
 from .features import (
     clock_changes,
     irradiance_roles,
     known_at,
     known_before,
+    rows_ahead,
     same_slot,
     target_rows,
     trailing_mean,
@@ -54,7 +54,7 @@ def _moments(D: np.ndarray, y: np.ndarray) -> np.ndarray:
     return whole.T @ whole
 
 
-def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Column means (p,), coefficients (n_alphas, p) and intercept of the ridge with a free intercept."""
     n = max(moments[-2, -2], 1.0)
     mean, y_mean = moments[:-2, -2] / n, moments[-1, -2] / n
@@ -62,7 +62,7 @@ def _solve(moments: np.ndarray, alphas: np.ndarray) -> tuple[np.ndarray, np.ndar
     cross = moments[:-2, -1] - n * mean * y_mean
     values, vectors = eigh(gram)
     coefs = (vectors @ ((vectors.T @ cross)[:, None] / (np.maximum(values, 0.0)[:, None] + alphas))).T
-    return mean, coefs, np.asarray(y_mean)
+    return mean, coefs, float(y_mean)
 
 
 def ridge_by_blocks(D: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> tuple[RidgeFit, np.ndarray]:
@@ -81,7 +81,7 @@ def ridge_by_blocks(D: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> tuple[R
         best = int(np.argmin(((paths - y) ** 2).mean(axis=1)))
         alpha, left_out = float(ALPHAS[best]), paths[best]
     mean, coefs, intercept = _solve(total, np.array([alpha]))
-    fit = RidgeFit(mean, coefs[0], float(intercept), alpha)
+    fit = RidgeFit(mean, coefs[0], intercept, alpha)
     return fit, fit.predict(D) if left_out is None else left_out
 
 
@@ -188,7 +188,7 @@ def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n
     hours = np.arange(1, n_leads + 1) * table.step_hours
     rows = target_rows(origins, n_leads)
     means = [trailing_mean(deviation, width) for width in (1, max(1, per_day // 4), per_day, 7 * per_day)]
-    now = [known_at(series, origins, origins)[:, None] for series in means]
+    now = [known_at(series, origins[:, None], origins) for series in means]
     fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
     changes, weekend = clock_changes(table), table.weekend
     day_before, week_before = (same_slot(rows, origins, n * per_day, changes) for n in (1, 7))

@@ -7,10 +7,12 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.signal import lfilter
 
 from .._arguments import check_integer
 from .._table import ZoneTable
 from .._time import rows_per_day
+from .features import irradiance_roles
 
 Level = Literal["low", "medium", "high"]
 #: days before and after a row whose irradiance at the same time of day bounds a forecast of it
@@ -109,14 +111,15 @@ class WeatherError:
         changed = {}
         if "T_oa" in table.inputs:
             changed["T_oa"] = table.inputs["T_oa"][rows] + self._temperature(leads, seed)
-        solar = [role for role in table.inputs if role.startswith("q_sol")]
+        solar = irradiance_roles(table.inputs)
         if solar:
             main = "q_sol" if "q_sol" in solar else solar[0]
             share = self._irradiance_share(table, main, rows, leads, seed)
             changed |= {role: share * table.inputs[role][rows] for role in solar}
-        return table.replace(
-            inputs=table.inputs | {role: _with(table.inputs[role], rows, changed[role]) for role in changed}
-        )
+        inputs = table.inputs | {role: table.inputs[role].copy() for role in changed}
+        for role, values in changed.items():
+            inputs[role][rows] = values
+        return table.replace(inputs=inputs)
 
     def _temperature(self, leads: np.ndarray, seed: list[int]) -> np.ndarray:
         """(n_leads,) errors [K]."""
@@ -143,9 +146,7 @@ def _autoregressive(model: HourlyErrors, noise: np.ndarray) -> np.ndarray:
     """(n_hours,) errors from standardised draws."""
     errors = model.drift + model.scale * noise
     errors[0] = model.begin + model.begin_scale * noise[0]
-    for k in range(1, len(errors)):
-        errors[k] += model.share * errors[k - 1]
-    return errors
+    return lfilter([1.0], [1.0, -model.share], errors)
 
 
 def _n_hours(leads: np.ndarray) -> int:
@@ -160,13 +161,6 @@ def _at(leads: np.ndarray, hourly: np.ndarray) -> np.ndarray:
 def _mean_of_three(values: np.ndarray) -> np.ndarray:
     padded = np.pad(values, 1, mode="edge")
     return (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
-
-
-def _with(values: np.ndarray, rows: slice, new: np.ndarray) -> np.ndarray:
-    """A copy with other values in some rows."""
-    out = values.copy()
-    out[rows] = new
-    return out
 
 
 def _most_nearby(table: ZoneTable, role: str, rows: slice) -> np.ndarray:

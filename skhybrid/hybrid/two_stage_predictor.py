@@ -13,8 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._table import read_max_missing
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
-from ..forecasting.extras import require_networks
-from ..forecasting.named_models import check_parameters, refuse_unread
+from ..forecasting.named_models import check_parameters, refuse_unread, require_networks
 from ..identification import PeriodicDisturbanceID
 from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs

@@ -10,7 +10,7 @@ import pandas as pd
 
 from .._table import ZoneTable
 from .._time import rows_covering
-from ..filtering import Prediction, one_step_errors, simulate_path
+from ..filtering import Model, Prediction, one_step_errors, simulate_path
 from .disturbance_models import Conventional, first_state, take_searched
 from .filtered_network import FilteredNetwork
 from .gain_filter import GainFilter, without_disturbance
@@ -101,27 +101,14 @@ def arma_innovations(
 
 def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> Innovations:
     """One-step errors (N, o) of ``z[k+1] = rho_1 z[k] + rho_2 e[k]``, ``free = z + e``; std for unit noise."""
-    _, spread = arma_gains(np.isfinite(free), rho_1, rho_2)
-    error = arma_prediction(free, rho_1, rho_2).errors
-    return Innovations(np.where(np.isfinite(free), error, np.nan), np.sqrt(1.0 + spread))
+    found = arma_prediction(free, rho_1, rho_2)
+    return Innovations(np.where(np.isfinite(free), found.errors, np.nan), np.sqrt(found.variances))
 
 
 def arma_prediction(free: np.ndarray, rho_1: float, rho_2: float) -> Prediction:
     """The disturbance (N + 1, o) that every row leads to expect of the next, and the errors (N, o), 0 where missing."""
-    o = free.shape[1]
-    gains, _ = arma_gains(np.isfinite(free), rho_1, rho_2)
-    own = gains[:, :, None] * np.eye(o)
-    return one_step_errors(rho_1 * np.eye(o), np.zeros(free.shape), own, np.eye(o), free, np.zeros(o))
-
-
-def arma_gains(seen: np.ndarray, rho_1: float, rho_2: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gain of every row (N, o), and variance of z there for unit noise, which a missing row raises: it hides ``e``."""
-    spread = np.zeros(seen.shape)
-    for j, column in enumerate(seen.T):
-        p, rows = 0.0, np.flatnonzero(column)
-        # nothing is uncertain before the first missing row after a measured one
-        first = rows[0] + np.argmin(column[rows[0] :]) if len(rows) and not column[rows[0] :].all() else len(column)
-        for k in range(first, len(column)):
-            spread[k, j] = p
-            p = (rho_1 - rho_2) ** 2 * p / (1.0 + p) if column[k] else rho_1**2 * p + rho_2**2
-    return (rho_1 * spread + rho_2) / (1.0 + spread), spread
+    N, o = free.shape
+    one, nothing, zeros, no_slopes = np.eye(o), np.zeros((o, o)), np.zeros(o), np.empty((o, o, 0))
+    slopes = (no_slopes, np.empty((o, 0, 0)), no_slopes, no_slopes, np.empty((o, 0)))
+    model = Model(rho_1 * one, np.empty((o, 0)), one, rho_2 * one, nothing, zeros, nothing, zeros, *slopes)
+    return one_step_errors(model, np.empty((N, 0)), np.ascontiguousarray(free))

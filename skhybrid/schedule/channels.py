@@ -74,14 +74,6 @@ class Block(NamedTuple):
     group: str  # one of GROUPS
 
 
-class Channel(NamedTuple):
-    """One channel of the plant over the rows of a table."""
-
-    name: str
-    series: np.ndarray  # (N,) heat per unit coefficient [kW]
-    positive: bool  # whether the coefficient is at least 0
-
-
 class Channels(NamedTuple):
     """All channels of a table but the emitter's, whose series depends on its time constant."""
 
@@ -98,12 +90,12 @@ class Channels(NamedTuple):
     @property
     def scheduled(self) -> np.ndarray:
         """(J,) bool, unmeasured heat: schedules of gain and conductance."""
-        return _are_scheduled(self.names)
+        return _begin_with(self.names, ("gain", "ua"))
 
     @property
     def solar(self) -> np.ndarray:
         """(J,) bool, irradiance."""
-        return _are_solar(self.names)
+        return _begin_with(self.names, ("q_sol",))
 
     def scheduled_heat(self, coef: np.ndarray) -> np.ndarray:
         """(N, ...) heat of the schedules [kW]; the first J of ``coef`` (J or J + 1, ...) are those of the channels."""
@@ -174,7 +166,7 @@ def _refuse_capacities(network: RCNetwork, table: ZoneTable, known: Mapping[str,
 
 def _solar_noon(table: ZoneTable, irradiance: tuple[str, ...]) -> float:
     """Hour around which a table's irradiance lies."""
-    total = np.sum([table.inputs[role] for role in irradiance], axis=0) if irradiance else np.zeros(table.n_rows)
+    total = np.sum([table.inputs[role] for role in irradiance], axis=0)  # 0 without irradiance
     angle = 2.0 * np.pi * _standard_hour(table) / _HOURS
     x, y = np.sum(total * np.cos(angle)), np.sum(total * np.sin(angle))
     return float(np.arctan2(y, x) * _HOURS / (2.0 * np.pi)) % _HOURS if np.hypot(x, y) > 0 else 12.0
@@ -194,10 +186,7 @@ def with_contrast(plan: ChannelPlan, names: Sequence[str], coef: np.ndarray) -> 
 
 def known_heat(plan: ChannelPlan, table: ZoneTable) -> np.ndarray:
     """(N,) known heat into the heated node [kW]."""
-    heat = np.zeros(table.n_rows)
-    for role, capacity in plan.known:
-        heat += capacity * table.inputs[role]
-    return heat
+    return sum((capacity * table.inputs[role] for role, capacity in plan.known), np.zeros(table.n_rows))
 
 
 def make_channels(plan: ChannelPlan, table: ZoneTable, like: Channels | None = None) -> Channels:
@@ -217,14 +206,9 @@ def make_channels(plan: ChannelPlan, table: ZoneTable, like: Channels | None = N
     )
 
 
-@lru_cache(maxsize=64)
-def _are_solar(names: tuple[str, ...]) -> np.ndarray:
-    return np.array([name.startswith("q_sol") for name in names])
-
-
-@lru_cache(maxsize=64)
-def _are_scheduled(names: tuple[str, ...]) -> np.ndarray:
-    return np.array([name.startswith(("gain", "ua")) for name in names])
+@lru_cache(maxsize=128)
+def _begin_with(names: tuple[str, ...], beginnings: tuple[str, ...]) -> np.ndarray:
+    return np.array([name.startswith(beginnings) for name in names])
 
 
 def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
@@ -245,18 +229,19 @@ def _solar_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
 
 
 def _plant_channels(plan: ChannelPlan, table: ZoneTable) -> Iterator[Block]:
-    for name, series, positive in equipment(plan, table):
-        yield Block([name], series[:, None], [plan.heated], positive, "free")
+    fitted = dict(plan.stages)  # whose capacities are at least 0
+    for name, series in equipment(plan, table).items():
+        yield Block([name], series[:, None], [plan.heated], name in fitted, "free")
 
 
-def equipment(plan: ChannelPlan, table: ZoneTable) -> Iterator[Channel]:
-    """Stages whose capacity is fitted, and the part-load curves of those whose capacity is known."""
-    for role, sign in plan.stages:
-        yield Channel(role, sign * table.inputs[role], True)
+def equipment(plan: ChannelPlan, table: ZoneTable) -> dict[str, np.ndarray]:
+    """(N,) heat per unit coefficient [kW] of stages with a fitted capacity, and of part-load curves of the others."""
+    stages = {role: sign * table.inputs[role] for role, sign in plan.stages}
     largest = dict(plan.max_stages)
-    for role, knot, capacity in plan.knots:
-        series = capacity * deviation(table.inputs[role], knot, largest[role])
-        yield Channel(knot_name(role, knot), series, False)
+    return stages | {
+        knot_name(role, knot): capacity * deviation(table.inputs[role], knot, largest[role])
+        for role, knot, capacity in plan.knots
+    }
 
 
 def knot_name(role: str, knot: float) -> str:

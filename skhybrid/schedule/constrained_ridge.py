@@ -27,7 +27,7 @@ def gram(E: np.ndarray) -> np.ndarray:
     upper = dsyrk(1.0, np.ascontiguousarray(E).T)  # the rest is 0
     whole = upper + upper.T
     _diagonal(whole)[:] *= 0.5
-    return np.asarray(whole)
+    return whole
 
 
 def _diagonal(square: np.ndarray) -> np.ndarray:

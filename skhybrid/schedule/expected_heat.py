@@ -90,7 +90,7 @@ def _regressors(segment: Segment, origins: np.ndarray, rows: np.ndarray, step: f
 
 def _smoothed(series: np.ndarray, rows: float) -> np.ndarray:
     """(N, k) first-order low-pass of series, begun at their first value."""
-    return np.asarray(low_pass(series, np.exp(-1.0 / rows), series[0]))
+    return low_pass(series, np.exp(-1.0 / rows), series[0])
 
 
 class SurpriseEffect:

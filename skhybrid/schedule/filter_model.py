@@ -30,6 +30,16 @@ class Matrices(NamedTuple):
     dQ: np.ndarray  # (m, m, p)
     P0: np.ndarray  # (m, m)
 
+    @property
+    def of_heat(self) -> np.ndarray:
+        """(n, n) effect of 1 kW into each node over a step."""
+        return self.B[:, -len(self.A) :]
+
+    @property
+    def of_boundaries(self) -> np.ndarray:
+        """(n, nb) effect of the boundary temperatures."""
+        return self.B[:, : -len(self.A)]
+
 
 @dataclass(frozen=True)
 class FilterModel:

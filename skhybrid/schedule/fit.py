@@ -30,7 +30,6 @@ _GUESS_HEAT, _GUESS = 2.5, (1.5, 12.0, 0.4, 4.0)
 _GUESS_PLANT = 6.0  # plant for which the guess was made, where nothing tells its size [kW]
 _LEAST_SPREAD = 0.1  # least spread of the known heat, as a share of its largest value
 _LEAST_EVIDENCE = 1.0  # log-likelihood that a determined source gains: below it, chance explains as much
-_PRIOR_SPREAD = 1.2  # prior standard deviation of the parameters' logarithms around the grid's best point
 _LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
 _GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
 _MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left out in turn
@@ -77,12 +76,12 @@ class LeadFit:
     @property
     def sample(self) -> ForecastSample:
         """Training forecasts that were scored."""
-        return self.problem.forecasts[0].sample
+        return self.problem.scored.sample
 
     @property
     def segment(self) -> Segment:
         """Training rows; of 0 rows after :meth:`without_rows`."""
-        return self.problem.forecasts[0].segment
+        return self.problem.segment
 
     def make_segment(self, table: ZoneTable, T: np.ndarray) -> Segment:
         """Make a segment for this model of a table and its measured temperature (N,) [degC], NaN where missing."""
@@ -90,15 +89,15 @@ class LeadFit:
 
     def with_rows(self, segment: Segment) -> LeadFit:
         """Copy with a segment in place of the training rows."""
-        scored = self.problem.forecasts[0]._replace(segment=segment)
+        scored = self.problem.scored._replace(segment=segment)
         return replace(self, problem=replace(self.problem, forecasts=(scored,)))
 
     @property
     def sums(self) -> NetworkSums:
-        """The fit as a prior is learned from it."""
-        problem, scored = self.problem, self.problem.forecasts[0]
+        """Sums from which a prior of other zones is learned."""
+        problem = self.problem
         left = np.append(-self.coef, 1.0)
-        count = float(np.sum(problem.root_weights(scored) ** 2 / problem.precision))
+        count = float(np.sum(problem.root_weights(problem.scored) ** 2 / problem.precision))
         noise = float(left @ self.gram @ left) / max(count, 1.0)
         return NetworkSums(
             self.model.network,
@@ -153,7 +152,8 @@ def fit_leads(
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
     pull = None
     if purpose == "plan":
-        plan, pull = _plan_and_pull(plan, table, T, reference)
+        pull = GainPull.of(make_segment(plan, table, T, reference), step)
+        plan = plan._replace(lags=is_delayed(pull.observed))
     scored = ScoredForecasts(make_segment(plan, table, T, reference), sample)
     if pull is not None:
         scored = with_expected_heat(scored, step)
@@ -174,14 +174,6 @@ def fit_leads(
     return replace(fit, undetermined=undetermined)
 
 
-def _plan_and_pull(
-    plan: ChannelPlan, table: ZoneTable, T: np.ndarray, reference: float
-) -> tuple[ChannelPlan, GainPull]:
-    """Channels and pull of a network whose gain is to be right."""
-    pull = GainPull.of(make_segment(plan, table, T, reference), table.step_hours)
-    return plan._replace(lags=is_delayed(pull.observed)), pull
-
-
 def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
     """A pull that lets the usual response go where forecasts with delivered heat speak against it."""
     few, free = scored._replace(surprise=None).every(4), pull._replace(usual=False)
@@ -195,7 +187,7 @@ def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: Ga
 def with_expected_heat(scored: ScoredForecasts, step: float) -> ScoredForecasts:
     """Forecasts with expected in place of delivered heat, where there are enough days to tell it."""
     blocks = _blocks_of_days(scored.sample, step)
-    if not _several(blocks) or not np.any(scored.segment.heat):
+    if not _can_leave_out(blocks) or not np.any(scored.segment.heat):
         return scored
     return scored._replace(surprise=heat_surprise(scored.segment, scored.sample, blocks, step))
 
@@ -237,7 +229,7 @@ def _with_contrasts(
     problem: LeadProblem, best: Evaluation, blocks: np.ndarray, table: ZoneTable, reference: float
 ) -> tuple[LeadFit, Evaluation]:
     """Fit with the channels of swapped days, on delivered heat, and its evaluation."""
-    scored, segment = problem.forecasts[0], problem.forecasts[0].segment
+    scored, segment = problem.scored, problem.segment
     plan = with_contrast(segment.plan, segment.channels.names, best.solution.coef)
     segment = segment._replace(plan=plan, channels=make_channels(plan, table))
     # schedules and blend learn from delivered heat, which tells more than expected heat
@@ -257,7 +249,7 @@ def _fit_under(
     plan = scored.segment.plan
     model = FilterModel.of(plan.network, table.step_hours, heat_scale)
     prior.refuse_other(model)
-    few, n = _few_of(scored), len(model.names)
+    few = _few_of(scored)
 
     def usual_variance(leads: np.ndarray) -> np.ndarray:
         return np.interp(leads * table.step_hours, prior.leads, prior.variance)
@@ -265,7 +257,7 @@ def _fit_under(
     def problem_at(psi: np.ndarray, forecasts: ScoredForecasts) -> LeadProblem:
         weights = 1.0 / usual_variance(forecasts.sample.leads)
         own = prior.at(psi, plan.mean_outdoor)
-        return LeadProblem(model, (forecasts,), prior.centre, np.ones(n), Shrinkage(), weights, prior=own)
+        return LeadProblem(model, (forecasts,), prior.centre, weights, prior=own)
 
     best = min((problem_at(psi, few).evaluate(psi) for psi in prior.starts()), key=lambda at: at.loss)
     problem, usual = problem_at(best.psi, scored), usual_variance(scored.sample.leads)
@@ -284,8 +276,7 @@ def _initial_problem(
     model: FilterModel, scored: ScoredForecasts, start: np.ndarray, pull: GainPull | None
 ) -> LeadProblem:
     """Problem around a point, each lead weighted by the inverse variance of its errors there."""
-    spread, ones = np.full(len(model.names), _PRIOR_SPREAD), np.ones(len(scored.sample.leads))
-    return weighted(LeadProblem(model, (scored,), start, spread, Shrinkage(), ones, pull))
+    return weighted(LeadProblem(model, (scored,), start, np.ones(len(scored.sample.leads)), pull=pull))
 
 
 def weighted(problem: LeadProblem) -> LeadProblem:
@@ -297,7 +288,7 @@ def weighted(problem: LeadProblem) -> LeadProblem:
 
 def _squares_by_lead(problem: LeadProblem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
     """(L,) squared errors [K2] of forecasts at each lead, and how many are measured."""
-    root = problem.root_weights(problem.forecasts[0])
+    root = problem.root_weights(problem.scored)
     errors = _forecast_errors(root, at.designs[0].reshape(*root.shape, -1), at.solution.coef)
     return np.nansum(errors**2, axis=0), np.isfinite(errors).sum(axis=0)
 
@@ -316,11 +307,11 @@ def _best_of_grid(
     model: FilterModel, scored: ScoredForecasts, scales: Sequence[float], pull: GainPull | None
 ) -> np.ndarray:
     """The point (p,) of a coarse grid with the least loss of a few forecasts."""
-    few, spread = _few_of(scored), np.full(len(model.names), _PRIOR_SPREAD)
+    few = _few_of(scored)
 
     def evaluate(scale: float, pace: float) -> Evaluation:
         psi = _guess(model, scale * model.heat_scale / _GUESS_HEAT, pace)
-        return LeadProblem(model, (few,), psi, spread, Shrinkage(), np.ones(len(few.sample.leads)), pull).evaluate(psi)
+        return LeadProblem(model, (few,), psi, np.ones(len(few.sample.leads)), pull=pull).evaluate(psi)
 
     return min((evaluate(scale, pace) for scale in scales for pace in _PACES), key=lambda at: at.loss).psi
 
@@ -347,8 +338,8 @@ def _guess(model: FilterModel, scale: float, pace: float) -> np.ndarray:
 
 def _blocks_of_days(sample: ForecastSample, step: float) -> np.ndarray:
     """(O,) block of days of each origin: weeks where there are enough; a single block where none can be left out."""
-    hours = (sample.origins - sample.origins[:1]) * step if len(sample.origins) else np.empty(0)
-    days = hours[-1] / _DAY if len(hours) else 0.0
+    hours = (sample.origins - sample.origins[:1]) * step
+    days = hours.max(initial=0.0) / _DAY
     length = max(1.0, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
     count = max(1, round(days / length))
     if count < _LEAST_BLOCKS:
@@ -358,9 +349,9 @@ def _blocks_of_days(sample: ForecastSample, step: float) -> np.ndarray:
 
 def _best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> Shrinkage:
     """Shrinkage with the least error in blocks that are left out in turn."""
-    if not problem.plan.calendar or not _several(blocks):
+    if not problem.plan.calendar or not _can_leave_out(blocks):
         return Shrinkage()
-    scored = problem.forecasts[0]
+    scored = problem.scored
     grams = block_grams(at.designs[0], scored.sample, blocks)
     scale, positive = problem.model.heat_scale, problem.positive
 
@@ -378,9 +369,9 @@ def _best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) ->
 
 def _left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> np.ndarray:
     """(O, L) errors [K] of forecasts whose block of days was left out; NaN where there is no measurement."""
-    scored, E = problem.forecasts[0], at.designs[0]
+    scored, E = problem.scored, at.designs[0]
     errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
-    if not _several(blocks):
+    if not _can_leave_out(blocks):
         return errors
     root, by_origin = problem.root_weights(scored), E.reshape(*errors.shape, -1)
     for b, (_, others) in enumerate(block_grams(E, scored.sample, blocks)):
@@ -394,6 +385,6 @@ def _forecast_errors(root: np.ndarray, design: np.ndarray, coef: np.ndarray) -> 
     return np.where(root > 0, e / np.where(root > 0, root, 1.0), np.nan)
 
 
-def _several(blocks: np.ndarray) -> bool:
+def _can_leave_out(blocks: np.ndarray) -> bool:
     """Whether there is more than one block of days, so that one can be left out."""
     return bool(len(blocks) and blocks.max())

@@ -31,14 +31,14 @@ def step_gain_error(fit: LeadFit, rows: np.ndarray) -> np.ndarray:
     """(L,) relative standard error at ``rows``: the larger one of the jackknife and of the curvature of the loss."""
     gain, slope = _gain_and_slope(fit, rows)
     slope /= gain[:, None]
-    H, moves = _moves(fit)
+    H, moves = _jackknife(fit)
     change = moves @ slope.T
     return np.sqrt(np.maximum(_variance(H, slope), (len(change) - 1) * np.var(change, axis=0)))
 
 
 def _variance(H: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """(L,) variance of what has slopes (L, q) by parameters of which ``H`` is the information."""
-    return np.asarray(np.sum(slope.T * np.linalg.solve(H, slope.T), axis=0))
+    return np.sum(slope.T * np.linalg.solve(H, slope.T), axis=0)
 
 
 def days_to_determine(fit: LeadFit, role: str) -> tuple[int, float]:
@@ -59,14 +59,14 @@ def days_to_determine(fit: LeadFit, role: str) -> tuple[int, float]:
     more = _FORESEEN
     if stage is None:  # what blocks of days say beyond the curvature, later days say, too
         more *= float((step_gain_error(fit, row) / np.sqrt(_variance(H, slope)))[0])
-    excited = fit.with_rows(_excited(fit, stage, coef))
+    excited = fit.with_rows(_randomly_heated(fit, stage, coef))
     excited = replace(excited, problem=weighted(excited.problem))  # each lead counts by how well it is forecast
     per_day = gram(_slopes(excited, coef, free)[0]) * _DAY / (step * fit.segment.n_rows)
     errors = {days: more * float(np.sqrt(_variance(H + days * per_day, slope)[0])) for days in _DAYS}
     return next((found for found in errors.items() if found[1] < LITTLE_ERROR), (_DAYS[-1], errors[_DAYS[-1]]))
 
 
-def _excited(fit: LeadFit, stage: int | None, coef: np.ndarray) -> Segment:
+def _randomly_heated(fit: LeadFit, stage: int | None, coef: np.ndarray) -> Segment:
     """Training rows under random heat of the known plants, or of a stage, and the temperature that it makes."""
     segment, rng = fit.segment, np.random.default_rng(0)
     heat = segment.heat if stage is None else coef[stage] * segment.channels.series[:, stage]
@@ -74,9 +74,9 @@ def _excited(fit: LeadFit, stage: int | None, coef: np.ndarray) -> Segment:
     held = rng.integers(round(shortest), round(longest) + 1, segment.n_rows)
     levels = np.repeat(rng.uniform(-0.5, 0.5, segment.n_rows), held)[: segment.n_rows]
     drawn = max(float(np.ptp(heat)), 2.0 * fit.model.heat_scale) * levels
-    drawn *= min(1.0, _SWING / float(np.std(_answer(fit, drawn, stage is None))))
+    drawn *= min(1.0, _SWING / float(np.std(_temperature_change(fit, drawn, stage is None))))
     change = heat.mean() + drawn - heat
-    excited = segment._replace(y=segment.y + _answer(fit, change, stage is None))
+    excited = segment._replace(y=segment.y + _temperature_change(fit, change, stage is None))
     if stage is None:
         return excited._replace(heat=heat + change)
     series = segment.channels.series.copy()
@@ -84,13 +84,13 @@ def _excited(fit: LeadFit, stage: int | None, coef: np.ndarray) -> Segment:
     return excited._replace(channels=segment.channels._replace(series=series))
 
 
-def _answer(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.ndarray:
+def _temperature_change(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.ndarray:
     """(N,) change of the temperature [K] under additional heat [kW]."""
     model, M = fit.model, fit.model.matrices(fit.psi)
     if delayed and fit.plan.emitter:
         heat = heat + fit.coef[-1] * emitter_series(heat, model.step, np.exp(fit.psi[-1]))
-    forcing = np.outer(heat, M.B[:, M.B.shape[1] - len(M.A) + fit.plan.heated])
-    return np.asarray(simulate_path(M.A, forcing, np.zeros(len(M.A))))[:-1, model.zone]
+    forcing = np.outer(heat, M.of_heat[:, fit.plan.heated])
+    return simulate_path(M.A, forcing, np.zeros(len(M.A)))[:-1, model.zone]
 
 
 def _gain_and_slope(fit: LeadFit, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +104,7 @@ def _gain_and_slope(fit: LeadFit, rows: np.ndarray) -> tuple[np.ndarray, np.ndar
     return (at.gain + lagging * at.lagging)[rows - 1], slope
 
 
-def _moves(fit: LeadFit) -> tuple[np.ndarray, np.ndarray]:
+def _jackknife(fit: LeadFit) -> tuple[np.ndarray, np.ndarray]:
     """Hessian of psi and coefficients (q, q), and by how much these move without each block of days (n_blocks, q)."""
     free = fit.solution.free
     slopes, errors = _slopes(fit, fit.coef, free)
@@ -119,7 +119,7 @@ def _moves(fit: LeadFit) -> tuple[np.ndarray, np.ndarray]:
 
 def _slopes(fit: LeadFit, coef: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives (O L, q) of the weighted errors by psi and by coefficients, 0 where not ``free``; the errors."""
-    problem, scored, p = fit.problem, fit.problem.forecasts[0], len(fit.psi)
+    problem, scored, p = fit.problem, fit.problem.scored, len(fit.psi)
     E = problem.design(fit.psi, scored)
     _, de = problem.sensitivities(fit.psi, coef, scored)
     slopes = np.hstack([(problem.root_weights(scored)[..., None] * de).reshape(-1, p), -E[:, :-1]])
@@ -130,22 +130,22 @@ def _slopes(fit: LeadFit, coef: np.ndarray, free: np.ndarray) -> tuple[np.ndarra
 def _hessian(fit: LeadFit, slopes: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hessian (q, q) by the slopes of the forecasts, and those of the pull (r, q)."""
     problem, p = fit.problem, len(fit.psi)
-    H = gram(slopes) + np.diag(np.append(1.0 / problem.spread**2, problem.penalty + ~free))
+    H = gram(slopes)
+    H[:p, :p] += problem.psi_precision
+    H[p:, p:] += np.diag(problem.penalty + ~free)
     if problem.prior is not None:
-        H[:p, :p] += problem.psi_precision - np.diag(1.0 / problem.spread**2)
         H[p:, p:] += problem.prior.of_channels(problem.channels)[:-1, :-1] * (free[:, None] & free)
     if problem.pull is None:
         return H, np.empty((0, len(H)))
-    segment = problem.forecasts[0].segment
-    by_coef = -problem.pull.design(problem.model, fit.psi, segment)[:, :-1]
-    pulled = np.hstack([problem.pull.sensitivities(problem.model, fit.psi, fit.coef, segment), by_coef])
+    by_coef = -problem.pull.design(problem.model, fit.psi, problem.segment)[:, :-1]
+    pulled = np.hstack([problem.pull.sensitivities(problem.model, fit.psi, fit.coef, problem.segment), by_coef])
     pulled[:, p:][:, ~free] = 0.0
     return H + gram(pulled), pulled
 
 
 def _pull_without(fit: LeadFit, block: int) -> np.ndarray:
     """(r,) change of the weighted errors of the pull when its jumps in a block of days are left out."""
-    pull, scored = fit.problem.pull, fit.problem.forecasts[0]
+    pull, scored = fit.problem.pull, fit.problem.scored
     if pull is None:
         return np.empty(0)
     begin = scored.sample.origins[np.argmax(fit.blocks == block)]

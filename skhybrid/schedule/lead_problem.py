@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ _OVERLAP = 8.0  # hours within which forecasts overlap so much that they count a
 _LEAST_PENALTY = 1e-3  # penalty of coefficients that are not shrunk, which keeps the equations regular
 _WINDOW = 10.0  # unit of a window [m2] under that penalty
 _LEAST_GAIN = 1e-3  # usual relative decrease of the objective below which a search stops
+_PSI_SPREAD = 1.2  # standard deviation of psi around its centre, where no prior of other zones is given
 _SWAP_PENALTY = 150.0  # penalty of swapping the type of a day of the week: a few days of evidence overcome it
 
 
@@ -73,25 +74,34 @@ class LeadProblem:
     model: FilterModel
     forecasts: Sequence[ScoredForecasts]
     centre: np.ndarray  # (p,) of the normal prior of psi
-    spread: np.ndarray  # (p,)
-    shrinkage: Shrinkage
     precision: np.ndarray  # (L,) inverse variance of the errors at each lead [1/K2]
+    shrinkage: Shrinkage = field(default_factory=Shrinkage)
     pull: GainPull | None = None  # of the gain, toward what jumps of the heat say
-    prior: ProblemPrior | None = None  # of other zones, in place of the spread and of the shrinkage
+    prior: ProblemPrior | None = None  # of other zones, in place of the usual spread of psi and of the shrinkage
+
+    @property
+    def scored(self) -> ScoredForecasts:
+        """Forecasts of the first segment."""
+        return self.forecasts[0]
+
+    @property
+    def segment(self) -> Segment:
+        """The first segment."""
+        return self.scored.segment
 
     @property
     def plan(self) -> ChannelPlan:
-        return self.forecasts[0].segment.plan
+        return self.segment.plan
 
     @property
     def positive(self) -> np.ndarray:
         """(J,) bool, coefficients that are at least 0."""
-        positive = self.forecasts[0].segment.channels.positive
+        positive = self.segment.channels.positive
         return np.append(positive, True) if self.plan.emitter else positive
 
     @cached_property
     def penalty(self) -> np.ndarray:
-        penalty = penalty_of(self.forecasts[0].segment, self.shrinkage, self.model.heat_scale)
+        penalty = penalty_of(self.segment, self.shrinkage, self.model.heat_scale)
         if self.prior is not None:
             penalty[np.isin(self.channels, self.prior.channels)] = 0.0
         return penalty
@@ -99,13 +109,18 @@ class LeadProblem:
     @property
     def channels(self) -> tuple[str, ...]:
         """(J,) names of the coefficients."""
-        names = self.forecasts[0].segment.channels.names
+        names = self.segment.channels.names
         return (*names, "emitter") if self.plan.emitter else names
 
     @property
     def psi_precision(self) -> np.ndarray:
         """(p, p) of the prior of psi."""
-        return np.diag(1.0 / self.spread**2) if self.prior is None else self.prior.psi_precision
+        return np.eye(len(self.centre)) / _PSI_SPREAD**2 if self.prior is None else self.prior.psi_precision
+
+    def pull_of_psi(self, psi: np.ndarray) -> np.ndarray:
+        """(p,) gradient of half the prior's square by psi."""
+        away = psi - self.centre
+        return away / _PSI_SPREAD**2 if self.prior is None else self.prior.psi_precision @ away
 
     def prior_gram(self) -> np.ndarray | float:
         """(J + 1, J + 1) that is added to the sums at every solution; 0 without a prior."""
@@ -164,7 +179,7 @@ class LeadProblem:
 
     def pull_gram(self, psi: np.ndarray) -> np.ndarray | float:
         """(J + 1, J + 1) of the pull of the gain; 0 without one."""
-        return 0.0 if self.pull is None else gram(self.pull.design(self.model, psi, self.forecasts[0].segment))
+        return 0.0 if self.pull is None else gram(self.pull.design(self.model, psi, self.segment))
 
     def evaluate(self, psi: np.ndarray) -> Evaluation:
         """Solve the coefficients at ``psi``."""
@@ -173,10 +188,8 @@ class LeadProblem:
 
     def solved(self, psi: np.ndarray, products: np.ndarray, designs: tuple[np.ndarray, ...]) -> Evaluation:
         """The same with designs at ``psi`` and their sums of products (J + 1, J + 1)."""
-        solution, away = self.solve(products), psi - self.centre
-        prior = 0.5 * np.sum((away / self.spread) ** 2)
-        if self.prior is not None:
-            prior = 0.5 * away @ self.prior.psi_precision @ away
+        solution = self.solve(products)
+        prior = 0.5 * self.pull_of_psi(psi) @ (psi - self.centre)
         return Evaluation(psi, solution.loss + float(prior), solution, products, designs)
 
     def with_other_heat(self, at: Evaluation, segment: Segment) -> Evaluation:
@@ -184,10 +197,10 @@ class LeadProblem:
 
         The other columns of the design stay as they are.
         """
-        old, (E,) = self.forecasts[0].segment.channels, at.designs
+        old, (E,) = self.segment.channels, at.designs
         n, gone = len(old.names), np.flatnonzero((old.series != segment.channels.series).any(axis=0))
         bare = segment._replace(channels=segment.channels.first(0))
-        target = self.design(at.psi, self.forecasts[0]._replace(segment=bare))
+        target = self.design(at.psi, self.scored._replace(segment=bare))
         changed = np.append(gone, np.arange(n, E.shape[1]))
         change = np.hstack([-E[:, gone], target - E[:, n:]])
         products, cross = at.gram.copy(), E.T @ change
@@ -199,9 +212,7 @@ class LeadProblem:
     def slopes(self, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (p,) and Gauss-Newton Hessian (p, p) of the objective with the coefficients projected out."""
         free = np.flatnonzero(at.solution.free)
-        g, H = (at.psi - self.centre) / self.spread**2, self.psi_precision
-        if self.prior is not None:
-            g = H @ (at.psi - self.centre)
+        g, H = self.pull_of_psi(at.psi), self.psi_precision
         inner = np.diag(self.penalty[free]) + (at.gram + self.prior_gram())[np.ix_(free, free)]
         cross = np.zeros((len(free), len(g)))
         for scored, E in zip(self.forecasts, at.designs, strict=True):
@@ -212,9 +223,9 @@ class LeadProblem:
             g = g + J.T @ (root * e).ravel()
             cross += (J.T @ E).T[free]  # faster than E.T @ J
         if self.pull is not None:
-            segment, coef = self.forecasts[0].segment, at.solution.coef
-            E = self.pull.design(self.model, at.psi, segment)
-            J = self.pull.sensitivities(self.model, at.psi, coef, segment)
+            coef = at.solution.coef
+            E = self.pull.design(self.model, at.psi, self.segment)
+            J = self.pull.sensitivities(self.model, at.psi, coef, self.segment)
             H, g = H + gram(J), g + J.T @ (E @ np.append(-coef, 1.0))
             cross += (E.T @ J)[free]
         return g, H - cross.T @ solve_positive_definite(inner, cross)

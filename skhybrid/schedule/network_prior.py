@@ -10,20 +10,20 @@ import numpy as np
 import pandas as pd
 
 from .._time import spell
-from ..filtering import learn_normal
+from ..filtering import learn_normal, shrunk_covariance
 from ..thermal import RCNetwork
 from .channels import UA_DIFFERENCE
 from .filter_model import FilterModel
 
 _OUTDOOR = 10.0  # outdoor temperature from which shared coefficients count [degC]
-_RELATIVE = 1e-2  # least standard deviation of the logarithm of a parameter
+_LEAST_SPREAD = 1e-2  # least standard deviation of the logarithm of a parameter
 _EMITTER = "emitter"
 #: standard deviations from the usual size from which a fit starts
 _STARTS = (-2.0, -1.0, 0.0, 1.0, 2.0)
 
 
 class NetworkSums(NamedTuple):
-    """A fitted network as a prior is learned from it."""
+    """Sums of a fitted network, from which a prior is learned."""
 
     network: RCNetwork
     step: float  # [h]
@@ -43,7 +43,7 @@ class NetworkSums(NamedTuple):
 
 
 class ProblemPrior(NamedTuple):
-    """A prior as the problem of a zone takes it."""
+    """A prior in the form that a zone's problem takes."""
 
     psi_precision: np.ndarray  # (p, p)
     channels: tuple[str, ...]
@@ -77,20 +77,15 @@ class NetworkPrior:
         first = zones[0]
         along = _scaling(first.network, first.names)
         psi = np.array([zone.psi for zone in zones]) - log_nameplates[:, None] * along
-        centre = psi.mean(axis=0)
-        found = np.atleast_2d(np.cov(psi.T, ddof=0)) if len(psi) > 1 else np.zeros((len(centre),) * 2)
-        n = len(psi)
-        covariance = (n * found + pseudo_zones * np.diag(np.diag(found))) / (n + pseudo_zones)
-        covariance += _RELATIVE**2 * np.eye(len(centre))
+        covariance = shrunk_covariance(np.cov(psi.T, ddof=0), len(psi), pseudo_zones, _LEAST_SPREAD**2)
         shared = tuple(name for name in first.channels if all(name in zone.channels for zone in zones))
         sums = [_shared_sums(zone, shared) for zone in zones]
         grams, crosses = np.array([G[:-1, :-1] for G in sums]), np.array([G[:-1, -1] for G in sums])
         mean, precision = learn_normal(grams, crosses, pseudo_zones)
         errors = [np.log(np.interp(first.leads, zone.leads, zone.variance)) for zone in zones]
         usual = np.exp(np.mean(errors, axis=0))
-        return cls(
-            first.network, first.step, first.names, centre, covariance, shared, mean, precision, first.leads, usual
-        )
+        normal = (psi.mean(axis=0), covariance, shared, mean, precision)
+        return cls(first.network, first.step, first.names, *normal, first.leads, usual)
 
     def scaled(self, log_nameplate: float, spread: float) -> Self:
         """The prior of a zone, from the logarithm of its nameplate and the standard deviation of that."""

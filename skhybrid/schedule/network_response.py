@@ -10,10 +10,10 @@ import numpy as np
 
 from .._table import ZoneTable, is_plant
 from ..filtering import simulate_path
-from .channels import equipment, known_heat
+from .channels import known_heat
 from .fit import LeadFit
 from .online_network import OriginState
-from .plant_model import emitting, into_heated, plant_gain, plant_inputs
+from .plant_model import emitting, fitted_heat, into_heated, plant_gain, plant_inputs
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,7 @@ class NetworkResponse:
         """
         others = set(filter(is_plant, table.inputs)) - self.roles
         idle = table.replace(inputs={r: np.zeros(table.n_rows) if r in others else v for r, v in table.inputs.items()})
-        coefs = dict(zip(self.fit.channel_names, self.rest.coef, strict=False))
-        fitted = sum((coefs[one.name] * one.series for one in equipment(self.fit.plan, idle)), np.zeros(table.n_rows))
+        fitted = fitted_heat(self.fit, self.rest.coef, idle)
         boundaries = [table.inputs[role] for role in self._boundaries]
         return np.column_stack([known_heat(self.fit.plan, idle), fitted, *boundaries]) - self.mean
 
@@ -67,7 +66,7 @@ class NetworkResponse:
         begin = np.zeros(len(A)) if state is None else state
         of_boundaries = plant_inputs(self.fit, self.rest, self._boundaries)
         effects = np.column_stack([effect, into_heated(self.fit, self.rest), of_boundaries])
-        return np.asarray(simulate_path(A, drive @ effects.T, begin))
+        return simulate_path(A, drive @ effects.T, begin)
 
     def step(self, n_leads: int) -> np.ndarray:
         """(n_leads,) temperature after 1, 2 ... rows of 1 kW of known heat [K/kW]."""

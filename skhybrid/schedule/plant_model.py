@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._table import ZoneTable
 from ..control import LinearNetwork, gain_of, impulse_response
-from .channels import deviation, knot_name
+from .channels import deviation, equipment, knot_name
 from .filter_model import Matrices
 from .fit import LeadFit
 from .online_network import OriginState
@@ -36,15 +37,19 @@ def emitting(fit: LeadFit, state: OriginState) -> tuple[np.ndarray, np.ndarray]:
 
 def into_heated(fit: LeadFit, state: OriginState) -> np.ndarray:
     """(n + 1,) effect of 1 kW that reaches the heated node at once."""
-    M = state.matrices
-    n = len(M.A)
-    return np.append(M.B[:, M.B.shape[1] - n + fit.plan.heated], 0.0)
+    return np.append(state.matrices.of_heat[:, fit.plan.heated], 0.0)
+
+
+def fitted_heat(fit: LeadFit, coef: np.ndarray, table: ZoneTable) -> np.ndarray:
+    """(N,) heat [kW] of fitted capacities, and of part-load curves beyond what is proportional, in a table's rows."""
+    coefs = dict(zip(fit.channel_names, coef, strict=False))
+    parts = (coefs[name] * series for name, series in equipment(fit.plan, table).items())
+    return sum(parts, np.zeros(table.n_rows))
 
 
 def forcing_by(matrices: Matrices, segment: Segment, heat: np.ndarray) -> np.ndarray:
     """(N, n + 1) effect of boundary temperatures and of heat (N, n) [kW] into the nodes; the emitter gets none."""
-    nb = segment.boundary.shape[1]
-    forcing = segment.boundary @ matrices.B[:, :nb].T + heat @ matrices.B[:, nb:].T
+    forcing = segment.boundary @ matrices.of_boundaries.T + heat @ matrices.of_heat.T
     return np.column_stack([forcing, np.zeros(len(forcing))])
 
 
@@ -56,7 +61,7 @@ def plant_inputs(fit: LeadFit, state: OriginState, roles: Sequence[str]) -> np.n
 
     def column(role: str) -> np.ndarray:
         if role in boundaries:
-            return np.append(state.matrices.B[:, boundaries.index(role)], 0.0)
+            return np.append(state.matrices.of_boundaries[:, boundaries.index(role)], 0.0)
         return known[role] * effect if role in known else stages[role] * _coef(fit, state, role) * direct
 
     return np.column_stack([column(role) for role in roles]) if roles else np.empty((len(effect), 0))

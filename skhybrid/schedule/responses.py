@@ -53,13 +53,13 @@ def emitter_series(
     row before the first; by default the first row's heat has always been given.
     """
     output, given = state if state is not None else (heat[0], heat[0])
-    return np.asarray(low_pass(np.append(given, heat[:-1]), np.exp(-step / time_constant), output) - heat)
+    return low_pass(np.append(given, heat[:-1]), np.exp(-step / time_constant), output) - heat
 
 
 def emitter_slope(lag: np.ndarray, step: float, time_constant: float) -> np.ndarray:
     """(N,) slope of an :func:`emitter_series` (N,) by the log of the time constant."""
     a = np.exp(-step / time_constant)
-    return np.asarray(lfilter([1.0], [1.0, -a], a * step / time_constant * np.append(0.0, lag[:-1])))
+    return lfilter([1.0], [1.0, -a], a * step / time_constant * np.append(0.0, lag[:-1]))
 
 
 class ResponseFilter:
@@ -71,13 +71,12 @@ class ResponseFilter:
     def __init__(self, model: FilterModel, psi: np.ndarray, plan: ChannelPlan, node: np.ndarray) -> None:
         self.model, self.psi, self.plan = model, psi, plan
         M = self.matrices = model.matrices(psi)
-        n, nb = len(M.A), M.B.shape[1] - len(M.A)
-        unit = M.B[:, nb:]
+        n, unit = len(M.A), M.of_heat
         # inputs are simulated in three groups: channels, emitter, known inputs
         self._effects = (
             np.ascontiguousarray(unit[:, node]),
             np.ascontiguousarray(unit[:, [plan.heated] * plan.emitter]),
-            np.hstack([M.B[:, :nb], unit[:, [plan.heated]]]),
+            np.hstack([M.of_boundaries, unit[:, [plan.heated]]]),
         )
         self._next = self._last = [np.zeros((n, effect.shape[1])) for effect in self._effects]
         self._variance = M.P0
@@ -152,13 +151,13 @@ def error_sensitivities(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Errors (O, L) [K] at fixed coefficients, and their derivatives (O, L, p) by psi."""
     M = model.matrices(psi)
-    plan, nb = segment.plan, segment.boundary.shape[1]
+    plan = segment.plan
     lag = emitter_series(segment.heat, model.step, np.exp(psi[-1]))
     v = node_inputs(segment, coef, lag)
     dforcing = np.tensordot(v, M.dB, axes=(1, 1))
     if plan.emitter:
         dlag = emitter_slope(lag, model.step, np.exp(psi[-1]))
-        dforcing[:, :, -1] += np.outer(coef[-1] * dlag, M.B[:, nb + plan.heated])
+        dforcing[:, :, -1] += np.outer(coef[-1] * dlag, M.of_heat[:, plan.heated])
     gains, dgains, _ = filter_gains(M.F, M.Q, model.output, NOISE**2, M.P0, M.dF, M.dQ, segment.seen)
     s = lead_sensitivities(
         M.A, M.dA, v @ M.B.T, dforcing, M.F, M.dF, gains, dgains, model.zone, segment.y, sample.origins

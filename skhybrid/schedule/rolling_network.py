@@ -60,7 +60,7 @@ def _refit_network(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: in
     """Refit from ``psi`` (p,) on the last weeks before row ``end``, and take the network through all rows so far."""
     network = OnlineNetwork(fit, _refit_psi(fit, psi, rows, end), rows.begin)
     training, first = None, rows.begin
-    half = _every_second(fit)
+    half = fit.problem.scored.every(2)
     if rows.joined:  # the training rows are the first of these rows
         first = fit.segment.n_rows
         training = network.respond(rows.between(0, first), half.sample.origins)
@@ -89,7 +89,7 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
     window = rows.between(first, end)
     forecasts = [ScoredForecasts(window, ForecastSample(origins, leads), weight)]
     if not rows.joined:
-        forecasts.append(_every_second(fit))
+        forecasts.append(fit.problem.scored.every(2))
     pull = fit.problem.pull
     if pull is not None:
         forecasts = [with_expected_heat(scored, fit.model.step) for scored in forecasts]
@@ -98,11 +98,6 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
         pull = seen._replace(usual=seen.usual and (pull.usual or not pull.observed))
     problem = replace(fit.problem, forecasts=tuple(forecasts), pull=pull)
     return minimise(problem, problem.evaluate(psi), max_steps=_STEPS).psi
-
-
-def _every_second(fit: LeadFit) -> ScoredForecasts:
-    """Training forecasts from every second origin."""
-    return fit.problem.forecasts[0].every(2)
 
 
 class RollingNetwork:

@@ -12,11 +12,11 @@ from sklearn.isotonic import isotonic_regression
 from .._table import ZoneTable
 from ..control import MOST_AHEAD, Band, Limits, LoadPaths, Plant, WantedPaths, load_frame, make_plant, steps_ahead
 from ..filtering import simulate_inverse, solve_lq_path
-from .channels import ChannelPlan, deviation, equipment, knot_name, known_heat
+from .channels import ChannelPlan, deviation, knot_name, known_heat
 from .filter_model import NOISE
 from .fit import LeadFit
 from .online_network import OriginState
-from .plant_model import emitting, forcing_by, into_heated
+from .plant_model import emitting, fitted_heat, forcing_by, into_heated
 from .segment import Segment
 
 _GRID = 101  # stages at which a part-load curve is evaluated; each knot is among them where the stage runs to 1
@@ -82,10 +82,7 @@ def load_paths(
 
 def plant_heat(fit: LeadFit, table: ZoneTable) -> np.ndarray:
     """(N,) heat [kW] of the plant in the rows of a table, by its fitted capacities."""
-    channels = equipment(fit.plan, table)
-    return known_heat(fit.plan, table) + sum(
-        fit.coef[fit.channel_names.index(one.name)] * one.series for one in channels
-    )
+    return known_heat(fit.plan, table) + fitted_heat(fit, fit.coef, table)
 
 
 def heat_frame(fit: LeadFit, index: pd.Index, paths: LoadPaths) -> pd.DataFrame:

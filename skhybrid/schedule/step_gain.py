@@ -30,7 +30,7 @@ KNOWN_HEAT = -1  # in place of the index of a channel
 #: usual step response of a room whose air is heated, 1 + 0.24 ln(t / 15 min) relative to 15 min: EnergyPlus, 14 step
 #: tests in seven zones of three buildings; hours at which it is read, and the spread of its logarithm
 _HOURS, _PER_LOG, _SHAPE_SPREAD = np.array([0.25, 1.0, 4.0, 12.0, 24.0]), 0.24, 0.1
-_NEAR, _FAR = 0.2, 0.3  # differences of logarithms up to which jumps say that a response is usual, from which it is not
+_NEAR, _FAR = 0.2, 0.3  # differences of logarithms: up to the first a response is usual, beyond the second it is not
 
 
 class ObservedGain(NamedTuple):
@@ -115,7 +115,7 @@ def _jumps(source: int, sources: Mapping[int, np.ndarray], k: np.ndarray, lead: 
     return jump, use
 
 
-def _by_lead(gains: tuple[ObservedGain, ...]) -> tuple[ObservedGain, ...] | None:
+def _of_known_heat(gains: tuple[ObservedGain, ...]) -> tuple[ObservedGain, ...] | None:
     """Gains of the known heat at the leads of jumps; None where one of them is not known."""
     known = {g.lead: g for g in gains if g.source == KNOWN_HEAT}
     return tuple(known[lead] for lead in JUMP_LEADS) if known.keys() >= set(JUMP_LEADS) else None
@@ -127,8 +127,8 @@ def _usual(hours: np.ndarray) -> np.ndarray:
 
 
 def is_usual(gains: tuple[ObservedGain, ...], step: float) -> bool | None:
-    """Whether jumps say that the response begins as is usual in rooms whose air is heated; None where it may."""
-    found = _by_lead(gains)
+    """Whether jumps say that the response begins as is usual where the air is heated; None if they leave it open."""
+    found = _of_known_heat(gains)
     if found is None:
         return False
     first, second = found
@@ -142,7 +142,7 @@ def is_usual(gains: tuple[ObservedGain, ...], step: float) -> bool | None:
 
 def is_delayed(gains: tuple[ObservedGain, ...]) -> bool:
     """Whether jumps say that the response accelerates, which that of air that is heated directly never does."""
-    found = _by_lead(gains)
+    found = _of_known_heat(gains)
     if found is None:
         return False
     first, second = found

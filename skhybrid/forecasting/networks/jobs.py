@@ -34,7 +34,7 @@ class _Data(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """A job made ready."""
+    """A job with its network, settings and windows."""
 
     job: TrainingJob
     spec: NetworkSpec
@@ -62,8 +62,9 @@ def train_networks(jobs: Sequence[TrainingJob], verbose: int = 0, on_error: str 
         results |= {i: trained if failed else _attempt(on_error, _finish, plans[i], trained[i]) for i in numbers}
     again = {i: made for i, job in enumerate(jobs) if (made := _refit(job, results[i])) is not None}
     if again:
-        trained = zip(again, train_networks(list(again.values()), verbose, on_error), strict=True)
-        results |= {i: one if isinstance(one, Exception) else _with_network(results[i], one) for i, one in trained}
+        for i, one in zip(again, train_networks(list(again.values()), verbose, on_error), strict=True):
+            # the first result knows the validation errors, the second has the network that saw all rows
+            results[i] = one if isinstance(one, Exception) else results[i]._replace(network=one.network)
     return [results[i] for i in range(len(jobs))]
 
 
@@ -90,11 +91,6 @@ def _refit(job: TrainingJob, result: JobResult | Exception) -> TrainingJob | Non
     )
 
 
-def _with_network(first: Any, again: JobResult) -> JobResult:
-    """The first result, which knows the validation errors, with the network that saw all rows."""
-    return first._replace(network=again.network)
-
-
 def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, list[TrainingResult]]:
     """Train the networks of plans of one shape in stacks, shallow ones first."""
     ordered = _in_order({i: plan.spec for i, plan in plans.items()})
@@ -109,7 +105,7 @@ def _train_group(plans: dict[int, _Plan], verbose: int) -> dict[int, list[Traini
 
 
 def _in_order(specs: dict[int, NetworkSpec]) -> list[int]:
-    """Keys by depth, and by activation to and fro, so that many neighbours share one, also where depths meet."""
+    """Keys by depth, and by activation up and down in turn: neighbours share one, also where depths meet."""
     names = sorted({spec.activation for spec in specs.values()})
     depths = sorted({spec.n_layers for spec in specs.values()})
 

@@ -38,7 +38,7 @@ class Scaler(NamedTuple):
     def of(cls, target: np.ndarray, past: np.ndarray, future: np.ndarray) -> Scaler:
         """The z-scores of a target (n,), NaN where missing, and of the columns (n, n_columns) of past and future."""
         known = target[np.isfinite(target)]
-        level, spread = (float(known.mean()), float(known.std())) if len(known) else (0.0, 1.0)
+        level, spread = float(known.mean()), float(known.std())
         spread = spread if spread > 1e-9 else 1.0
         return cls(level, spread, past.mean(axis=0), _spread(past), future.mean(axis=0), _spread(future))
 

@@ -20,8 +20,7 @@ from sklearn.utils.validation import indexable
 from ..._arguments import as_mapping, check_bool, check_integer, check_verbose
 from ..._transaction import unchanged_on_failure
 from ..._warnings import first_sentence
-from ...forecasting.extras import require_networks
-from ...forecasting.named_models import is_network
+from ...forecasting.named_models import is_network, require_networks
 from ...parallel.workers import Workers
 from ..splitters import default_split
 from .candidates import BASELINE, forecaster_prefix, last_step, model_of

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ... import __version__
-from ...forecasting.extras import networks_available
+from ...forecasting.named_models import networks_available
 from ...parallel.stored_settings import VERSION, WITHOUT_EFFECT, as_plain, is_estimator, name_of
 
 
