@@ -103,6 +103,13 @@ ROOMS = {
     "heat": (["t_out_C", "east_temp_C", "west_temp_C", "east_heat_kW", "west_heat_kW", "east_heat_stage"], {
         "T_oa": "t_out_C", "T_za_east": "east_temp_C", "Q_heat_east": "east_heat_kW", "T_za_west": "west_temp_C",
         "Q_heat_west": "west_heat_kW"}),
+    "words": (["Living Room Temp", "Kitchen Temp", "Living Room Valve", "Kitchen Valve"], {
+        "T_za_living": "Living Room Temp", "u_heat_living": "Living Room Valve", "T_za_kitchen": "Kitchen Temp",
+        "u_heat_kitchen": "Kitchen Valve"}),
+    "numbers": (["Room 1 temp (°C)", "Room 2 temp (°C)", "Valve room 1 (%)", "room_2 valve"], {
+        "T_za_room1": "Room 1 temp (°C)", "u_heat_room1": "Valve room 1 (%)", "T_za_room2": "Room 2 temp (°C)",
+        "u_heat_room2": "room_2 valve"}),
+    "places": (["Room air temp", "Room floor temp", "Heat stage"], {"T_za": "Room air temp", "u_heat": "Heat stage"}),
 }  # fmt: skip
 
 
@@ -123,7 +130,7 @@ def test_one_plant_is_one_zone():
     assert "Q_hvac" in report.roles
     wanted = "name the column of the room temperature ('kitchen_temp_C' or 'hall_temp_C'?) as T_za, or log it."
     assert wanted in report.next_steps
-    assert "rooms that share a plant are one zone; rooms with a plant each have T_za_kitchen, ..." in report.next_steps
+    assert "to forecast several rooms, name each of them, such as T_za_kitchen and T_za_hall." in report.next_steps
 
 
 # ------------------------------------------------------------------------------------------------------ the whole path

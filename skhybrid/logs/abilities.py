@@ -92,7 +92,7 @@ def _to_name(role: str, what: str, unplaced: Sequence[str], plant: bool) -> list
     perhaps = f" ({' or '.join(map(repr, unplaced[:_MOST_NAMED]))}?)" if unplaced else ""
     steps = [f"name the column of the {what} temperature{perhaps} as {role}, or log it."]
     if what == "room" and plant and len(unplaced) > 1:
-        steps.append("rooms that share a plant are one zone; rooms with a plant each have T_za_kitchen, ...")
+        steps.append("to forecast several rooms, name each of them, such as T_za_kitchen and T_za_hall.")
     return steps
 
 

@@ -14,6 +14,8 @@ _NO_ZONES = {
     "heat", "cool", "heating", "cooling", "htg", "clg", "hhw", "chw", "min", "max", "mean", "low", "high", "set", "sp",
     "actual", "target",
 }  # fmt: skip
+_ANY_ROOM = ("room", "zone", "raum", "zimmer", "kamer", "piece")  # "living room temp" is like "kitchen temp"
+_NUMBERED = re.compile(rf"\b({'|'.join(_ANY_ROOM)}) (\d+)\b")  # "room 1" is the zone room1
 _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
 
 
@@ -27,7 +29,7 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
     zones = _zones(units)
     found: dict[str, str] = {}
     for zone, measured in zones.items():
-        of_zone = {c: u for c, u in units.items() if zone in plain(c).split() and c != measured}
+        of_zone = {c: u for c, u in units.items() if zone in _words(c) and c != measured}
         own: dict[str, str] = {}
         for name, unit in of_zone.items():
             role = _role_of(name, zone, unit)
@@ -38,7 +40,7 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
         found |= {f"T_za_{zone}": measured} | {f"{role}_{zone}": name for role, name in own.items()}
     if len([zone for zone in zones if any(f"{role}_{zone}" in found for role in _OWN[:5])]) < 2:
         return {}
-    others = {c: unit for c, unit in units.items() if not set(plain(c).split()) & set(zones)}
+    others = {c: unit for c, unit in units.items() if not set(_words(c)) & set(zones)}
     shared = {g.role: c for c, g in assign_roles(others).items() if g.role is not None and g.role != "T_za"}
     return shared | found
 
@@ -83,13 +85,17 @@ def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
     """Temperature column of each zone: the largest set of columns whose names differ in one word only."""
     alike: dict[tuple[str, ...], dict[str, str]] = defaultdict(dict)
     for name, unit in units.items():
-        words = plain(name).split()
+        words = [word for word in _words(name) if word not in _ANY_ROOM]
         if not _is_room(name, unit):
             continue
         for k, word in enumerate(words):
             if not word.isdigit() and len(word) > 1 and word not in _NO_ZONES:
                 alike[(*words[:k], "", *words[k + 1 :], str(unit))].setdefault(word, name)
     return max(alike.values(), key=len, default={})
+
+
+def _words(name: str) -> list[str]:
+    return _NUMBERED.sub(r"\1\2", plain(name)).split()
 
 
 def _is_room(name: str, unit: str | None) -> bool:
@@ -100,7 +106,8 @@ def _is_room(name: str, unit: str | None) -> bool:
 
 def _role_of(name: str, zone: str, unit: str | None) -> str | None:
     """The role of a zone's column, by its name without the zone's."""
-    rest = re.sub(rf"(?i)[\W_]*(?<![^\W_]){re.escape(zone)}(?![^\W_])", "", name)
+    spelled = re.sub(r"(?<=[a-z])(?=\d)", r"[\\W_]*", re.escape(zone))
+    rest = re.sub(rf"(?i)[\W_]*(?<![^\W_]){spelled}(?![^\W_])", "", name)
     guess = guess_role(rest, unit)
     if guess.role in _OWN or guess.role == "q_sol":
         return guess.role
