@@ -25,9 +25,10 @@ from .required_heat import (
     required_heat,
     steps_ahead,
 )
-from .setpoints import Band, Limits, read_limits, read_setpoint
+from .setpoints import FREE, Band, Limits, read_limits, read_setpoint
 
 __all__ = [
+    "FREE",
     "MOST_AHEAD",
     "AffineForecast",
     "Band",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
+from functools import partial
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -224,8 +225,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         first = float(table.measured()[0])
         return first if np.isfinite(first) else self._mean
 
-    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        return self._present_scheme().forecast(table, origins, n_leads).temperature
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Any = None) -> np.ndarray:
+        return self._present_scheme().forecast(table, origins, n_leads, boundary).temperature
 
     @one_blas_thread
     def predict_from(
@@ -256,13 +257,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """
         if boundary is not None and not isinstance(boundary, Mapping):
             raise ValueError(f"boundary={boundary!r} must be a mapping of boundary temperatures to their values.")
-        if not boundary:
-            return super().predict_from(X, origins, horizon)
-
-        def paths(table: ZoneTable, rows: np.ndarray, n_leads: int) -> np.ndarray:
-            return self._present_scheme().forecast_under(table, rows, n_leads, boundary).temperature
-
-        return self._paths_from(X, origins, horizon, paths, ())
+        return self._paths_from(X, origins, horizon, partial(self._forecast, boundary=boundary), ())
 
     def _column_of(self, role: str) -> Any:
         return (self._reading()["columns"] or {}).get(role, role)

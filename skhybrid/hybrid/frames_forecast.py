@@ -112,9 +112,8 @@ class FramesForecastMixin(FramesReadingMixin):
         table, origin = self._read_both(history, future, now)
         self._warn_of_plan(table, len(future.index))
         paths = self._present_scheme().forecast(table, origin, len(future.index) - (now is not None))
-        found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
         bands = {} if levels is None else self._band_columns(table, origin, paths, now, levels, weather)
-        return pd.DataFrame(found | bands, future.index)
+        return pd.DataFrame(paths.columns(now) | bands, future.index)
 
     def _columns_ahead(
         self,
@@ -125,10 +124,9 @@ class FramesForecastMixin(FramesReadingMixin):
     ) -> dict[str, np.ndarray]:
         """The columns of :meth:`forecast` of rows that follow the known ones, under their heat."""
         paths = self._present_scheme().forecast_ahead(ahead, now)
-        found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
         if levels is None:
-            return found
-        return found | self._band_columns(*self._after_known(ahead, now), paths, now, levels, weather)
+            return paths.columns(now)
+        return paths.columns(now) | self._band_columns(*self._after_known(ahead, now), paths, now, levels, weather)
 
     def _band_columns(
         self,
@@ -212,7 +210,7 @@ class FramesForecastMixin(FramesReadingMixin):
         if delivered is not None:
             for side in free:
                 side[:1] = delivered
-        band = Band(*(side[origin:] for side in band_of(table)))
+        band = band_of(table).rows(slice(origin, None))
         return _delivered(scheme.required_heat(table, np.array([origin]), band, free))
 
     def _plant_limits(self, n_rows: int) -> Limits:
@@ -222,7 +220,7 @@ class FramesForecastMixin(FramesReadingMixin):
         measured = all(role.startswith("Q_") for role in roles)
         cools, heats = (not measured or (sign * heat).max() > 0.0 for sign in (-1.0, 1.0))
         lowest, highest = -np.inf if cools or not heats else 0.0, np.inf if heats or not cools else 0.0
-        return Limits(np.full(n_rows, lowest), np.full(n_rows, highest))
+        return Limits.constant(lowest, highest, n_rows)
 
     def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -19,7 +18,8 @@ from ..thermal import RCNetwork
 from .known_rows import KnownRows
 from .plausible_range import PlausibleRange
 
-_FREE = (-np.inf, np.inf)  # set-points of rows that have none
+#: boundary temperatures (n_origins, n_leads) [degC] by role, in place of those that a table has ahead
+Boundary = Mapping[str, np.ndarray] | None
 
 
 class Paths(NamedTuple):
@@ -29,11 +29,11 @@ class Paths(NamedTuple):
     zeta: np.ndarray  # (n_origins, n_leads) over the step that begins there [kW, or K for an output disturbance]
     zeta_now: np.ndarray  # (n_origins,) over the step that begins at the origin; NaN where that row is not asked for
 
-    def from_now(self, T_za: float | None) -> tuple[np.ndarray, np.ndarray]:
+    def columns(self, T_za: float | None) -> dict[str, np.ndarray]:
         """Temperature and zeta of the first path by the rows ahead, of which the first may be the measured origin."""
         if T_za is None:
-            return self.temperature[0], self.zeta[0]
-        return np.append(T_za, self.temperature[0]), np.append(self.zeta_now[0], self.zeta[0])
+            return {"T_za": self.temperature[0], "zeta": self.zeta[0]}
+        return {"T_za": np.append(T_za, self.temperature[0]), "zeta": np.append(self.zeta_now[0], self.zeta[0])}
 
 
 class Ahead(NamedTuple):
@@ -114,14 +114,8 @@ class Scheme(ABC):
         """Learn from a training table; what another fitted scheme has chosen may be taken from it."""
 
     @abstractmethod
-    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> Paths:
         """Forecast from each origin, which may lie in the history; anything at rows beyond the table."""
-
-    def forecast_under(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
-    ) -> Paths:
-        """:meth:`forecast`, with boundary temperatures (n_origins, n_leads) in place of the table's ahead."""
-        raise ValueError(f"boundary temperatures of the {self.name} scheme are those in X; leave boundary out.")
 
     @abstractmethod
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
@@ -154,22 +148,25 @@ class Scheme(ABC):
         ``setpoint`` and ``limits`` are of these (n_rows - n_history) rows; each origin is forecast up to the next one.
         """
 
-    def load_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
-        """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on."""
-        out = LoadPaths(*np.full((3, len(origins), n_leads), np.nan))
-        kept = origins < table.n_history
-        for chosen in (kept, ~kept):
-            scheme, rows, moved = self._before(table, origins[kept]) if chosen is kept else (self, table, 0)
-            own = wanted._replace(band=moved_band(wanted.band, moved))
-            for group in spans_apart(origins, np.flatnonzero(chosen), n_leads + 1):
-                scheme._fill(out, group, rows, origins + moved, own)
-        return out
-
     def load_paths_from(
         self, table: ZoneTable, origins: np.ndarray
     ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
-        """:meth:`load_paths` from any of these origins, whose states are computed once."""
-        return partial(self.load_paths, table)
+        """Least heat that keeps the network within the set-points (n_rows,) of a table, from some of these origins on.
+
+        They increase, and the states at them are computed once.
+        """
+
+        def paths(chosen: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
+            out = LoadPaths(*np.full((3, len(chosen), n_leads), np.nan))
+            kept = chosen < table.n_history
+            for part in (kept, ~kept):
+                scheme, rows, moved = self._before(table, chosen[kept]) if part is kept else (self, table, 0)
+                own = wanted._replace(band=wanted.band.moved(moved))
+                for group in spans_apart(chosen, np.flatnonzero(part), n_leads + 1):
+                    scheme._fill(out, group, rows, chosen + moved, own)
+            return out
+
+        return paths
 
     def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
         """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.
@@ -186,8 +183,7 @@ class Scheme(ABC):
         between = np.arange(begin, n, n_leads + 1)  # no path grows long; one of these within another would end it
         since = between[:, None] - own
         starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
-        band = Band(*(side[begin:] for side in wanted.band))
-        within = Limits(*(np.full(n - begin, limit) for limit in wanted.limits))
+        band, within = wanted.band.rows(slice(begin, None)), Limits.constant(*wanted.limits, n - begin)
         if wanted.delivered is not None:
             for side in within:
                 side[own - begin] = wanted.delivered[group]
@@ -241,19 +237,6 @@ class Scheme(ABC):
         made = shallow_copy(self)
         made.__dict__.update(changes)
         return made
-
-
-def measured_now(future: ZoneTable, T_za: float) -> ZoneTable:
-    """The first row of a table as one that is known, with its measured temperature."""
-    now = future.rows(slice(0, 1))
-    return now.replace(history={**now.history, "T_za": np.array([T_za])})
-
-
-def moved_band(band: Band, moved: int) -> Band:
-    """The set-points of a table that has so many more rows, or fewer, at its begin; those have none."""
-    if moved < 0:
-        return Band(*(side[-moved:] for side in band))
-    return Band(*(np.append(np.full(moved, free), side) for side, free in zip(band, _FREE, strict=True)))
 
 
 def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:

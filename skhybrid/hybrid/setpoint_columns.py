@@ -6,9 +6,7 @@ import numpy as np
 
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._warnings import several
-from ..control import Band
-
-_FREE = (-np.inf, np.inf)
+from ..control import FREE, Band
 
 
 def band_of(table: ZoneTable) -> Band:
@@ -17,7 +15,7 @@ def band_of(table: ZoneTable) -> Band:
         np.where(np.isfinite(table.history[role]), table.history[role], free)
         if role in table.history
         else np.full(table.n_rows, free)
-        for role, free in zip(SETPOINT_ROLES, _FREE, strict=True)
+        for role, free in zip(SETPOINT_ROLES, FREE, strict=True)
     )
     return Band(*sides)
 
