@@ -22,7 +22,7 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid.exceptions import MeasurementWarning, UnitWarning
-from skhybrid.hybrid import base
+from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.building import building_forecast, building_predictor
 from skhybrid.hybrid.building.zone_columns import ZoneColumns
 from skhybrid.model_selection import backtest, score_intervals
@@ -162,7 +162,7 @@ def test_update_and_forecast_are_predict_from(building, later, tomorrow):
 
 def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, later, tomorrow, monkeypatch):
     """Whether a building parses a table for all of its zones, or each predictor by itself, changes nothing."""
-    n_read, read = [], base.read_table
+    n_read, read = [], frames_reading.read_table
 
     def counted(*args, **kwargs):
         n_read.append(1)
@@ -175,7 +175,7 @@ def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, late
         return pd.concat(frames), len(n_read)
 
     NOW, BANDS = {"T_za": [20.0, 18.0, 19.0]}, {"quantiles": (0.1, 0.9)}
-    monkeypatch.setattr(base, "read_table", counted)
+    monkeypatch.setattr(frames_reading, "read_table", counted)
     at_once, n_at_once = step(building)
     for module in (building_forecast, building_predictor):
         monkeypatch.setattr(module, "tables_of_zones", lambda *args, **kwargs: None)

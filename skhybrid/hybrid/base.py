@@ -15,22 +15,17 @@ from sklearn.utils.validation import check_is_fitted
 from .._arguments import check_bool
 from .._summary import TrainingRecord, network_tables
 from .._table import (
-    HISTORY_ROLES,
     SETPOINT_ROLES,
     UNLIMITED,
     ZoneTable,
-    append_tables,
     checked_columns,
-    read_table,
     read_target,
-    refuse_other_clock,
 )
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from ..forecasting.quantiles import LeftOut
-from ..thermal import RCNetwork
 from .affine_frames import AffineFramesMixin
-from .preprocess import fit_preprocess, preprocessed
+from .parts import fit_preprocess
 from .scheme import Scheme
 from .setpoint_columns import check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
@@ -52,12 +47,7 @@ def _of_scheme(name: str, doc: str) -> Any:
 class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
-    adapt: Adapt
     preprocess: Any
-    preprocess_: Any
-    columns: Mapping[str, Any] | None
-    sampling_time: Any
-    holidays: Any
     origin_step: Any
     max_missing: float
     intervals: bool  # whether fit learns them
@@ -66,10 +56,6 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     def _make_scheme(self) -> Scheme:
         """The scheme, unfitted, by the parameters, which it checks."""
         raise NotImplementedError
-
-    def _reading(self) -> dict[str, Any]:
-        """Arguments with which tables are read."""
-        return {"columns": self.columns, "sampling_time": self.sampling_time, "holidays": self.holidays}
 
     @unchanged_on_failure
     @one_blas_thread
@@ -155,39 +141,6 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         return self._law is not None
 
-    def _check_adapt(self) -> None:
-        if self.adapt not in (None, "linear", "full"):
-            raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
-
-    def _present_scheme(self) -> Scheme:
-        """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
-        self._check_adapt()
-        return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
-
-    def _read(self, X: Any, network: RCNetwork, *, reset: bool, **reading: Any) -> ZoneTable:
-        given = {"history_roles": (*HISTORY_ROLES, *SETPOINT_ROLES), **self._reading(), **reading}
-        return read_table(
-            self,
-            preprocessed(self.preprocess_, X, [self._column_of("T_za")]),
-            required=network.required_roles,
-            # weather and plant, and of further boundary temperatures those that the network names
-            needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
-            reset=reset,
-            min_rows=2 if reset else 1,
-            expected_step=None if reset else self.sampling_time_,
-            **given,
-        )
-
-    def _read_X(self, X: Any) -> ZoneTable:
-        table = self._read(X, self._scheme.network, reset=False)
-        # a measured disturbance is not read
-        return table.replace(history={k: v for k, v in table.history.items() if k in ("T_za", *SETPOINT_ROLES)})
-
-    def _read_following(self, X: Any) -> ZoneTable:
-        """X in the time zone of the known rows, which it continues."""
-        rows = self._scheme.rows
-        return rows.with_own_clock(self._read_X(rows.in_own_zone(X)))
-
     def _read_building(self, X: pd.DataFrame, columns: Mapping[str, Any], past: Sequence[str]) -> ZoneTable:
         """Rows of a building that follow the known ones, by the columns of all its zones; ``past`` may be missing."""
         rows, network = self._scheme.rows, self._scheme.network
@@ -212,14 +165,6 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         made = copy(self)
         made._scheme = self._scheme.advanced(_measured(table, table.history["T_za"]))
         return made
-
-    def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
-        rows = self._scheme.rows
-        refuse_other_clock(table, rows.training)
-        if not table.follows(rows.latest):
-            return table, 0
-        end = rows.end()
-        return append_tables(end, table), end.n_rows
 
     def _cold_value(self, table: ZoneTable) -> float:
         first = float(table.measured()[0])
@@ -258,9 +203,6 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         if boundary is not None and not isinstance(boundary, Mapping):
             raise ValueError(f"boundary={boundary!r} must be a mapping of boundary temperatures to their values.")
         return self._paths_from(X, origins, horizon, partial(self._forecast, boundary=boundary), ())
-
-    def _column_of(self, role: str) -> Any:
-        return (self._reading()["columns"] or {}).get(role, role)
 
     @one_blas_thread
     def left_out_errors(self) -> LeftOut:

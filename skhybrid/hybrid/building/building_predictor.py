@@ -24,8 +24,8 @@ from ...exceptions import MeasurementWarning
 from ...forecasting.quantiles import LeftOut
 from ...thermal import get_network
 from ..base import BaseHybrid
+from ..parts import fit_preprocess, preprocessed
 from ..predictor import HybridPredictor, takes_two_stages
-from ..preprocess import fit_preprocess, preprocessed
 from ..schedule_predictor import DEFAULT_NETWORK
 from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
