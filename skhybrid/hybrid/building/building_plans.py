@@ -16,7 +16,8 @@ from ...control import AffineForecast, Limits, decided_on, heat_column, read_inp
 from ...control.setpoints import read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, columns_of, of_zone, with_next
+from .building_forecast import BuildingForecastMixin, columns_of, of_zone
+from .building_tables import with_next
 from .coupled_zone import CoupledZone, at_common_origins
 from .zone_columns import held
 
@@ -94,9 +95,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         if limits is None or isinstance(limits, Mapping):
             own = self._by_zone(limits, "limits")
             return self._loads(rows, wanted, {(z, near): own.get(z) for z, near in self._predictors})[0]
-        first = self.own_[self.zones_[0]]
         with of_zone(self.zones_[0]):
-            table, n_tail, _ = first._load_rows(rows, first._plant)
+            table, n_tail, _ = self._first._load_rows(rows, self._first._plant)
         shared = read_limits(limits, table.rows(slice(n_tail, None)))
         if (shared.lower > 0.0).any() or (shared.upper < 0.0).any():
             raise ValueError("limits of all zones together must have 0 kW, a plant that is off, between them.")
@@ -231,8 +231,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         names = quantile_columns(levels)
         bands = np.stack([frame[[f"{name}_{zone}" for name in names]].to_numpy() for zone in self.zones_], axis=-1)
         assert self._joint is not None  # as there are intervals
-        before = self.own_[self.zones_[0]].sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
-        index = self.own_[self.zones_[0]]._scheme.rows.in_own_zone(frame).index
+        before = self._first.sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
+        index = self._first._scheme.rows.in_own_zone(frame).index
         drawn = self._joint.drawn(_hours(index)[0] - before, n_samples, len(frame), check_random_state(random_state))
         ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
         return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)
