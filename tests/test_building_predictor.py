@@ -486,6 +486,16 @@ def test_rooms_that_only_look_alike_are_not_exchanged(two_stages, rooms):
     assert copy.deepcopy(two_stages).update(bare, y.to_numpy()).known_until_ == X.index[-1]
 
 
+def test_a_score_needs_a_measured_row_and_a_weight_for_each(two_stages, rooms, later):
+    X, y = later[:DAY], rooms[1][N_TRAIN : N_TRAIN + DAY]
+    weight = np.arange(1.0, DAY + 1.0)
+    assert two_stages.score(X, y, weight) != two_stages.score(X, y)
+    with pytest.raises(ValueError, match="no measured row"):
+        two_stages.score(X, y.assign(**{ZONES[0]: np.nan}))
+    with pytest.raises(ValueError, match="sample_weight"):
+        two_stages.score(X, y, weight[1:])
+
+
 def test_a_failed_update_changes_nothing(building, later):
     model = copy.deepcopy(building)
     before = model.predict(later[:30])

@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
-from sklearn.metrics import r2_score
 from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted
 
 from ..._arguments import check_n_jobs
+from ..._rolling import r2_of_measured
 from ..._summary import SummaryMixin
 from ..._table import as_numbers, as_pandas
 from ..._time import rows_of
@@ -318,13 +318,16 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         X : DataFrame or array-like of shape (n_samples, n_features)
         y : array-like of shape (n_samples, n_zones)
         sample_weight : array-like of shape (n_samples,), optional
+
+        Raises
+        ------
+        ValueError
+            If there is no row in which all zones were measured, or X or ``y`` cannot be read.
         """
         check_consistent_length(X, y)
         predicted = np.asarray(self.predict(X))
         measured = as_numbers(self._known(X, y), "y").reshape(predicted.shape)
-        seen = np.isfinite(measured.reshape(len(measured), -1)).all(axis=1)
-        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
-        return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+        return r2_of_measured(measured, predicted, sample_weight)
 
     def drift(self, X: Any = None) -> pd.DataFrame:
         """Report day by day whether what was learned of each zone still holds: :meth:`HybridPredictor.drift`.
