@@ -23,14 +23,7 @@ from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joine
 from ..identification.plan_model import columns_of, linear_network, plan_gain
 from ..identification.rolling_state import advance, drive_on, identify_again
 from ..thermal import get_network
-from .drift import DriftMonitor
-from .earlier_states import EarlierStates
-from .hourly_aggregation import HourlyAggregation
-from .known_rows import KnownRows
-from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
-from .tables import (
-    ELSEWHERE,
-    KEPT,
+from .disturbance_steps import (
     Steps,
     average,
     disturbance_step,
@@ -39,12 +32,15 @@ from .tables import (
     frame_of,
     join_steps,
     reads_tables,
-    stamps_ns,
     steps_of_rows,
-    with_stamps,
     with_step_before,
-    zone_of,
 )
+from .drift import DriftMonitor
+from .earlier_states import EarlierStates
+from .hourly_aggregation import HourlyAggregation
+from .known_rows import KnownRows
+from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
+from .tables import ELSEWHERE, KEPT, stamps_ns, with_stamps, zone_of
 from .weekly_refit import WeeklyRefit, by_days, reference_days
 
 
