@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._shallow import shallow_copy
 from .._table import ZoneTable
-from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, heat_column
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths
 from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
@@ -148,6 +148,7 @@ class Scheme(ABC):
         ``setpoint`` and ``limits`` are of these (n_rows - n_history) rows; each origin is forecast up to the next one.
         """
 
+    @abstractmethod
     def load_paths_from(
         self, table: ZoneTable, origins: np.ndarray
     ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
@@ -155,44 +156,6 @@ class Scheme(ABC):
 
         They increase, and the states at them are computed once.
         """
-
-        def paths(chosen: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
-            out = LoadPaths(*np.full((3, len(chosen), n_leads), np.nan))
-            kept = chosen < table.n_history
-            for part in (kept, ~kept):
-                scheme, rows, moved = self._before(table, chosen[kept]) if part is kept else (self, table, 0)
-                own = wanted._replace(band=wanted.band.moved(moved))
-                for group in spans_apart(chosen, np.flatnonzero(part), n_leads + 1):
-                    scheme._fill(out, group, rows, chosen + moved, own)
-            return out
-
-        return paths
-
-    def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
-        """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.
-
-        The third value is by how many rows they move.  By default the table stands alone.
-        """
-        return self, table.replace(n_history=0), 0
-
-    def _fill(
-        self, out: LoadPaths, group: np.ndarray, table: ZoneTable, origins: np.ndarray, wanted: WantedPaths
-    ) -> None:
-        """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
-        n_leads, n, begin, own = out.heat.shape[1], table.n_rows, table.n_history, origins[group]
-        between = np.arange(begin, n, n_leads + 1)  # no path grows long; one of these within another would end it
-        since = between[:, None] - own
-        starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
-        band, within = wanted.band.rows(slice(begin, None)), Limits.constant(*wanted.limits, n - begin)
-        if wanted.delivered is not None:
-            for side in within:
-                side[own - begin] = wanted.delivered[group]
-        found = self.required_heat(table, starts, band, within)
-        load = found[[heat_column(found), "T_za", "zeta"]].to_numpy().T
-        for i in group:
-            rows = np.minimum(origins[i] - begin + np.arange(n_leads), n - begin - 1)
-            out.heat[i], out.zeta[i] = load[0, rows], load[2, rows]
-            out.temperature[i] = load[1, np.minimum(rows + 1, n - begin - 1)]
 
     @abstractmethod
     def plant_heat(self, table: ZoneTable) -> np.ndarray:
@@ -237,15 +200,3 @@ class Scheme(ABC):
         made = shallow_copy(self)
         made.__dict__.update(changes)
         return made
-
-
-def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:
-    """Groups of the ``chosen`` among origins; in each of them they lie at least so many rows apart."""
-    groups: list[list[int]] = []
-    for i in sorted(chosen, key=lambda i: origins[i]):
-        place = next((group for group in groups if origins[i] - origins[group[-1]] >= least), None)
-        if place is None:
-            groups.append([i])
-        else:
-            place.append(i)
-    return [np.array(group) for group in groups]
