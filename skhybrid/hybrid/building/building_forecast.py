@@ -246,7 +246,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         check_is_fitted(self)
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
-        now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
+        now, wanted = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint)
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:
             self._refuse_shared_plants()
@@ -301,29 +301,39 @@ class BuildingForecastMixin(BuildingTablesMixin):
 
         return of
 
-    def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
-        """A value per zone: by name, or in the order of zones; a set-point without zones holds for all."""
-        if given is None:
+    def _now_by_zone(self, T_za: Any) -> dict[str, float]:
+        """Temperatures that are measured now, given by zone or in the order of zones; empty where there are none."""
+        if T_za is None:
             return {}
-        if name == "setpoint" and not isinstance(given, Mapping):
-            self._refuse_without_plant(name)
-            return dict.fromkeys(self.zones_, given)
-        if not isinstance(given, Mapping | pd.Series):
-            values = np.atleast_1d(as_numbers(given, name))
+        if not isinstance(T_za, Mapping | pd.Series):
+            values = np.atleast_1d(as_numbers(T_za, "T_za"))
             if len(values) != len(self.zones_):
-                raise ValueError(f"{name} has {len(values)} values; give one for each of {listed(self.zones_)}.")
-            given = dict(zip(self.zones_, values, strict=True))
+                raise ValueError(f"T_za has {len(values)} values; give one for each of {listed(self.zones_)}.")
+            return dict(zip(self.zones_, values, strict=True))
+        by_zone = self._by_zone(T_za, "T_za")
+        absent = [zone for zone in self.zones_ if zone not in by_zone]
+        if absent:
+            raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
+        return by_zone
+
+    def _setpoints_by_zone(self, setpoint: Any) -> dict[str, Any]:
+        """The set-points of each zone, where some are given; a zone that they leave out is free."""
+        if setpoint is None:
+            return {}
+        if not isinstance(setpoint, Mapping):
+            self._refuse_without_plant("setpoint")
+            return dict.fromkeys(self.zones_, setpoint)
+        by_zone = self._by_zone(setpoint, "setpoint")
+        self._refuse_without_plant("setpoint", by_zone)
+        return dict.fromkeys(self.zones_, (None, None)) | by_zone
+
+    def _by_zone(self, given: Mapping[Any, Any] | pd.Series, name: str) -> dict[str, Any]:
+        """What is given for some zones, by the name of each; a name of none is refused."""
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
         unknown = [zone for zone in by_zone if zone not in self.zones_]
         if unknown:
             raise ValueError(f"{name} names {unknown[0]!r}, which is no zone; the zones are {listed(self.zones_)}.")
-        if name != "T_za":
-            self._refuse_without_plant(name, by_zone)
-        absent = [zone for zone in self.zones_ if zone not in by_zone]
-        if absent and name == "T_za":
-            raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
-        # other zones are free; without limits each has its own
-        return (dict.fromkeys(absent, (None, None)) if name == "setpoint" else {}) | by_zone
+        return by_zone
 
     def _refuse_without_plant(self, name: str, zones: Iterable[str] = ()) -> None:
         """Refuse a set-point or limits of zones without a plant, or where no zone has one."""

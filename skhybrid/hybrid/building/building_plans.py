@@ -12,8 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._arguments import check_integer
 from ..._joining import refuse_no_frames
-from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs
-from ...control.setpoints import read_limits
+from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs, read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
 from .building_forecast import BuildingForecastMixin, columns_of, of_zone
@@ -89,11 +88,13 @@ class BuildingPlansMixin(BuildingForecastMixin):
             column of a plant (``shared_plants_``).
         """
         self._refuse_shared_plants()
-        wanted = self._by_zone(setpoint, "setpoint")
+        wanted = self._setpoints_by_zone(setpoint)
         X = self._prepared(X)
         rows = self._with_measured(X, self._known(X))
         if limits is None or isinstance(limits, Mapping):
-            own = self._by_zone(limits, "limits")
+            own = self._by_zone(limits or {}, "limits")
+            if limits is not None:
+                self._refuse_without_plant("limits", own)
             return self._loads(rows, wanted, {(z, near): own.get(z) for z, near in self._predictors})[0]
         with of_zone(self.zones_[0]):
             table, n_tail, _ = self._first._load_rows(rows, self._first._plant)
@@ -171,7 +172,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         check_is_fitted(self)
         refuse_no_frames(history, future)
         roles = self._inputs(inputs)
-        ahead, now = self._prepared(future), self._by_zone(T_za, "T_za")
+        ahead, now = self._prepared(future), self._now_by_zone(T_za)
         known = None if history is None else self._prepared(history)
         plan = np.column_stack([self._planned(ahead, role) for role in roles])
         acts = [(k, *one) for k, role in enumerate(roles) for one in self._columns.input_of(role)]

@@ -20,7 +20,7 @@ from .zone_columns import NEXT, ZoneColumns, carried_on, temperatures_of
 
 
 class BuildingTablesMixin:
-    """Reading of a building's tables."""
+    """Reading of tables of all zones, and of what was measured in each."""
 
     estimator: Any
     preprocess_: Any
@@ -82,8 +82,8 @@ def tables_of_zones(
     """Each zone's table of rows that follow the known ones, without its neighbours' temperatures.
 
     None where the rows are not read by name, or something in them is refused or warned of: each zone's predictor then
-    reads them itself, so that the message names its columns.  With ``measured`` every zone must
-    have a column of its temperature.
+    reads them itself, so that the message names its columns.  With ``measured`` every zone must have a column of its
+    temperature.
     """
     first = next(iter(models.values()))
     if not isinstance(X, pd.DataFrame) or not hasattr(first, "feature_names_in_"):
