@@ -69,14 +69,16 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
         raise ValueError(f"setpoint has {len(sides)} columns; give one, or the heating and the cooling set-point.")
     if len(sides) == 1:
         held = _by_row(sides[0], table, "setpoint", np.nan, "T_za")
-        _refuse(~np.isfinite(held), table, "setpoint contains NaN or inf", "fill it first")
+        refuse_where(~np.isfinite(held), table, "setpoint contains NaN or inf", "fill it first")
         held = np.append(held[1:], held[-1])
         return Band(held, held)
     given = list(zip(sides, ("heating", "cooling"), FREE, strict=True))
     band = Band(*(_by_row(side, table, f"the {name} set-point", free, "T_za") for side, name, free in given))
     for held, (_, name, free) in zip(band, given, strict=True):
-        _refuse(~np.isfinite(held) & (held != free), table, f"the {name} set-point contains NaN or inf", "fill it")
-    _refuse(band.heating > band.cooling, table, "the heating set-point is above the cooling one", "swap or mend them")
+        refuse_where(~np.isfinite(held) & (held != free), table, f"the {name} set-point contains NaN or inf", "fill it")
+    refuse_where(
+        band.heating > band.cooling, table, "the heating set-point is above the cooling one", "swap or mend them"
+    )
     return band
 
 
@@ -89,8 +91,8 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
         _by_row(given[0], table, "the lower limit", -np.inf, "Q_hvac"),
         _by_row(given[1], table, "the upper limit", np.inf, "Q_hvac"),
     )
-    _refuse(np.isnan(out.lower) | np.isnan(out.upper), table, "limits contain NaN", "fill them")
-    _refuse(out.lower > out.upper, table, "limits have the lowest heat above the highest", "swap or mend them")
+    refuse_where(np.isnan(out.lower) | np.isnan(out.upper), table, "limits contain NaN", "fill them")
+    refuse_where(out.lower > out.upper, table, "limits have the lowest heat above the highest", "swap or mend them")
     return out
 
 
@@ -133,6 +135,7 @@ def _by_row(given: Any, table: ZoneTable, name: str, absent: float, role: str) -
     return values
 
 
-def _refuse(wrong: np.ndarray, table: ZoneTable, what: str, remedy: str) -> None:
+def refuse_where(wrong: np.ndarray, table: ZoneTable, what: str, remedy: str) -> None:
+    """Refuse a table with rows that are ``wrong`` (n_rows,) bool, and name the first of them."""
     if wrong.any():
         raise ValueError(f"{what} (first at {table.index[int(np.argmax(wrong))]}); {remedy}.")

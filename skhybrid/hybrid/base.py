@@ -303,7 +303,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """Report day by day whether what was learned still holds; nothing is taken in.
 
         Each day's temperature (schedule model) or disturbance (two-stage scheme) is compared with its forecast from
-        midnight, without adaptation; the reference are left-out training days (:class:`~skhybrid.hybrid.DriftMonitor`).
+        midnight, without adaptation; left-out training days are the reference (:class:`~skhybrid.hybrid.DriftMonitor`).
 
         Parameters
         ----------

@@ -27,7 +27,7 @@ from .._table import (
     refuse_gap,
     refuse_other_clock,
 )
-from ..control import Plan, covered_by, warn_uncovered
+from ..control import Plan, warn_uncovered
 from ..thermal import RCNetwork
 from .parts import preprocessed
 from .scheme_intervals import HybridQuantilesMixin
@@ -150,5 +150,4 @@ class FramesReadingMixin(HybridQuantilesMixin):
 
     def _warn_of_plan(self, table: ZoneTable, n_ahead: int) -> None:
         """Warn where the plant of the last rows of a table leaves what training covered."""
-        covered = covered_by(self._scheme.rows.training.inputs, self._plant)
-        warn_uncovered(Plan.of(table, self._plant, n_ahead), self._plant, covered)
+        warn_uncovered(Plan.of(table, self._plant, n_ahead), self._plant, self._scheme.rows.training.inputs)

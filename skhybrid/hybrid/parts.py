@@ -1,4 +1,4 @@
-"""Parts that a predictor is given: cloned, refused where they cannot do their work; the transformer of its tables."""
+"""Parts that a user gives a predictor: cloned, and refused if unsuitable; among them the transformer of its tables."""
 
 from __future__ import annotations
 
