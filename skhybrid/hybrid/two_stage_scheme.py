@@ -222,12 +222,9 @@ class TwoStageScheme(EarlierStates):
 
     def affine(self, ahead: Ahead, plan: Plan, member: str) -> AffinePaths:
         zeta, temperature = self._unclipped(ahead)
-        if ahead.T_za is None:
-            zeta = zeta[1:]
-        else:
-            temperature = np.append(ahead.T_za, temperature)
+        found = Paths(temperature[None], zeta[None, 1:], zeta[:1]).columns(ahead.T_za)
         gain = plan_gain(self.gray_box_.filtered_network_, plan.inputs, ahead.n_rows)
-        return AffinePaths(temperature, zeta, gain, np.zeros(len(plan.inputs), dtype=bool))
+        return AffinePaths(found["T_za"], found["zeta"], gain, np.zeros(len(plan.inputs), dtype=bool))
 
     def _unclipped(self, ahead: Ahead) -> tuple[np.ndarray, np.ndarray]:
         """(n_leads + 1,) disturbance from the origin on, and (n_leads,) temperatures."""
