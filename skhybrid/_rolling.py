@@ -34,6 +34,15 @@ def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
     return rows.astype(np.int64)
 
 
+def r2_of_measured(measured: np.ndarray, predicted: np.ndarray, sample_weight: Any) -> float:
+    """Coefficient of determination by the rows (n,) or (n, n_measured) that were measured; refused without any."""
+    seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
+    if not seen.any():
+        raise ValueError("y has no measured row to score by; give rows in which it was measured.")
+    weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
+    return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+
+
 class RollingForecastMixin(SummaryMixin, RegressorMixin):
     """``predict``, ``predict_from`` and ``score``; a subclass sets ``horizon`` and ``_tail``, and has the hooks."""
 
@@ -128,11 +137,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         table = self._read_X(X)
         predicted = self._predicted(table)
         measured = self._read_target(y, table)
-        seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
-        if not seen.any():
-            raise ValueError("y has no measured row to score by; give rows in which it was measured.")
-        weight = None if sample_weight is None else _check_sample_weight(sample_weight, measured)[seen]
-        return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+        return r2_of_measured(measured, predicted, sample_weight)
 
     def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
         """(n_rows,) or (n_rows, n_measured) measured values, of which any may be missing."""

@@ -23,7 +23,7 @@ from skhybrid import (
 )
 from skhybrid.datasets import make_house
 from skhybrid.exceptions import MeasurementWarning, UnitWarning
-from skhybrid.hybrid import base
+from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.building import building_forecast, building_predictor
 from skhybrid.hybrid.building.zone_columns import ZoneColumns
 from skhybrid.model_selection import backtest, score_intervals
@@ -163,7 +163,7 @@ def test_update_and_forecast_are_predict_from(building, later, tomorrow):
 
 def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, later, tomorrow, monkeypatch):
     """Whether a building parses a table for all of its zones, or each predictor by itself, changes nothing."""
-    n_read, read = [], base.read_table
+    n_read, read = [], frames_reading.read_table
 
     def counted(*args, **kwargs):
         n_read.append(1)
@@ -176,7 +176,7 @@ def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, late
         return pd.concat(frames), len(n_read)
 
     NOW, BANDS = {"T_za": [20.0, 18.0, 19.0]}, {"quantiles": (0.1, 0.9)}
-    monkeypatch.setattr(base, "read_table", counted)
+    monkeypatch.setattr(frames_reading, "read_table", counted)
     at_once, n_at_once = step(building)
     for module in (building_forecast, building_predictor):
         monkeypatch.setattr(module, "tables_of_zones", lambda *args, **kwargs: None)
@@ -485,6 +485,16 @@ def test_rooms_that_only_look_alike_are_not_exchanged(two_stages, rooms):
     assert two_stages.score(X.assign(T_za_hall=20.0), y.assign(study=20.0)) > -np.inf
     bare = X.drop(columns=T_OF)
     assert copy.deepcopy(two_stages).update(bare, y.to_numpy()).known_until_ == X.index[-1]
+
+
+def test_a_score_needs_a_measured_row_and_a_weight_for_each(two_stages, rooms, later):
+    X, y = later[:DAY], rooms[1][N_TRAIN : N_TRAIN + DAY]
+    weight = np.arange(1.0, DAY + 1.0)
+    assert two_stages.score(X, y, weight) != two_stages.score(X, y)
+    with pytest.raises(ValueError, match="no measured row"):
+        two_stages.score(X, y.assign(**{ZONES[0]: np.nan}))
+    with pytest.raises(ValueError, match="sample_weight"):
+        two_stages.score(X, y, weight[1:])
 
 
 def test_a_failed_update_changes_nothing(building, later):

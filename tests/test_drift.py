@@ -180,7 +180,7 @@ def test_what_a_monitor_cannot_read_is_refused():
     days = _days(30, np.random.default_rng(0))
     with pytest.raises(NotFittedError, match="call fit first"):
         DriftMonitor().watch(*days)
-    for rate in (0.0, -1.0, np.nan, np.inf, "one"):
+    for rate in (0.0, -1.0, np.nan, np.inf, "one", True):
         with pytest.raises(ValueError, match=r"false_alarms_per_year=.* must be a positive number"):
             DriftMonitor(rate).fit(*days)
     with pytest.raises(ValueError, match="no increasing days"):

@@ -31,9 +31,9 @@ from skhybrid import (
 from skhybrid._holidays import NO_HOLIDAYS
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.exceptions import MeasurementWarning, ScaleNotIdentifiableWarning, SkhybridWarning, UnitWarning
+from skhybrid.hybrid.disturbance_steps import join_steps, steps_table
 from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
 from skhybrid.hybrid.predictor import takes_two_stages
-from skhybrid.hybrid.tables import join_steps, steps_table
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import UnitConverter

@@ -114,9 +114,10 @@ def test_a_path_under_a_thermostat_reads_nothing_after_its_origin(log, two_stage
     table = two_stages._read_X(log[14 * DAY :])
     wanted = WantedPaths(band_of(table), (-6.0, 6.0))
     for origin in range(30, 31 + n_leads):
+        at = np.array([origin])
         T = table.history["T_za"] + 4.0 * (np.arange(table.n_rows) > origin)
         changed = table.replace(history={**table.history, "T_za": T})
-        one, two = (two_stages._scheme.load_paths(t, np.array([origin]), n_leads, wanted) for t in (table, changed))
+        one, two = (two_stages._scheme.load_paths_from(t, at)(at, n_leads, wanted) for t in (table, changed))
         for first, second in zip(one, two, strict=True):
             np.testing.assert_array_equal(first, second)
 

@@ -3,7 +3,6 @@
 from .affine import AffineForecast, ControlModel, LinearNetwork, gain_of, impulse_response
 from .heat_plan import (
     Plan,
-    covered_by,
     decided_on,
     limits_of,
     planned,
@@ -25,9 +24,10 @@ from .required_heat import (
     required_heat,
     steps_ahead,
 )
-from .setpoints import Band, Limits, read_limits, read_setpoint
+from .setpoints import FREE, Band, Limits, read_limits, read_plant_limits, read_setpoint, refuse_where
 
 __all__ = [
+    "FREE",
     "MOST_AHEAD",
     "AffineForecast",
     "Band",
@@ -39,7 +39,6 @@ __all__ = [
     "Plan",
     "Plant",
     "WantedPaths",
-    "covered_by",
     "decided_on",
     "gain_of",
     "heat_column",
@@ -51,8 +50,10 @@ __all__ = [
     "read_inputs",
     "read_limits",
     "read_member",
+    "read_plant_limits",
     "read_setpoint",
     "refuse_boundary",
+    "refuse_where",
     "required_heat",
     "steps_ahead",
     "warn_bent",

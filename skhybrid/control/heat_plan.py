@@ -87,14 +87,14 @@ def planned(future: Any, inputs: Sequence[str], column_of: Callable[[str], Any])
     return filled, given
 
 
-def covered_by(training: Mapping[str, np.ndarray], inputs: Sequence[str]) -> np.ndarray:
+def _covered_by(training: Mapping[str, np.ndarray], inputs: Sequence[str]) -> np.ndarray:
     """(m, 2) least and most of each input in training, and 0."""
     return np.array([[min(0.0, training[r].min()), max(0.0, training[r].max())] for r in inputs]).reshape(-1, 2)
 
 
-def warn_uncovered(plan: Plan, given: Sequence[str], covered: np.ndarray) -> None:
-    """Warn of a plan that leaves what training covered (m, 2), of the inputs that were given."""
-    for role, values, (low, high) in zip(plan.inputs, plan.values.T, covered, strict=True):
+def warn_uncovered(plan: Plan, given: Sequence[str], training: Mapping[str, np.ndarray]) -> None:
+    """Warn of a plan that leaves what training covered, of the inputs that were given."""
+    for role, values, (low, high) in zip(plan.inputs, plan.values.T, _covered_by(training, plan.inputs), strict=True):
         margin = _BEYOND * (high - low) + 1e-9
         share = float(((values < low - margin) | (values > high + margin)).mean())
         if role in given and share > 0:
@@ -115,9 +115,9 @@ def warn_bent(plan: Plan, bent: np.ndarray) -> None:
         )
 
 
-def limits_of(stages: Mapping[str, float], covered: np.ndarray, inputs: Sequence[str]) -> np.ndarray:
-    """(m, 2) least and most of each input: of a stage 0 and its highest value, of measured heat what is covered."""
-    own = zip(inputs, covered, strict=True)
+def limits_of(stages: Mapping[str, float], training: Mapping[str, np.ndarray], inputs: Sequence[str]) -> np.ndarray:
+    """(m, 2) least and most of each input: of a stage 0 and its highest value, of heat what training covered."""
+    own = zip(inputs, _covered_by(training, inputs), strict=True)
     return np.array([(0.0, stages[role]) if role in stages else ends for role, ends in own]).reshape(-1, 2)
 
 

@@ -12,6 +12,9 @@ from .._ranges import check_range
 from .._table import ZoneTable, as_numbers, numeric
 from .._time import refuse_other_stamps
 
+#: lower and upper end where there is none: of set-points [degC], and of the heat of a plant [kW]
+FREE = (-np.inf, np.inf)
+
 
 class Band(NamedTuple):
     """Band in which the temperature is kept at the end of every row's step; one temperature where both are equal."""
@@ -19,12 +22,27 @@ class Band(NamedTuple):
     heating: np.ndarray  # (N,) lowest [degC]; -inf where it is not held
     cooling: np.ndarray  # (N,) highest [degC]; inf where it is not held
 
+    def rows(self, chosen: slice) -> Band:
+        """The band of some of the rows."""
+        return Band(*(side[chosen] for side in self))
+
+    def moved(self, n_rows: int) -> Band:
+        """The band of a table that begins so many rows earlier, where nothing is held; later where negative."""
+        if n_rows < 0:
+            return self.rows(slice(-n_rows, None))
+        return Band(*(np.append(np.full(n_rows, free), side) for side, free in zip(self, FREE, strict=True)))
+
 
 class Limits(NamedTuple):
     """Least and most heat of a plant over every row's step."""
 
     lower: np.ndarray  # (N,) [kW], cooling negative; -inf where nothing is known
     upper: np.ndarray  # (N,) [kW]
+
+    @classmethod
+    def constant(cls, lowest: float, highest: float, n_rows: int) -> Limits:
+        """The same limits in all rows."""
+        return cls(np.full(n_rows, lowest), np.full(n_rows, highest))
 
 
 def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
@@ -51,16 +69,16 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
         raise ValueError(f"setpoint has {len(sides)} columns; give one, or the heating and the cooling set-point.")
     if len(sides) == 1:
         held = _by_row(sides[0], table, "setpoint", np.nan, "T_za")
-        _refuse(~np.isfinite(held), table, "setpoint contains NaN or inf", "fill it first")
+        refuse_where(~np.isfinite(held), table, "setpoint contains NaN or inf", "fill it first")
         held = np.append(held[1:], held[-1])
         return Band(held, held)
-    band = Band(
-        _by_row(sides[0], table, "the heating set-point", -np.inf, "T_za"),
-        _by_row(sides[1], table, "the cooling set-point", np.inf, "T_za"),
+    given = list(zip(sides, ("heating", "cooling"), FREE, strict=True))
+    band = Band(*(_by_row(side, table, f"the {name} set-point", free, "T_za") for side, name, free in given))
+    for held, (_, name, free) in zip(band, given, strict=True):
+        refuse_where(~np.isfinite(held) & (held != free), table, f"the {name} set-point contains NaN or inf", "fill it")
+    refuse_where(
+        band.heating > band.cooling, table, "the heating set-point is above the cooling one", "swap or mend them"
     )
-    for side, name, free in zip(band, ("heating", "cooling"), (-np.inf, np.inf), strict=True):
-        _refuse(~np.isfinite(side) & (side != free), table, f"the {name} set-point contains NaN or inf", "fill it")
-    _refuse(band.heating > band.cooling, table, "the heating set-point is above the cooling one", "swap or mend them")
     return band
 
 
@@ -73,8 +91,8 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
         _by_row(given[0], table, "the lower limit", -np.inf, "Q_hvac"),
         _by_row(given[1], table, "the upper limit", np.inf, "Q_hvac"),
     )
-    _refuse(np.isnan(out.lower) | np.isnan(out.upper), table, "limits contain NaN", "fill them")
-    _refuse(out.lower > out.upper, table, "limits have the lowest heat above the highest", "swap or mend them")
+    refuse_where(np.isnan(out.lower) | np.isnan(out.upper), table, "limits contain NaN", "fill them")
+    refuse_where(out.lower > out.upper, table, "limits have the lowest heat above the highest", "swap or mend them")
     return out
 
 
@@ -85,8 +103,7 @@ def read_plant_limits(limits: Any) -> tuple[float, float] | None:
     if not isinstance(limits, tuple | list) or len(limits) != 2 or any(np.ndim(side) for side in limits):
         raise ValueError("limits is a pair of numbers (lowest, highest) [kW]; those by row are for predict_load.")
     lowest, highest = (
-        free if side is None else float(as_numbers(side, "limits"))
-        for side, free in zip(limits, (-np.inf, np.inf), strict=True)
+        free if side is None else float(as_numbers(side, "limits")) for side, free in zip(limits, FREE, strict=True)
     )
     if not lowest <= min(highest, 0.0) or not highest >= 0.0:
         raise ValueError(f"limits=({limits[0]}, {limits[1]}) must have 0 kW, a plant that is off, between them.")
@@ -118,6 +135,7 @@ def _by_row(given: Any, table: ZoneTable, name: str, absent: float, role: str) -
     return values
 
 
-def _refuse(wrong: np.ndarray, table: ZoneTable, what: str, remedy: str) -> None:
+def refuse_where(wrong: np.ndarray, table: ZoneTable, what: str, remedy: str) -> None:
+    """Refuse a table with rows that are ``wrong`` (n_rows,) bool, and name the first of them."""
     if wrong.any():
         raise ValueError(f"{what} (first at {table.index[int(np.argmax(wrong))]}); {remedy}.")

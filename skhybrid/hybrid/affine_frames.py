@@ -17,7 +17,6 @@ from ..control import (
     AffineForecast,
     ControlModel,
     Plan,
-    covered_by,
     decided_on,
     limits_of,
     planned,
@@ -132,7 +131,7 @@ class AffineFramesMixin(FramesForecastMixin):
         ahead, plan = self._planned(history, future, roles, T_za)
         scheme = self._present_scheme()
         network = scheme.linear_network(ahead, plan)
-        limits = limits_of(scheme.stages(), covered_by(training.inputs, roles), roles)
+        limits = limits_of(scheme.stages(), training.inputs, roles)
         arrays = network.A, network.B, network.C, network.state, network.forcing
         return ControlModel(*arrays, roles, limits, network.states, future.index, self.sampling_time_)
 
@@ -147,7 +146,7 @@ class AffineFramesMixin(FramesForecastMixin):
             table, origin = self._read_both(history, filled, now)
             ahead = Ahead(table, int(origin[0]), now, n_rows)
         plan = Plan.of(ahead.table, roles, n_rows)
-        warn_uncovered(plan, given, covered_by(self._scheme.rows.training.inputs, roles))
+        warn_uncovered(plan, given, self._scheme.rows.training.inputs)
         if self._scheme.gain_doubt is not None:
             warn_user(self._scheme.gain_doubt, GainWarning)
         return ahead, plan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
+from functools import partial
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -14,22 +15,17 @@ from sklearn.utils.validation import check_is_fitted
 from .._arguments import check_bool
 from .._summary import TrainingRecord, network_tables
 from .._table import (
-    HISTORY_ROLES,
     SETPOINT_ROLES,
     UNLIMITED,
     ZoneTable,
-    append_tables,
     checked_columns,
-    read_table,
     read_target,
-    refuse_other_clock,
 )
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from ..forecasting.quantiles import LeftOut
-from ..thermal import RCNetwork
 from .affine_frames import AffineFramesMixin
-from .preprocess import fit_preprocess, preprocessed
+from .parts import fit_preprocess
 from .scheme import Scheme
 from .setpoint_columns import check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
@@ -51,12 +47,7 @@ def _of_scheme(name: str, doc: str) -> Any:
 class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     """Base of the hybrid predictors; a subclass gives ``_make_scheme``."""
 
-    adapt: Adapt
     preprocess: Any
-    preprocess_: Any
-    columns: Mapping[str, Any] | None
-    sampling_time: Any
-    holidays: Any
     origin_step: Any
     max_missing: float
     intervals: bool  # whether fit learns them
@@ -65,10 +56,6 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     def _make_scheme(self) -> Scheme:
         """The scheme, unfitted, by the parameters, which it checks."""
         raise NotImplementedError
-
-    def _reading(self) -> dict[str, Any]:
-        """Arguments with which tables are read."""
-        return {"columns": self.columns, "sampling_time": self.sampling_time, "holidays": self.holidays}
 
     @unchanged_on_failure
     @one_blas_thread
@@ -154,39 +141,6 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         return self._law is not None
 
-    def _check_adapt(self) -> None:
-        if self.adapt not in (None, "linear", "full"):
-            raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
-
-    def _present_scheme(self) -> Scheme:
-        """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
-        self._check_adapt()
-        return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
-
-    def _read(self, X: Any, network: RCNetwork, *, reset: bool, **reading: Any) -> ZoneTable:
-        given = {"history_roles": (*HISTORY_ROLES, *SETPOINT_ROLES), **self._reading(), **reading}
-        return read_table(
-            self,
-            preprocessed(self.preprocess_, X, [self._column_of("T_za")]),
-            required=network.required_roles,
-            # weather and plant, and of further boundary temperatures those that the network names
-            needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
-            reset=reset,
-            min_rows=2 if reset else 1,
-            expected_step=None if reset else self.sampling_time_,
-            **given,
-        )
-
-    def _read_X(self, X: Any) -> ZoneTable:
-        table = self._read(X, self._scheme.network, reset=False)
-        # a measured disturbance is not read
-        return table.replace(history={k: v for k, v in table.history.items() if k in ("T_za", *SETPOINT_ROLES)})
-
-    def _read_following(self, X: Any) -> ZoneTable:
-        """X in the time zone of the known rows, which it continues."""
-        rows = self._scheme.rows
-        return rows.with_own_clock(self._read_X(rows.in_own_zone(X)))
-
     def _read_building(self, X: pd.DataFrame, columns: Mapping[str, Any], past: Sequence[str]) -> ZoneTable:
         """Rows of a building that follow the known ones, by the columns of all its zones; ``past`` may be missing."""
         rows, network = self._scheme.rows, self._scheme.network
@@ -212,20 +166,12 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         made._scheme = self._scheme.advanced(_measured(table, table.history["T_za"]))
         return made
 
-    def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
-        rows = self._scheme.rows
-        refuse_other_clock(table, rows.training)
-        if not table.follows(rows.latest):
-            return table, 0
-        end = rows.end()
-        return append_tables(end, table), end.n_rows
-
     def _cold_value(self, table: ZoneTable) -> float:
         first = float(table.measured()[0])
         return first if np.isfinite(first) else self._mean
 
-    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        return self._present_scheme().forecast(table, origins, n_leads).temperature
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Any = None) -> np.ndarray:
+        return self._present_scheme().forecast(table, origins, n_leads, boundary).temperature
 
     @one_blas_thread
     def predict_from(
@@ -256,16 +202,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """
         if boundary is not None and not isinstance(boundary, Mapping):
             raise ValueError(f"boundary={boundary!r} must be a mapping of boundary temperatures to their values.")
-        if not boundary:
-            return super().predict_from(X, origins, horizon)
-
-        def paths(table: ZoneTable, rows: np.ndarray, n_leads: int) -> np.ndarray:
-            return self._present_scheme().forecast_under(table, rows, n_leads, boundary).temperature
-
-        return self._paths_from(X, origins, horizon, paths, ())
-
-    def _column_of(self, role: str) -> Any:
-        return (self._reading()["columns"] or {}).get(role, role)
+        return self._paths_from(X, origins, horizon, partial(self._forecast, boundary=boundary), ())
 
     @one_blas_thread
     def left_out_errors(self) -> LeftOut:
@@ -366,7 +303,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """Report day by day whether what was learned still holds; nothing is taken in.
 
         Each day's temperature (schedule model) or disturbance (two-stage scheme) is compared with its forecast from
-        midnight, without adaptation; the reference are left-out training days (:class:`~skhybrid.hybrid.DriftMonitor`).
+        midnight, without adaptation; left-out training days are the reference (:class:`~skhybrid.hybrid.DriftMonitor`).
 
         Parameters
         ----------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any, Self
 
 import numpy as np
@@ -10,6 +9,7 @@ import pandas as pd
 from scipy.optimize import brentq
 from sklearn.exceptions import NotFittedError
 
+from .._arguments import is_number
 from .._holidays import read_holidays
 from .._table import float_columns
 from .._transaction import unchanged_on_failure
@@ -85,7 +85,7 @@ class DriftMonitor:
             or ``false_alarms_per_year`` is not a positive number.
         """
         rate: Any = self.false_alarms_per_year
-        if not isinstance(rate, Real) or not 0.0 < float(rate) < np.inf:
+        if not (is_number(rate) and rate > 0):
             raise ValueError(f"false_alarms_per_year={rate!r} must be a positive number.")
         measured, error = _errors(measured, forecast)
         size = _rms(error)

@@ -1,7 +1,8 @@
-"""The two-stage scheme as it was some days ago, from which kept rows are forecast as they follow the training."""
+"""The two-stage scheme as it was some days ago, from which kept rows are forecast, and loads from many origins."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple, Self
@@ -10,6 +11,7 @@ import numpy as np
 
 from .._table import ZoneTable, append_tables, concatenate_tables, last_rows
 from .._time import rows_per_day
+from ..control import Limits, LoadPaths, WantedPaths, heat_column
 from .hourly_aggregation import HourlyAggregation
 from .known_rows import KnownRows
 from .scheme import Scheme
@@ -43,10 +45,14 @@ class EarlierStates(Scheme):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_earlier": {}}
 
-    def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
+    def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Self, ZoneTable, int]:
+        """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.
+
+        The third value is by how many rows they move.  Before the rows that are kept, the table stands alone.
+        """
         n_since = self.rows.n_rows - table.n_history + int(origins.min(initial=table.n_history)) - self._start.n_rows
         if n_since < 0:
-            return super()._before(table, origins)
+            return self, table.replace(n_history=0), 0
         per_day = rows_per_day(table.step)  # by days, so that one serves many forecasts
         scheme = self._as_of(self._start.n_rows + n_since // per_day * per_day)
         later = last_rows(self.rows.tables, self.rows.n_rows - scheme.rows.n_rows)
@@ -71,3 +77,49 @@ class EarlierStates(Scheme):
         gray_box.filtered_network_ = replace(gray_box.filtered_network_, rolling=start.rolling)
         rows = KnownRows.of(self.rows.whole().rows(slice(0, start.n_rows)))
         return self._with(gray_box_=gray_box, rows=rows, _aggregation=start.aggregation, _seen_since=False, _earlier={})
+
+    def load_paths_from(
+        self, table: ZoneTable, origins: np.ndarray
+    ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
+        def paths(chosen: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
+            out = LoadPaths(*np.full((3, len(chosen), n_leads), np.nan))
+            kept = chosen < table.n_history
+            for part in (kept, ~kept):
+                scheme, rows, moved = self._before(table, chosen[kept]) if part is kept else (self, table, 0)
+                own = wanted._replace(band=wanted.band.moved(moved))
+                for group in spans_apart(chosen, np.flatnonzero(part), n_leads + 1):
+                    scheme._fill(out, group, rows, chosen + moved, own)
+            return out
+
+        return paths
+
+    def _fill(
+        self, out: LoadPaths, group: np.ndarray, table: ZoneTable, origins: np.ndarray, wanted: WantedPaths
+    ) -> None:
+        """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
+        n_leads, n, begin, own = out.heat.shape[1], table.n_rows, table.n_history, origins[group]
+        between = np.arange(begin, n, n_leads + 1)  # no path grows long; one of these within another would end it
+        since = between[:, None] - own
+        starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
+        band, within = wanted.band.rows(slice(begin, None)), Limits.constant(*wanted.limits, n - begin)
+        if wanted.delivered is not None:
+            for side in within:
+                side[own - begin] = wanted.delivered[group]
+        found = self.required_heat(table, starts, band, within)
+        load = found[[heat_column(found), "T_za", "zeta"]].to_numpy().T
+        for i in group:
+            rows = np.minimum(origins[i] - begin + np.arange(n_leads), n - begin - 1)
+            out.heat[i], out.zeta[i] = load[0, rows], load[2, rows]
+            out.temperature[i] = load[1, np.minimum(rows + 1, n - begin - 1)]
+
+
+def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:
+    """Groups of the ``chosen`` among origins; in each of them they lie at least so many rows apart."""
+    groups: list[list[int]] = []
+    for i in sorted(chosen, key=lambda i: origins[i]):
+        place = next((group for group in groups if origins[i] - origins[group[-1]] >= least), None)
+        if place is None:
+            groups.append([i])
+        else:
+            place.append(i)
+    return [np.array(group) for group in groups]

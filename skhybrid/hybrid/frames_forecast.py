@@ -14,8 +14,7 @@ from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_of
-from ..control import Band, Limits, LoadPaths
-from ..control.setpoints import read_limits, read_plant_limits, read_setpoint
+from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
@@ -112,9 +111,8 @@ class FramesForecastMixin(FramesReadingMixin):
         table, origin = self._read_both(history, future, now)
         self._warn_of_plan(table, len(future.index))
         paths = self._present_scheme().forecast(table, origin, len(future.index) - (now is not None))
-        found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
         bands = {} if levels is None else self._band_columns(table, origin, paths, now, levels, weather)
-        return pd.DataFrame(found | bands, future.index)
+        return pd.DataFrame(paths.columns(now) | bands, future.index)
 
     def _columns_ahead(
         self,
@@ -125,10 +123,9 @@ class FramesForecastMixin(FramesReadingMixin):
     ) -> dict[str, np.ndarray]:
         """The columns of :meth:`forecast` of rows that follow the known ones, under their heat."""
         paths = self._present_scheme().forecast_ahead(ahead, now)
-        found = dict(zip(("T_za", "zeta"), paths.from_now(now), strict=True))
         if levels is None:
-            return found
-        return found | self._band_columns(*self._after_known(ahead, now), paths, now, levels, weather)
+            return paths.columns(now)
+        return paths.columns(now) | self._band_columns(*self._after_known(ahead, now), paths, now, levels, weather)
 
     def _band_columns(
         self,
@@ -158,14 +155,18 @@ class FramesForecastMixin(FramesReadingMixin):
         """The forecast in which the plant follows set-points."""
         n_ahead, scheme = len(future.index), self._present_scheme()
         idle = self._idle(future)
-        table, origin = (
+        table, _ = (
             self._after_known(self._read_future(idle), now) if history is None else self._read_both(history, idle, now)
         )
-        table, moved = self._with_earlier(table)
-        origin = origin + moved
+        table = self._with_earlier(table)
+        origin = np.array([table.n_rows - n_ahead - (now is None)])
         ahead = table.rows(slice(table.n_rows - n_ahead, None))
         if setpoint is None:
-            self._refuse_unlearned()
+            if self._law is None:
+                raise ValueError(
+                    "future has set-points and no heat, but no thermostat was learned: fit on a week or more with "
+                    "T_heat_set or T_cool_set and the heat, or pass setpoint= for an ideal plant."
+                )
             check_setpoints(ahead)
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
@@ -184,13 +185,10 @@ class FramesForecastMixin(FramesReadingMixin):
             return out
         return out.assign(**_bands(levels, found.temperature_bands[0, :n_ahead], found.heat_bands[0, -n_ahead:]))
 
-    def _with_earlier(self, table: ZoneTable) -> tuple[ZoneTable, int]:
-        """The table after all known rows that the law reads, and by how many rows origins move."""
-        if self._law is None:
-            return table, 0
+    def _with_earlier(self, table: ZoneTable) -> ZoneTable:
+        """The table after all known rows that the law reads."""
         rows = self._scheme.rows
-        longer = rows.with_earlier(table, self._law.rows_back(rows))
-        return longer, longer.n_rows - table.n_rows
+        return table if self._law is None else rows.with_earlier(table, self._law.rows_back(rows))
 
     def _ideal(
         self,
@@ -212,7 +210,7 @@ class FramesForecastMixin(FramesReadingMixin):
         if delivered is not None:
             for side in free:
                 side[:1] = delivered
-        band = Band(*(side[origin:] for side in band_of(table)))
+        band = band_of(table).rows(slice(origin, None))
         return _delivered(scheme.required_heat(table, np.array([origin]), band, free))
 
     def _plant_limits(self, n_rows: int) -> Limits:
@@ -222,7 +220,7 @@ class FramesForecastMixin(FramesReadingMixin):
         measured = all(role.startswith("Q_") for role in roles)
         cools, heats = (not measured or (sign * heat).max() > 0.0 for sign in (-1.0, 1.0))
         lowest, highest = -np.inf if cools or not heats else 0.0, np.inf if heats or not cools else 0.0
-        return Limits(np.full(n_rows, lowest), np.full(n_rows, highest))
+        return Limits.constant(lowest, highest, n_rows)
 
     def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""
@@ -230,13 +228,6 @@ class FramesForecastMixin(FramesReadingMixin):
         of = (lambda role: role) if isinstance(future, ZoneTable) else self._column_of
         held = bool(self._plant) and any(of(role) in names for role in SETPOINT_ROLES)
         return held and not any(of(role) in names for role in self._plant)
-
-    def _refuse_unlearned(self) -> None:
-        if self._law is None:
-            raise ValueError(
-                "future has set-points and no heat, but no thermostat was learned: fit on a week or more with "
-                "T_heat_set or T_cool_set and the heat, or pass setpoint= for an ideal plant."
-            )
 
     def _idle(self, future: Any) -> Any:
         """Rows ahead with a plant that is off, whatever they say of it; set-points that are absent are missing."""
@@ -294,16 +285,15 @@ class FramesForecastMixin(FramesReadingMixin):
     ) -> pd.DataFrame:
         """The frame of :meth:`predict_load`; of a zone without a plant its load is 0."""
         levels = None if quantiles is None else read_quantiles(quantiles)
-        table, n_tail, origins = self._load_rows(X, self._plant)
-        table, moved = self._with_earlier(table)
-        n_tail += moved
-        here = table.rows(slice(n_tail, None))
+        table, _, origins = self._load_rows(X, self._plant)
+        table = self._with_earlier(table)
+        origins, here = origins + table.n_history, table.rows(slice(table.n_history, None))
         wanted = read_setpoint(setpoint, here)
         within = self._plant_limits(here.n_rows) if limits is None else read_limits(limits, here)
         scheme = self._present_scheme()
-        load = scheme.required_heat(table, origins + n_tail, wanted, within).set_axis(here.index)
+        load = scheme.required_heat(table, origins, wanted, within).set_axis(here.index)
         if self._law is not None and limits is None and not np.array_equal(*wanted):
-            return self._learned_load(scheme, table, origins + n_tail, wanted, load, levels)
+            return self._learned_load(scheme, table, origins, wanted, load, levels)
         if levels is not None:
             raise ValueError(
                 "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set, "
@@ -347,9 +337,8 @@ class FramesForecastMixin(FramesReadingMixin):
         rows = checked_origins(origins, table.n_rows - n_tail)
         if not len(rows) or (np.diff(rows) <= 0).any():
             raise ValueError("origins must be increasing row numbers of X, at least one.")
-        table, moved = self._with_earlier(table)
-        n_tail += moved
-        here = table.rows(slice(n_tail, None))
+        table = self._with_earlier(table)
+        here = table.rows(slice(table.n_history, None))
         if self._law is None or not setpoints_in(here):
             raise ValueError(
                 "no thermostat was learned, or X has no set-points: fit on a week or more with T_heat_set or "
@@ -357,7 +346,7 @@ class FramesForecastMixin(FramesReadingMixin):
             )
         check_setpoints(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
-        return self._law.paths(self._present_scheme(), table, rows + n_tail, n_leads, levels)
+        return self._law.paths(self._present_scheme(), table, rows + table.n_history, n_leads, levels)
 
     def _learned_load(
         self,

@@ -1,7 +1,8 @@
-"""Tables of forecasts from one origin: a history and rows ahead, joined to the rows that a predictor knows."""
+"""Reading of the tables that a predictor is given: rows like those of the training, a history and rows ahead."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,19 @@ from .._joining import (
     warn_if_unmeasured,
     with_measured,
 )
-from .._table import SETPOINT_ROLES, ZoneTable, append_tables, is_plant, refuse_gap
-from ..control import Plan, covered_by, warn_uncovered
+from .._table import (
+    HISTORY_ROLES,
+    SETPOINT_ROLES,
+    ZoneTable,
+    append_tables,
+    is_plant,
+    read_table,
+    refuse_gap,
+    refuse_other_clock,
+)
+from ..control import Plan, warn_uncovered
+from ..thermal import RCNetwork
+from .parts import preprocessed
 from .scheme_intervals import HybridQuantilesMixin
 
 
@@ -29,12 +41,51 @@ def _at_now(table: ZoneTable, first: int, T_za: float | None) -> tuple[ZoneTable
 
 
 class FramesReadingMixin(HybridQuantilesMixin):
-    """Reading of a history and rows ahead, and refusals of what lacks the plant."""
+    """Reading of tables, and refusals of those that lack the plant."""
 
+    columns: Mapping[str, Any] | None
+    sampling_time: Any
+    holidays: Any
     preprocess_: Any
 
+    def _reading(self) -> dict[str, Any]:
+        """Arguments with which tables are read."""
+        return {"columns": self.columns, "sampling_time": self.sampling_time, "holidays": self.holidays}
+
+    def _column_of(self, role: str) -> Any:
+        return (self._reading()["columns"] or {}).get(role, role)
+
+    def _read(self, X: Any, network: RCNetwork, *, reset: bool, **reading: Any) -> ZoneTable:
+        given = {"history_roles": (*HISTORY_ROLES, *SETPOINT_ROLES), **self._reading(), **reading}
+        return read_table(
+            self,
+            preprocessed(self.preprocess_, X, [self._column_of("T_za")]),
+            required=network.required_roles,
+            # weather and plant, and of further boundary temperatures those that the network names
+            needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
+            reset=reset,
+            min_rows=2 if reset else 1,
+            expected_step=None if reset else self.sampling_time_,
+            **given,
+        )
+
+    def _read_X(self, X: Any) -> ZoneTable:
+        table = self._read(X, self._scheme.network, reset=False)
+        # a measured disturbance is not read
+        return table.replace(history={k: v for k, v in table.history.items() if k in ("T_za", *SETPOINT_ROLES)})
+
     def _read_following(self, X: Any) -> ZoneTable:
-        raise NotImplementedError
+        """X in the time zone of the known rows, which it continues."""
+        rows = self._scheme.rows
+        return rows.with_own_clock(self._read_X(rows.in_own_zone(X)))
+
+    def _after_tail(self, table: ZoneTable) -> tuple[ZoneTable, int]:
+        rows = self._scheme.rows
+        refuse_other_clock(table, rows.training)
+        if not table.follows(rows.latest):
+            return table, 0
+        end = rows.end()
+        return append_tables(end, table), end.n_rows
 
     def _after_known(self, ahead: ZoneTable, T_za: float | None = None) -> tuple[ZoneTable, np.ndarray]:
         """Rows ahead after the end of the known ones, and the row of the origin: the first one where it is measured."""
@@ -99,5 +150,4 @@ class FramesReadingMixin(HybridQuantilesMixin):
 
     def _warn_of_plan(self, table: ZoneTable, n_ahead: int) -> None:
         """Warn where the plant of the last rows of a table leaves what training covered."""
-        covered = covered_by(self._scheme.rows.training.inputs, self._plant)
-        warn_uncovered(Plan.of(table, self._plant, n_ahead), self._plant, covered)
+        warn_uncovered(Plan.of(table, self._plant, n_ahead), self._plant, self._scheme.rows.training.inputs)

@@ -1,4 +1,4 @@
-"""Hourly aggregation: means over the forecaster's steps of rows that come in one after the other."""
+"""Hourly aggregation: means of rows over the forecaster's steps, as the rows come in."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pandas as pd
 
 from .._holidays import NO_HOLIDAYS, Holidays
 from .._table import ZoneTable
-from .tables import Steps, steps_table
+from .disturbance_steps import Steps, steps_table
 
 _ROOM = 512  # complete steps for which there is room before a buffer is made longer
 

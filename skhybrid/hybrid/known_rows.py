@@ -11,7 +11,7 @@ import pandas as pd
 from .._joining import LAST_KNOWN, in_zone_of, refuse_unless_following
 from .._table import ZoneTable, append_tables, concatenate_tables, last_rows, refuse_other_clock
 from .plausible_range import PlausibleRange
-from .tables import KEPT
+from .tables import KEPT, utc_of
 
 _JOINED = 96  # recent rows that are joined to the older ones at once: joining one row costs as much as joining many
 
@@ -93,17 +93,16 @@ class KnownRows:
 
     def n_known_of(self, history: ZoneTable) -> int:
         """Number of rows of a history that are known already, where it goes on from them or ends with the last one."""
-        if history.utc is None or self.last_stamp is None or history.utc[-1] < self.last_stamp:
+        n, end = self._n_known(history), self.end()
+        if not n or utc_of(history)[-1] < utc_of(self.latest)[-1]:
             return 0
-        n = int((history.utc <= self.last_stamp).sum())
-        end = self.end()
         n_alike = min(n, end.n_rows)
         given, kept = history.rows(slice(n - n_alike, n)), end.rows(slice(end.n_rows - n_alike, None))
         pairs = [(given.inputs.get(role), v) for role, v in kept.inputs.items()]
         pairs += [(given.history.get(role), v) for role, v in kept.history.items()]
         # a file may keep fewer digits than the table that was fitted
         alike = all(a is not None and np.allclose(a, b, 1e-6, 1e-6, equal_nan=True) for a, b in pairs)
-        return n if alike and n_alike and kept.utc is not None and kept.utc.equals(given.utc) else 0
+        return n if alike and utc_of(kept).equals(utc_of(given)) else 0
 
     @property
     def _n_recent(self) -> int:
@@ -139,9 +138,7 @@ class KnownRows:
         if not (n := self._n_known(table)):
             return
         past = self.whole()
-        assert past.utc is not None
-        assert table.utc is not None
-        at = past.utc.get_indexer(table.utc[:n])
+        at = utc_of(past).get_indexer(utc_of(table)[:n])
         given, known = table.history["T_za"][:n], past.history["T_za"][at]
         other = (at >= 0) & np.isfinite(given) & ~np.isclose(given, known, 1e-6, 1e-6)
         if other.any():

@@ -1,11 +1,14 @@
-"""The parts of a predictor, which are cloned, and refused where they cannot do their work."""
+"""Parts that a user gives a predictor: cloned, and refused if unsuitable; among them the transformer of its tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+import pandas as pd
 from sklearn.base import clone
+
+from .._table import as_pandas
 
 
 def clone_part(name: str, given: Any, needed: Iterable[str], wanted: str) -> Any:
@@ -15,7 +18,43 @@ def clone_part(name: str, given: Any, needed: Iterable[str], wanted: str) -> Any
     return clone(given)
 
 
-def wanted_forecaster(given: Any) -> str:
-    """A sentence end for what does not forecast a disturbance, such as a regressor: what to give in its place."""
-    model = given if isinstance(given, str) or (hasattr(given, "predict") and not isinstance(given, type)) else "ridge"
-    return f"a DisturbanceForecaster; give DisturbanceForecaster({model!r})"
+def fit_preprocess(given: Any, X: Any, y: Any) -> Any:
+    """A fitted clone of a transformer, or None; its output keeps index and names where it can."""
+    if given is None:
+        return None
+    step = clone_part("preprocess", given, ("fit", "transform"), "a transformer; give one such as GapFiller()")
+    X = as_pandas(X)
+    if isinstance(X, pd.DataFrame) and hasattr(step, "set_output"):
+        step.set_output(transform="pandas")
+    return step.fit(X, y)
+
+
+def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:
+    """A table as a fitted transformer gives it, or as it is without one.
+
+    The columns ``past`` are measurements: they may be absent, and what is missing in them stays missing.
+    """
+    X = as_pandas(X)
+    if step is None:
+        return X
+    if not isinstance(X, pd.DataFrame):
+        if hasattr(X, "inputs"):
+            raise ValueError("a table that was read before cannot go through preprocess=; pass the DataFrame itself.")
+        return step.transform(X)
+    seen = getattr(step, "feature_names_in_", None)
+    names = list(X.columns if seen is None else seen)
+    absent = [name for name in names if name not in X.columns and name not in past]
+    if absent:
+        raise ValueError(f"X has no column {absent[0]!r}, which preprocess= was fitted on.")
+    out = step.transform(X[names] if set(names) <= set(X.columns) else X.reindex(columns=names))
+    if not isinstance(out, pd.DataFrame):
+        raise ValueError("preprocess= must return a DataFrame; use a transformer with set_output.")
+    out = out.copy(deep=False)
+    for name in past:
+        if name not in X.columns:
+            out = out.drop(columns=name, errors="ignore")
+        elif name in out.columns:
+            out[name] = out[name].where(X[name].notna().to_numpy())
+        elif name not in names:
+            out[name] = X[name]
+    return out

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from ..control.setpoints import Band
+from ..control import Band
 
 #: a forecast may leave the known temperatures by their range and so much more, and at least by so much [K]: a room that
 #: a thermostat holds has a small range, and cools far below it once its plant is off
@@ -42,13 +42,8 @@ class PlausibleRange(NamedTuple):
         """One of the ranges."""
         return type(self)(self.lowest[i], self.highest[i])
 
-    @property
-    def reach(self) -> Any:
-        """Largest distance of a forecast from the known temperatures [K]."""
-        return np.maximum(self.highest - self.lowest + _BEYOND, _LEAST)
-
     def clip(self, paths: np.ndarray) -> np.ndarray:
-        """Temperatures [degC] without what is implausible."""
+        """Temperatures [degC], clipped to what is plausible."""
         low, high = self._ends
         return np.clip(paths, np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high))
 
@@ -59,7 +54,7 @@ class PlausibleRange(NamedTuple):
         return np.where(clipped == forecast, errors, errors + forecast - clipped)
 
     def clip_errors(self, errors: np.ndarray) -> np.ndarray:
-        """Errors [K] without what no clipped forecast has."""
+        """Errors [K], clipped to those that a clipped forecast can have."""
         low, high = self._ends
         return np.clip(errors, low - high, high - low) if np.isfinite(high - low) else errors
 
@@ -69,4 +64,5 @@ class PlausibleRange(NamedTuple):
 
     @property
     def _ends(self) -> tuple[Any, Any]:
-        return self.lowest - self.reach, self.highest + self.reach
+        reach = np.maximum(self.highest - self.lowest + _BEYOND, _LEAST)
+        return self.lowest - reach, self.highest + reach

@@ -122,26 +122,17 @@ def make_schedule_scheme(
     """The scheme of the schedule model, unfitted; ``known`` may give capacities only [kW]."""
     if purpose not in get_args(Purpose):
         raise ValueError(f"purpose={purpose!r} is neither 'forecast' nor 'plan'.")
-    if prior is not None:
-        _check_prior(prior, purpose)
-    found, given = get_network(DEFAULT_NETWORK if network is None else network), known_values(known)
-    _refuse_other_than_capacities(given)
-    return ScheduleScheme(found, known=given, horizon=horizon, adapt=adapt, purpose=purpose, prior=prior)
-
-
-def _check_prior(prior: Any, purpose: str) -> None:
-    if not (hasattr(prior, "arx") and hasattr(prior, "network")):
+    if prior is not None and not (hasattr(prior, "arx") and hasattr(prior, "network")):
         raise ValueError(f"prior={prior!r} must be a FleetPrior; learn one from fitted zones, or leave it out.")
-    if purpose == "plan":
+    if prior is not None and purpose == "plan":
         raise ValueError(
             "prior= was learned for forecasts and would undo the pull of purpose='plan' on the gain; leave one out."
         )
-
-
-def _refuse_other_than_capacities(known: dict[str, float]) -> None:
-    for name in known:
+    found, given = get_network(DEFAULT_NETWORK if network is None else network), known_values(known)
+    for name in given:
         if not str(name).startswith("Q_"):
             raise ValueError(
                 f"known= gives {name!r}, but the schedule model takes capacities such as 'Q_h' only; give a gray_box "
                 "to fix other parameters of a network."
             )
+    return ScheduleScheme(found, known=given, horizon=horizon, adapt=adapt, purpose=purpose, prior=prior)

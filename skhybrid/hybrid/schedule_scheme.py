@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Self
 
@@ -35,7 +35,7 @@ from .blending.numbered_table import NumberedTable
 from .blending.rolling_blend import BlendRecord, RollingBlend
 from .drift import DriftMonitor
 from .known_rows import KnownRows
-from .scheme import AffinePaths, Ahead, Paths, Scheme, moved_band
+from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
 from .tables import days_after, parts_of_days, since_history, with_temperature
 
 _LOOKS_BACK = 64  # rows before its origin that a forecast looks back on, for the lags of ARX
@@ -140,22 +140,22 @@ class ScheduleScheme(Scheme):
         names = [name for member in self._members for name in member.names]
         return pd.DataFrame(self._record.weights(), list(GROUP_NAMES), names)
 
-    @property
-    def _plant(self) -> tuple[str, float] | None:
-        return plant_of(self._physics.fit_, self.rows.training)
+    def _plant(self, wanted: str) -> tuple[str, float]:
+        """The role that gave most of the known heat, with its capacity [kW]."""
+        plant = plant_of(self._physics.fit_, self.rows.training)
+        if plant is None:
+            raise AttributeError(f"the training has no plant, so that there is no {wanted}.")
+        return plant
 
     @cached_property
     def gain_(self) -> pd.DataFrame:
         """Temperature after a step of 1 kW, by lead and member [K/kW]."""
-        if self._plant is None:
-            raise AttributeError("the training has no plant, so that there is no gain_.")
-        return gain_table(self._members, self._record, self.rows.training, self._plant)
+        return gain_table(self._members, self._record, self.rows.training, self._plant("gain_"))
 
     @cached_property
     def gain_std_(self) -> pd.Series:
         """Relative standard error of the network's gain, by lead."""
-        if self._plant is None:
-            raise AttributeError("the training has no plant, so that there is no gain_std_.")
+        self._plant("gain_std_")
         return gain_errors(self._physics.fit_, self._record, self.rows.training.step)
 
     @cached_property
@@ -163,15 +163,9 @@ class ScheduleScheme(Scheme):
         """The training's unmeasured heat by its schedules [kW]."""
         return self.gray_box_.heat_at(self.rows.training)
 
-    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> Paths:
         """Forecast each member from each origin, and blend them by what is known of their errors there."""
-        blend, rows, moved = self._blend_before(table, origins)
-        return self._paths(blend, rows, origins + moved, n_leads)
-
-    def forecast_under(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
-    ) -> Paths:
-        refuse_boundary(boundary, self.planned_boundaries, (len(origins), n_leads))
+        refuse_boundary(boundary or {}, self.planned_boundaries, (len(origins), n_leads))
         blend, rows, moved = self._blend_before(table, origins)
         return self._paths(blend, rows, origins + moved, n_leads, boundary)
 
@@ -206,12 +200,7 @@ class ScheduleScheme(Scheme):
         return NumberedTable(whole, whole.history["T_za"], self.rows.training.n_rows, joined=True)
 
     def _paths(
-        self,
-        blend: RollingBlend,
-        rows: NumberedTable,
-        origins: np.ndarray,
-        n_leads: int,
-        boundary: Mapping[str, np.ndarray] | None = None,
+        self, blend: RollingBlend, rows: NumberedTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None
     ) -> Paths:
         """(n_origins, n_leads) temperatures [degC] and unmeasured heat [kW] by a blend that goes on to each origin."""
         views = blend.views(rows)
@@ -221,7 +210,7 @@ class ScheduleScheme(Scheme):
         for i in np.argsort(origins, kind="stable"):
             row, ahead = int(origins[i]), views
             blend.advance(views, row)
-            if boundary is not None:
+            if boundary:
                 ahead = blend.views(rows.with_boundary({r: v[i] for r, v in boundary.items()}, row, _LOOKS_BACK))
             paths.temperature[i], paths.zeta[i] = blend.forecast(ahead, n_leads, ranges.of_row(i))
             paths.zeta_now[i] = blend.heat_now(views)
@@ -245,17 +234,13 @@ class ScheduleScheme(Scheme):
             states.append(rolling.state())
         return rows, view.segment, states, moved - rows.first
 
-    def load_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
-        """As of every scheme, from increasing origins, in one pass through the rows."""
-        return self.load_paths_from(table, origins)(origins, n_leads, wanted)
-
     def load_paths_from(
         self, table: ZoneTable, origins: np.ndarray
     ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
         _, segment, states, moved = self._states(table, origins)
 
         def paths(chosen: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
-            wanted = wanted._replace(band=moved_band(wanted.band, moved))
+            wanted = wanted._replace(band=wanted.band.moved(moved))
             own = [states[i] for i in np.searchsorted(origins, chosen)]
             return load_paths(self._physics.fit_, segment, chosen + moved, own, wanted, n_leads)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -12,14 +11,15 @@ import pandas as pd
 
 from .._shallow import shallow_copy
 from .._table import ZoneTable
-from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, heat_column
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths
 from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
 from .known_rows import KnownRows
 from .plausible_range import PlausibleRange
 
-_FREE = (-np.inf, np.inf)  # set-points of rows that have none
+#: boundary temperatures (n_origins, n_leads) [degC] by role, in place of those that a table has ahead
+Boundary = Mapping[str, np.ndarray] | None
 
 
 class Paths(NamedTuple):
@@ -29,11 +29,11 @@ class Paths(NamedTuple):
     zeta: np.ndarray  # (n_origins, n_leads) over the step that begins there [kW, or K for an output disturbance]
     zeta_now: np.ndarray  # (n_origins,) over the step that begins at the origin; NaN where that row is not asked for
 
-    def from_now(self, T_za: float | None) -> tuple[np.ndarray, np.ndarray]:
+    def columns(self, T_za: float | None) -> dict[str, np.ndarray]:
         """Temperature and zeta of the first path by the rows ahead, of which the first may be the measured origin."""
         if T_za is None:
-            return self.temperature[0], self.zeta[0]
-        return np.append(T_za, self.temperature[0]), np.append(self.zeta_now[0], self.zeta[0])
+            return {"T_za": self.temperature[0], "zeta": self.zeta[0]}
+        return {"T_za": np.append(T_za, self.temperature[0]), "zeta": np.append(self.zeta_now[0], self.zeta[0])}
 
 
 class Ahead(NamedTuple):
@@ -114,14 +114,8 @@ class Scheme(ABC):
         """Learn from a training table; what another fitted scheme has chosen may be taken from it."""
 
     @abstractmethod
-    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> Paths:
         """Forecast from each origin, which may lie in the history; anything at rows beyond the table."""
-
-    def forecast_under(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Mapping[str, np.ndarray]
-    ) -> Paths:
-        """:meth:`forecast`, with boundary temperatures (n_origins, n_leads) in place of the table's ahead."""
-        raise ValueError(f"boundary temperatures of the {self.name} scheme are those in X; leave boundary out.")
 
     @abstractmethod
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
@@ -154,49 +148,14 @@ class Scheme(ABC):
         ``setpoint`` and ``limits`` are of these (n_rows - n_history) rows; each origin is forecast up to the next one.
         """
 
-    def load_paths(self, table: ZoneTable, origins: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
-        """Least heat that keeps the network within the set-points (n_rows,) of a table, from each origin on."""
-        out = LoadPaths(*np.full((3, len(origins), n_leads), np.nan))
-        kept = origins < table.n_history
-        for chosen in (kept, ~kept):
-            scheme, rows, moved = self._before(table, origins[kept]) if chosen is kept else (self, table, 0)
-            own = wanted._replace(band=moved_band(wanted.band, moved))
-            for group in spans_apart(origins, np.flatnonzero(chosen), n_leads + 1):
-                scheme._fill(out, group, rows, origins + moved, own)
-        return out
-
+    @abstractmethod
     def load_paths_from(
         self, table: ZoneTable, origins: np.ndarray
     ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
-        """:meth:`load_paths` from any of these origins, whose states are computed once."""
-        return partial(self.load_paths, table)
+        """Least heat that keeps the network within the set-points (n_rows,) of a table, from some of these origins on.
 
-    def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Scheme, ZoneTable, int]:
-        """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.
-
-        The third value is by how many rows they move.  By default the table stands alone.
+        They increase, and the states at them are computed once.
         """
-        return self, table.replace(n_history=0), 0
-
-    def _fill(
-        self, out: LoadPaths, group: np.ndarray, table: ZoneTable, origins: np.ndarray, wanted: WantedPaths
-    ) -> None:
-        """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
-        n_leads, n, begin, own = out.heat.shape[1], table.n_rows, table.n_history, origins[group]
-        between = np.arange(begin, n, n_leads + 1)  # no path grows long; one of these within another would end it
-        since = between[:, None] - own
-        starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
-        band = Band(*(side[begin:] for side in wanted.band))
-        within = Limits(*(np.full(n - begin, limit) for limit in wanted.limits))
-        if wanted.delivered is not None:
-            for side in within:
-                side[own - begin] = wanted.delivered[group]
-        found = self.required_heat(table, starts, band, within)
-        load = found[[heat_column(found), "T_za", "zeta"]].to_numpy().T
-        for i in group:
-            rows = np.minimum(origins[i] - begin + np.arange(n_leads), n - begin - 1)
-            out.heat[i], out.zeta[i] = load[0, rows], load[2, rows]
-            out.temperature[i] = load[1, np.minimum(rows + 1, n - begin - 1)]
 
     @abstractmethod
     def plant_heat(self, table: ZoneTable) -> np.ndarray:
@@ -241,28 +200,3 @@ class Scheme(ABC):
         made = shallow_copy(self)
         made.__dict__.update(changes)
         return made
-
-
-def measured_now(future: ZoneTable, T_za: float) -> ZoneTable:
-    """The first row of a table as one that is known, with its measured temperature."""
-    now = future.rows(slice(0, 1))
-    return now.replace(history={**now.history, "T_za": np.array([T_za])})
-
-
-def moved_band(band: Band, moved: int) -> Band:
-    """The set-points of a table that has so many more rows, or fewer, at its begin; those have none."""
-    if moved < 0:
-        return Band(*(side[-moved:] for side in band))
-    return Band(*(np.append(np.full(moved, free), side) for side, free in zip(band, _FREE, strict=True)))
-
-
-def spans_apart(origins: np.ndarray, chosen: np.ndarray, least: int) -> list[np.ndarray]:
-    """Groups of the ``chosen`` among origins; in each of them they lie at least so many rows apart."""
-    groups: list[list[int]] = []
-    for i in sorted(chosen, key=lambda i: origins[i]):
-        place = next((group for group in groups if origins[i] - origins[group[-1]] >= least), None)
-        if place is None:
-            groups.append([i])
-        else:
-            place.append(i)
-    return [np.array(group) for group in groups]

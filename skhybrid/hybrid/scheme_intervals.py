@@ -18,6 +18,7 @@ from .scheme import Scheme
 class HybridQuantilesMixin(QuantileForecastMixin):
     """``predict_quantiles`` over a scheme."""
 
+    adapt: str | None
     _scheme: Scheme
     _learned_to: pd.Timestamp | None  # the last stamp that was learned from
     _no_intervals = (
@@ -25,8 +26,14 @@ class HybridQuantilesMixin(QuantileForecastMixin):
         "more days, with T_za measured."
     )
 
+    def _check_adapt(self) -> None:
+        if self.adapt not in (None, "linear", "full"):
+            raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
+
     def _present_scheme(self) -> Scheme:
-        raise NotImplementedError
+        """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
+        self._check_adapt()
+        return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
 
     def _most_leads(self, step: pd.Timedelta) -> int:
         """Leads of a day, or of a longer horizon."""
@@ -41,33 +48,18 @@ class HybridQuantilesMixin(QuantileForecastMixin):
         if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
             self._intervals = intervals_from(left_out, training)
 
-    def _quantile_paths(
-        self,
-        table: ZoneTable,
-        origins: np.ndarray,
-        n_leads: int,
-        levels: np.ndarray,
-        weather: Any = None,
-        paths: Any = None,
-    ) -> np.ndarray:
-        bands = super()._quantile_paths(table, origins, n_leads, levels, weather, paths)
+    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, *args: Any, **kwargs: Any) -> np.ndarray:
+        bands = super()._quantile_paths(table, origins, *args, **kwargs)
         lowest, highest = self._present_scheme().plausible(table, origins)
         return PlausibleRange(lowest[..., None], highest[..., None]).clip(bands)
 
     def _quantile_offsets(
-        self,
-        table: ZoneTable,
-        origins: np.ndarray,
-        n_leads: int,
-        levels: np.ndarray,
-        weather: Any = None,
-        paths: Any = None,
+        self, table: ZoneTable, origins: np.ndarray, *args: Any, **kwargs: Any
     ) -> tuple[np.ndarray, np.ndarray]:
         # of the kept rows all whose errors count, as if the table followed the training
         missing = DAYS_BACK * rows_per_day(table.step) - int(origins.min(initial=table.n_rows))
         longer = self._scheme.rows.with_earlier(table, table.n_history + missing)
-        moved = longer.n_rows - table.n_rows
-        return super()._quantile_offsets(longer, origins + moved, n_leads, levels, weather, paths)
+        return super()._quantile_offsets(longer, origins + longer.n_rows - table.n_rows, *args, **kwargs)
 
     def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         return self._scheme.adapting(None).forecast(table, origins, n_leads).temperature

@@ -6,9 +6,7 @@ import numpy as np
 
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._warnings import several
-from ..control import Band
-
-_FREE = (-np.inf, np.inf)
+from ..control import FREE, Band, refuse_where
 
 
 def band_of(table: ZoneTable) -> Band:
@@ -17,7 +15,7 @@ def band_of(table: ZoneTable) -> Band:
         np.where(np.isfinite(table.history[role]), table.history[role], free)
         if role in table.history
         else np.full(table.n_rows, free)
-        for role, free in zip(SETPOINT_ROLES, _FREE, strict=True)
+        for role, free in zip(SETPOINT_ROLES, FREE, strict=True)
     )
     return Band(*sides)
 
@@ -40,14 +38,8 @@ def check_setpoints(table: ZoneTable) -> None:
     given = setpoints_in(table)
     for role, values in given.items():
         missing = np.isnan(values)
-        if missing.any():
-            raise ValueError(
-                f"{role} is missing in {several(int(missing.sum()), 'row')} (first at "
-                f"{table.index[int(np.argmax(missing))]}); fill in the set-point that was in force, or "
-                "leave the column out."
-            )
+        what = f"{role} is missing in {several(int(missing.sum()), 'row')}"
+        refuse_where(missing, table, what, "fill in the set-point that was in force, or leave the column out")
     if len(given) == len(SETPOINT_ROLES):
         heating, cooling = given.values()
-        if (heating > cooling).any():
-            first = table.index[int(np.argmax(heating > cooling))]
-            raise ValueError(f"T_heat_set is above T_cool_set (first at {first}); swap or mend them.")
+        refuse_where(heating > cooling, table, "T_heat_set is above T_cool_set", "swap or mend them")

@@ -17,7 +17,7 @@ from ..forecasting.named_models import check_parameters, refuse_unread, require_
 from ..identification import PeriodicDisturbanceID
 from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs
-from .parts import clone_part, wanted_forecaster
+from .parts import clone_part
 from .scheme import Scheme
 from .two_stage_scheme import TwoStageScheme
 
@@ -137,7 +137,10 @@ class BaseTwoStage(BaseHybrid):
 
     def _forecaster_part(self) -> Any:
         given = _default_forecaster() if self.forecaster is None else self.forecaster
-        forecaster = clone_part("forecaster", given, ("fit", "predict_from"), wanted_forecaster(given))
+        # a regressor, or its name, is likely the model of a forecaster
+        is_model = isinstance(given, str) or (hasattr(given, "predict") and not isinstance(given, type))
+        wanted = f"a DisturbanceForecaster; give DisturbanceForecaster({given if is_model else 'ridge'!r})"
+        forecaster = clone_part("forecaster", given, ("fit", "predict_from"), wanted)
         if isinstance(forecaster, DisturbanceForecaster):
             check_parameters(forecaster)
             refuse_unread(forecaster)

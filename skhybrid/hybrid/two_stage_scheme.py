@@ -23,14 +23,7 @@ from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joine
 from ..identification.plan_model import columns_of, linear_network, plan_gain
 from ..identification.rolling_state import advance, drive_on, identify_again
 from ..thermal import get_network
-from .drift import DriftMonitor
-from .earlier_states import EarlierStates
-from .hourly_aggregation import HourlyAggregation
-from .known_rows import KnownRows
-from .scheme import AffinePaths, Ahead, Paths, Scheme, measured_now
-from .tables import (
-    ELSEWHERE,
-    KEPT,
+from .disturbance_steps import (
     Steps,
     average,
     disturbance_step,
@@ -39,12 +32,15 @@ from .tables import (
     frame_of,
     join_steps,
     reads_tables,
-    stamps_ns,
     steps_of_rows,
-    with_stamps,
     with_step_before,
-    zone_of,
 )
+from .drift import DriftMonitor
+from .earlier_states import EarlierStates
+from .hourly_aggregation import HourlyAggregation
+from .known_rows import KnownRows
+from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
+from .tables import ELSEWHERE, KEPT, stamps_ns, with_stamps, zone_of
 from .weekly_refit import WeeklyRefit, by_days, reference_days
 
 
@@ -132,10 +128,17 @@ class TwoStageScheme(EarlierStates):
         return np.where(np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since, zeta, np.nan)
 
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
-        if T_za is not None:
-            return self.advanced(measured_now(future, T_za)).forecast_ahead(future.rows(slice(1, None)))
-        zeta, temperature = self._ahead(future)
-        return Paths(self.rows.plausible.clip(temperature)[None], zeta[None, 1:], zeta[:1])
+        scheme, rest = self._at_origin(future, T_za)
+        zeta, temperature = scheme._ahead(rest)
+        return Paths(scheme.rows.plausible.clip(temperature)[None], zeta[None, 1:], zeta[:1])
+
+    def _at_origin(self, ahead: ZoneTable, T_za: float | None) -> tuple[Self, ZoneTable]:
+        """The scheme at the origin of rows ahead, which is the first one if that is measured, and the rows after it."""
+        if T_za is None:
+            return self, ahead
+        now = ahead.rows(slice(0, 1))
+        now = now.replace(history={**now.history, "T_za": np.array([T_za])})
+        return self.advanced(now), ahead.rows(slice(1, None))
 
     def _ahead(self, future: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
         """(n_rows + 1,) disturbance from the last known row on, and (n_rows,) temperatures."""
@@ -202,8 +205,10 @@ class TwoStageScheme(EarlierStates):
         later = measured.index >= begin[0] if len(begin) else np.zeros(len(measured), dtype=bool)
         return monitor.watch(measured[later], forecast[later])
 
-    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> Paths:
+    def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> Paths:
         """Drive the network with the forecast disturbance (paper Eqs. 17 and 18)."""
+        if boundary:
+            raise ValueError("boundary temperatures of the two-stage scheme are those in X; leave boundary out.")
         kept = origins < table.n_history - 1
         if kept.any():
             scheme, earlier, moved = self._before(table, origins[kept])
@@ -217,21 +222,17 @@ class TwoStageScheme(EarlierStates):
 
     def affine(self, ahead: Ahead, plan: Plan, member: str) -> AffinePaths:
         zeta, temperature = self._unclipped(ahead)
-        if ahead.T_za is None:
-            zeta = zeta[1:]
-        else:
-            temperature = np.append(ahead.T_za, temperature)
+        found = Paths(temperature[None], zeta[None, 1:], zeta[:1]).columns(ahead.T_za)
         gain = plan_gain(self.gray_box_.filtered_network_, plan.inputs, ahead.n_rows)
-        return AffinePaths(temperature, zeta, gain, np.zeros(len(plan.inputs), dtype=bool))
+        return AffinePaths(found["T_za"], found["zeta"], gain, np.zeros(len(plan.inputs), dtype=bool))
 
     def _unclipped(self, ahead: Ahead) -> tuple[np.ndarray, np.ndarray]:
         """(n_leads + 1,) disturbance from the origin on, and (n_leads,) temperatures."""
         if ahead.origin is not None:
             zeta, temperature = self._driven(ahead.table, np.array([ahead.origin]), ahead.n_leads)
             return zeta[0], temperature[0]
-        if ahead.T_za is None:
-            return self._ahead(ahead.table)
-        return self.advanced(measured_now(ahead.table, ahead.T_za))._ahead(ahead.table.rows(slice(1, None)))
+        scheme, rest = self._at_origin(ahead.table, ahead.T_za)
+        return scheme._ahead(rest)
 
     def linear_network(self, ahead: Ahead, plan: Plan) -> LinearNetwork:
         zeta, nodes, rows = self._unclipped(ahead)[0][:, None], *self._origin(ahead)
@@ -247,9 +248,7 @@ class TwoStageScheme(EarlierStates):
         if ahead.origin is not None:
             here = _after_history(ahead.table)
             return self.gray_box_.origin_state(here, ahead.origin - ahead.table.n_history, self.disturbance)
-        scheme, rest = self, ahead.table
-        if ahead.T_za is not None:
-            scheme, rest = self.advanced(measured_now(rest, ahead.T_za)), rest.rows(slice(1, None))
+        scheme, rest = self._at_origin(ahead.table, ahead.T_za)
         known = scheme.gray_box_.filtered_network_
         rows = np.vstack([known.rolling.inputs, known.experiment(rest).inputs])
         return (known.rolling.nodes if self.disturbance == "input" else known.rolling.open_nodes), rows
@@ -260,7 +259,7 @@ class TwoStageScheme(EarlierStates):
     def _driven(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> tuple[np.ndarray, np.ndarray]:
         """(n_origins, n_leads + 1) disturbance from each origin on, and (n_origins, n_leads) temperatures."""
         here = _after_history(table)
-        zeta = self._disturbance_paths(table, here, origins, n_leads + 1, 0)
+        zeta = self._disturbance_paths(table, here, origins, n_leads + 1)
         # heat of a row acts over its own step, so that of the origin's row is the first to act
         acting = zeta[:, :-1] if self.disturbance == "input" else zeta[:, 1:]
         if not n_leads:
@@ -271,7 +270,7 @@ class TwoStageScheme(EarlierStates):
         """Heat that keeps the network within its set-points under the forecast disturbance (paper Eq. 16)."""
         here, first = _after_history(table), 0 if self.disturbance == "input" else 1
         counts = np.diff(np.append(origins, table.n_rows))
-        zeta = self._disturbance_paths(table, here, origins, int(counts.max()) + first, 0)
+        zeta = self._disturbance_paths(table, here, origins, int(counts.max()) + first)
         rows, acting = origins - table.n_history, zeta[:, first:]
         load = self.gray_box_.required_heat(here, setpoint, rows, acting, kind=self.disturbance, limits=limits)
         of_rows = np.concatenate([path[:count] for path, count in zip(zeta, counts, strict=True)])
@@ -304,13 +303,11 @@ class TwoStageScheme(EarlierStates):
                 found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
         return joined(found)
 
-    def _disturbance_paths(
-        self, table: ZoneTable, here: ZoneTable, origins: np.ndarray, n_rows: int, first: int
-    ) -> np.ndarray:
-        """(n_origins, n_rows) forecast disturbance of the rows ``origin + first``, ``origin + first + 1`` ..."""
+    def _disturbance_paths(self, table: ZoneTable, here: ZoneTable, origins: np.ndarray, n_rows: int) -> np.ndarray:
+        """(n_origins, n_rows) forecast disturbance of the rows ``origin``, ``origin + 1`` ..."""
         steps, offset = self._steps_of(table, here)
         known = steps.of_row[origins + offset] - 1  # the last step that ended before the origin
-        rows = origins[:, None] + first + np.arange(n_rows)
+        rows = origins[:, None] + np.arange(n_rows)
         wanted = steps.of_row[np.minimum(rows, table.n_rows - 1) + offset] - known[:, None] - 1
         n_steps = int(wanted.max()) + 1
         ahead = np.empty((len(origins), n_steps))

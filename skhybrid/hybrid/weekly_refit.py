@@ -12,7 +12,8 @@ from sklearn.base import clone
 
 from .._table import ZoneTable
 from .._time import rows_per_day
-from .tables import KEPT, fit_forecaster, forecast_steps, midnights
+from .disturbance_steps import fit_forecaster, forecast_steps
+from .tables import KEPT, midnights
 
 #: how much of the past a new fit may be made on; None is all of it
 SPANS: tuple[pd.Timedelta | None, ...] = (None, pd.Timedelta("21D"), pd.Timedelta("14D"))

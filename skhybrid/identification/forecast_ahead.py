@@ -29,7 +29,6 @@ from ..control import (
     AffineForecast,
     ControlModel,
     Plan,
-    covered_by,
     decided_on,
     limits_of,
     planned,
@@ -235,7 +234,7 @@ class ForecastingNetwork(NetworkModel):
         network = linear_network(known, roles, rows, start.states[0], start.heat[0], offset)
         chosen = [acting.index(role) for role in roles]
         network = network.after(rows[0, chosen]) if ahead.now is None else network.measured(ahead.now)
-        limits = limits_of(self._plant.most, covered_by(self._ranges(), roles), roles)
+        limits = limits_of(self._plant.most, self._ranges(), roles)
         arrays = network.A, network.B, network.C, network.state, network.forcing
         return ControlModel(*arrays, roles, limits, network.states, future.index, self.sampling_time_)
 
@@ -309,7 +308,7 @@ class ForecastingNetwork(NetworkModel):
             for role, value in zip(self.network_.history_roles, now, strict=True):
                 table = with_measured(table, first, float(value), role)
         plan = Plan.of(table, roles, n_rows)
-        warn_uncovered(plan, given, covered_by(self._ranges(), roles))
+        warn_uncovered(plan, given, self._ranges())
         return _Ahead(table, first - (now is None), now, n_rows), plan
 
     def _read_now(self, T_za: Any, index: pd.Index) -> np.ndarray | None:

@@ -61,19 +61,14 @@ def evidence_of(fit: LeadFit, others: Sequence[Member]) -> ZoneEvidence:
 
 def first_shares(members: Sequence[Member], has_prior: bool) -> np.ndarray:
     """Shares (2, K) where no error is known, after a day and from two weeks on."""
-    ages = zip(_TAUGHT_SHARES if has_prior else _RULE_SHARES, (True, False), strict=True)
-    return np.array([_prior_shares(members, rule, first) for rule, first in ages])
-
-
-def _prior_shares(members: Sequence[Member], rule: float, first_day: bool) -> np.ndarray:
-    """(K,) shares of the members' ways: ``rule`` for the simple rules, the rest for what has learned, in even parts."""
-    learned = [not (m.is_rule or (first_day and m.needs_days)) for m in members]
-    n_rules = sum(m.is_rule for m in members)
-    shares = [
-        rule / n_rules if m.is_rule else (1.0 - rule) / sum(learned) * has
-        for m, has in zip(members, learned, strict=True)
-    ]
-    return np.concatenate([np.full(len(m.names), s / len(m.names)) for m, s in zip(members, shares, strict=True)])
+    is_rule, needs_days = np.array([(m.is_rule, m.needs_days) for m in members]).T
+    n_ways, found = np.array([len(m.names) for m in members]), []
+    for of_rules, learned in zip(
+        _TAUGHT_SHARES if has_prior else _RULE_SHARES, (~is_rule & ~needs_days, ~is_rule), strict=True
+    ):
+        shares = np.where(is_rule, of_rules / is_rule.sum(), (1.0 - of_rules) / learned.sum() * learned)
+        found.append(np.repeat(shares / n_ways, n_ways))
+    return np.array(found)
 
 
 def _has_trace(training: ZoneTable) -> bool:

@@ -39,7 +39,7 @@ class MeanDay:
         self._days[:, 2] = mean
 
     def starting_at(self, place: int) -> MeanDay:
-        """A mean day that has seen the same and is to go through rows from a place on."""
+        """A copy that goes through rows from another place on."""
         other, moved = shallow_copy(self), self._last + 1 - place
         if moved:
             other._last, other._days = place - 1, np.roll(self._days[-self._per_day :], moved, axis=0)

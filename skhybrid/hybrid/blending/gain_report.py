@@ -80,7 +80,7 @@ def disagreement(fit: LeadFit, members: Sequence[Member], gains: pd.DataFrame, r
 def warn_of_gain(
     fit: LeadFit, training: ZoneTable, known: Mapping[str, float], gains_of: Callable[[], pd.DataFrame]
 ) -> None:
-    """Warn of plants of whose effect the training says next to nothing or the reverse, and of a plan without jumps."""
+    """Warn of plants whose effect the training hardly shows, or shows reversed, and of a plan without jumps of heat."""
     _warn_of_scale(fit, training, known)
     capacity = {s.role: s.parameter for s in fit.plan.network.sources(training.inputs)}
     for role in fit.undetermined:

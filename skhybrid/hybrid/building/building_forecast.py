@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -16,10 +16,11 @@ from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_prefixed_with, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ..base import BaseHybrid
-from .building_tables import tables_of_zones, with_neighbour_temperatures
+from .building_tables import BuildingTablesMixin, tables_of_zones, with_neighbour_temperatures, with_next
 from .coupled_zone import CoupledZone
-from .zone_columns import MEASURED, NEXT, ZoneColumns, carried_on, held
+from .zone_columns import MEASURED, NEXT, held
 
+_T = TypeVar("_T")
 #: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
 _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
 
@@ -34,32 +35,8 @@ def of_zone(zone: str) -> Iterator[None]:
         raise type(error)(f"zone {zone!r}: {error}") from None
 
 
-class BuildingForecastMixin:
+class BuildingForecastMixin(BuildingTablesMixin):
     """``predict``, ``forecast`` and their kin of :class:`BuildingPredictor`."""
-
-    zones_: list[str]
-    own_: dict[str, BaseHybrid]
-    coupled_: dict[str, CoupledZone]
-    _columns: ZoneColumns
-    _last: dict[str, float]
-    _single: bool
-
-    def _read(self, X: Any, *, reset: bool = False) -> Any:
-        raise NotImplementedError
-
-    def _prepared(self, X: Any) -> Any:
-        """A table after the estimator's ``preprocess``."""
-        raise NotImplementedError
-
-    def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
-        """Measured temperature of each zone (n, n_zones), NaN where missing [degC]."""
-        raise NotImplementedError
-
-    def _with_measured(self, X: Any, T: pd.DataFrame) -> Any:
-        """X with the measured temperatures as boundaries of neighbours, the last known one where one is missing."""
-        if not isinstance(X, pd.DataFrame):
-            return X
-        return with_next(X, {z: carried_on(T[z].to_numpy(dtype=float), self._last[z]) for z in self.zones_})
 
     @property
     def shared_plants_(self) -> list[str]:
@@ -102,14 +79,19 @@ class BuildingForecastMixin:
         paths = paths_of(origins, max(int(leads.max()), 1))
         out = np.full((len(X), *paths.shape[2:]), np.nan)
         if origins[0] >= 0:
-            value = np.empty(len(self.zones_))
-            for j, (zone, model) in enumerate(self.own_.items()):
-                with of_zone(zone):
-                    value[j] = model.predict(X[:1])[0]
-            out[0] = value.reshape(-1, *[1] * (out.ndim - 2))
+            value = self._of_each(lambda model: model.predict(X[:1])[0])
+            out[0] = np.reshape(list(value.values()), (-1, *[1] * (out.ndim - 2)))
         for origin, count, path in zip(origins, leads, paths, strict=True):
             out[origin + 1 : origin + 1 + count] = path[:count]
         return out
+
+    def _of_each(self, of: Callable[[BaseHybrid], _T]) -> dict[str, _T]:
+        """By zone what its predictor by itself gives, whose messages name the zone."""
+        found = {}
+        for zone, model in self.own_.items():
+            with of_zone(zone):
+                found[zone] = of(model)
+        return found
 
     def _rolled_origins(self, X: Any) -> tuple[np.ndarray, np.ndarray]:
         """Origins of ``predict`` and their numbers of rows: of a zone with measurements, where any zone has some."""
@@ -165,18 +147,16 @@ class BuildingForecastMixin:
 
     def _bands(self, X: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: Any) -> np.ndarray:
         """(n_origins, n_leads, n_zones, n_quantiles)."""
-        own, out = self._own_paths(X, origins, horizon), []
+        own = self._own_paths(X, origins, horizon)
         paths = self._among_neighbours(X, origins, horizon, own)
-        for j, (zone, model) in enumerate(self.own_.items()):
-            with of_zone(zone):
-                bands = model.predict_quantiles_from(X, origins, quantiles, horizon)
-            beyond = bands - own[zone][..., None]
-            widths = self.coupled_[zone].widths(bands.shape[1]) if zone in self.coupled_ else np.ones(bands.shape[1])
-            out.append(paths[..., j, None] + widths[:, None] * beyond)
-        return np.stack(out, axis=2)
+        bands = self._of_each(lambda model: model.predict_quantiles_from(X, origins, quantiles, horizon))
+        for j, (zone, band) in enumerate(bands.items()):
+            widths = self.coupled_[zone].widths(band.shape[1])[:, None] if zone in self.coupled_ else 1.0
+            bands[zone] = paths[..., j, None] + widths * (band - own[zone][..., None])
+        return np.stack(list(bands.values()), axis=2)
 
     def _span(self, n_rows: int) -> pd.Timedelta:
-        return n_rows * self.own_[self.zones_[0]].sampling_time_
+        return n_rows * self._first.sampling_time_
 
     def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
         """Forecast the rows after each of the given origins.
@@ -202,11 +182,7 @@ class BuildingForecastMixin:
 
     def _own_paths(self, X: Any, origins: np.ndarray, horizon: Any) -> dict[str, np.ndarray]:
         """(n_origins, n_leads) of each zone by itself."""
-        own = {}
-        for zone, model in self.own_.items():
-            with of_zone(zone):
-                own[zone] = model.predict_from(X, origins, horizon)
-        return own
+        return self._of_each(lambda model: model.predict_from(X, origins, horizon))
 
     def _among_neighbours(self, X: Any, origins: np.ndarray, horizon: Any, own: Mapping[str, np.ndarray]) -> np.ndarray:
         """(n_origins, n_leads, n_zones) blended with the forecasts that neighbours' paths drive."""
@@ -269,7 +245,7 @@ class BuildingForecastMixin:
         check_is_fitted(self)
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
-        now, wanted = self._by_zone(T_za, "T_za"), self._by_zone(setpoint, "setpoint")
+        now, wanted = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint)
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:
             self._refuse_shared_plants()
@@ -327,29 +303,39 @@ class BuildingForecastMixin:
 
         return of
 
-    def _by_zone(self, given: Any, name: str) -> dict[str, Any]:
-        """A value per zone: by name, or in the order of zones; a set-point without zones holds for all."""
-        if given is None:
+    def _now_by_zone(self, T_za: Any) -> dict[str, float]:
+        """Temperatures that are measured now, given by zone or in the order of zones; empty where there are none."""
+        if T_za is None:
             return {}
-        if name == "setpoint" and not isinstance(given, Mapping):
-            self._refuse_without_plant(name)
-            return dict.fromkeys(self.zones_, given)
-        if not isinstance(given, Mapping | pd.Series):
-            values = np.atleast_1d(as_numbers(given, name))
+        if not isinstance(T_za, Mapping | pd.Series):
+            values = np.atleast_1d(as_numbers(T_za, "T_za"))
             if len(values) != len(self.zones_):
-                raise ValueError(f"{name} has {len(values)} values; give one for each of {listed(self.zones_)}.")
-            given = dict(zip(self.zones_, values, strict=True))
+                raise ValueError(f"T_za has {len(values)} values; give one for each of {listed(self.zones_)}.")
+            return dict(zip(self.zones_, values, strict=True))
+        by_zone = self._by_zone(T_za, "T_za")
+        absent = [zone for zone in self.zones_ if zone not in by_zone]
+        if absent:
+            raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
+        return by_zone
+
+    def _setpoints_by_zone(self, setpoint: Any) -> dict[str, Any]:
+        """The set-points of each zone, where some are given; a zone that they leave out is free."""
+        if setpoint is None:
+            return {}
+        if not isinstance(setpoint, Mapping):
+            self._refuse_without_plant("setpoint")
+            return dict.fromkeys(self.zones_, setpoint)
+        by_zone = self._by_zone(setpoint, "setpoint")
+        self._refuse_without_plant("setpoint", by_zone)
+        return dict.fromkeys(self.zones_, (None, None)) | by_zone
+
+    def _by_zone(self, given: Mapping[Any, Any] | pd.Series, name: str) -> dict[str, Any]:
+        """What is given for some zones, by the name of each; a name of none is refused."""
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
         unknown = [zone for zone in by_zone if zone not in self.zones_]
         if unknown:
             raise ValueError(f"{name} names {unknown[0]!r}, which is no zone; the zones are {listed(self.zones_)}.")
-        if name != "T_za":
-            self._refuse_without_plant(name, by_zone)
-        absent = [zone for zone in self.zones_ if zone not in by_zone]
-        if absent and name == "T_za":
-            raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
-        # other zones are free; without limits each has its own
-        return (dict.fromkeys(absent, (None, None)) if name == "setpoint" else {}) | by_zone
+        return by_zone
 
     def _refuse_without_plant(self, name: str, zones: Iterable[str] = ()) -> None:
         """Refuse a set-point or limits of zones without a plant, or where no zone has one."""
@@ -374,11 +360,6 @@ class BuildingForecastMixin:
             with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
                 found[zone] = _blended(own[zone], of(one.model, zone, T), one, first_lead)
         return {f"{name}_{zone}": values for zone, columns in found.items() for name, values in columns.items()}
-
-
-def with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """X with temperatures (n,) of zones as boundaries of their neighbours."""
-    return X.assign(**{NEXT + zone: values for zone, values in T.items()})
 
 
 def columns_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:

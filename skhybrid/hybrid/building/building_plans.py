@@ -12,11 +12,11 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._arguments import check_integer
 from ..._joining import refuse_no_frames
-from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs
-from ...control.setpoints import read_limits
+from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs, read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, columns_of, of_zone, with_next
+from .building_forecast import BuildingForecastMixin, columns_of, of_zone
+from .building_tables import with_next
 from .coupled_zone import CoupledZone, at_common_origins
 from .zone_columns import held
 
@@ -88,15 +88,16 @@ class BuildingPlansMixin(BuildingForecastMixin):
             column of a plant (``shared_plants_``).
         """
         self._refuse_shared_plants()
-        wanted = self._by_zone(setpoint, "setpoint")
+        wanted = self._setpoints_by_zone(setpoint)
         X = self._prepared(X)
         rows = self._with_measured(X, self._known(X))
         if limits is None or isinstance(limits, Mapping):
-            own = self._by_zone(limits, "limits")
+            own = self._by_zone(limits or {}, "limits")
+            if limits is not None:
+                self._refuse_without_plant("limits", own)
             return self._loads(rows, wanted, {(z, near): own.get(z) for z, near in self._predictors})[0]
-        first = self.own_[self.zones_[0]]
         with of_zone(self.zones_[0]):
-            table, n_tail, _ = first._load_rows(rows, first._plant)
+            table, n_tail, _ = self._first._load_rows(rows, self._first._plant)
         shared = read_limits(limits, table.rows(slice(n_tail, None)))
         if (shared.lower > 0.0).any() or (shared.upper < 0.0).any():
             raise ValueError("limits of all zones together must have 0 kW, a plant that is off, between them.")
@@ -171,7 +172,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         check_is_fitted(self)
         refuse_no_frames(history, future)
         roles = self._inputs(inputs)
-        ahead, now = self._prepared(future), self._by_zone(T_za, "T_za")
+        ahead, now = self._prepared(future), self._now_by_zone(T_za)
         known = None if history is None else self._prepared(history)
         plan = np.column_stack([self._planned(ahead, role) for role in roles])
         acts = [(k, *one) for k, role in enumerate(roles) for one in self._columns.input_of(role)]
@@ -231,8 +232,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         names = quantile_columns(levels)
         bands = np.stack([frame[[f"{name}_{zone}" for name in names]].to_numpy() for zone in self.zones_], axis=-1)
         assert self._joint is not None  # as there are intervals
-        before = self.own_[self.zones_[0]].sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
-        index = self.own_[self.zones_[0]]._scheme.rows.in_own_zone(frame).index
+        before = self._first.sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
+        index = self._first._scheme.rows.in_own_zone(frame).index
         drawn = self._joint.drawn(_hours(index)[0] - before, n_samples, len(frame), check_random_state(random_state))
         ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
         return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)

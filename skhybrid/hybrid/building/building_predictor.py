@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
-from sklearn.metrics import r2_score
 from sklearn.utils import Tags, check_consistent_length
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
 from ..._arguments import check_n_jobs
+from ..._rolling import r2_of_measured
 from ..._summary import SummaryMixin
-from ..._table import ZoneTable, as_numbers, as_pandas, checked_columns, read_array
+from ..._table import as_numbers, as_pandas
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user
@@ -24,8 +25,8 @@ from ...exceptions import MeasurementWarning
 from ...forecasting.quantiles import LeftOut
 from ...thermal import get_network
 from ..base import BaseHybrid
+from ..parts import fit_preprocess
 from ..predictor import HybridPredictor, takes_two_stages
-from ..preprocess import fit_preprocess, preprocessed
 from ..schedule_predictor import DEFAULT_NETWORK
 from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
@@ -34,15 +35,11 @@ from .coupled_zone import CoupledZone, couple, with_neighbours
 from .zone_columns import (
     NEXT,
     ZoneColumns,
-    carried_on,
     found_neighbours,
     neighbours_of,
     read_temperatures,
-    temperatures_of,
 )
 
-#: the predictor of a zone, with its neighbours or none, after new rows
-_TakenIn = Callable[[str, BaseHybrid, Sequence[str]], BaseHybrid]
 _SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
 
@@ -136,20 +133,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         made = parallel(fit_zone(template, X, T[zone], neighbours[zone], self.own_[zone]) for zone in coupled)
         self._couple(X, dict(zip(coupled, made, strict=True)), neighbours)
         self._take_in(T)
-        self.training_ = self.own_[self.zones_[0]].training_
+        self.training_ = self._first.training_
         return self
-
-    def _read(self, X: Any, *, reset: bool = False) -> Any:
-        if not isinstance(X := as_pandas(X), pd.DataFrame):
-            return read_array(self, X, reset=reset, ensure_all_finite=False)
-        if reset:
-            validate_data(self, X, skip_check_array=True)
-        return X
-
-    def _prepared(self, X: Any) -> Any:
-        names = dict.fromkeys([*getattr(self.preprocess_, "feature_names_in_", ()), *getattr(X, "columns", ())])
-        role_of = {column: role for role, column in checked_columns(getattr(self.estimator, "columns", None)).items()}
-        return preprocessed(self.preprocess_, X, [n for n in names if str(role_of.get(n, n)).startswith("T_za")])
 
     def _neighbours(self, T: pd.DataFrame, by_itself: bool, named: bool) -> dict[str, tuple[str, ...]]:
         if self.adjacency is not None:
@@ -175,8 +160,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             network = get_network(template.get_params()["network"] or DEFAULT_NETWORK)
             settings |= {"network": with_neighbours(network, neighbours), "intervals": False}
         with of_zone(str(y.name)):
-            target = y if isinstance(X, pd.DataFrame) else y.to_numpy()
-            return clone(template).set_params(**settings).fit(X, target, like)
+            return clone(template).set_params(**settings).fit(X, _target(X, y), like)
 
     def _couple(self, X: Any, models: Mapping[str, BaseHybrid], neighbours: Mapping[str, tuple[str, ...]]) -> None:
         """Weigh the forecasts with neighbours."""
@@ -201,7 +185,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
     def _take_in(self, T: pd.DataFrame) -> None:
         """Keep the last known temperature of each zone."""
-        self._last = {zone: float(carried_on(T[zone].to_numpy(float), self._last[zone])[-1]) for zone in self.zones_}
+        self._last = {zone: float(values[-1]) for zone, values in self._carried_on(T).items()}
 
     def without_neighbours(self) -> Self:
         """A copy that forecasts each zone by itself.
@@ -225,7 +209,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
     def known_until_(self) -> pd.Timestamp | None:
         """Stamp of the last row that the model knows, in the zone of the training's; None where it had no stamps."""
         check_is_fitted(self)
-        return self.own_[self.zones_[0]].known_until_
+        return self._first.known_until_
 
     @property
     def thermostat_learned_(self) -> dict[str, bool]:
@@ -259,17 +243,17 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
 
         def learned(zone: str, model: BaseHybrid, X: Any) -> BaseHybrid:
             with of_zone(zone):
-                return copy(model).partial_fit(X, T[zone] if isinstance(X, pd.DataFrame) else T[zone].to_numpy())
+                return copy(model).partial_fit(X, _target(X, T[zone]))
 
         parallel, learn = Parallel(self.n_jobs), delayed(learned)
         own = parallel(learn(zone, model, X) for zone, model in self.own_.items())
         coupled = parallel(learn(zone, one.model, among) for zone, one in self.coupled_.items())
         self.own_ = dict(zip(self.zones_, own, strict=True))
         pairs = zip(self.coupled_.items(), coupled, strict=True)
-        self.coupled_ = {zone: one.with_model(model) for (zone, one), model in pairs}
+        self.coupled_ = {zone: replace(one, model=model) for (zone, one), model in pairs}
         if before is None or self.known_until_ != before:
             self._take_in(T)
-        self.training_ = self.own_[self.zones_[0]].training_
+        self.training_ = self._first.training_
         return self
 
     @unchanged_on_failure
@@ -305,50 +289,26 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
                 MeasurementWarning,
             )
         tables = None if y is not None else tables_of_zones(self.own_, self._columns, X, measured=True)
-        taken_in = self._by_frames_after(X, T) if tables is None else self._after(tables, T)
-        self.own_ = {zone: taken_in(zone, model, ()) for zone, model in self.own_.items()}
-        self.coupled_ = {z: one.with_model(taken_in(z, one.model, one.neighbours)) for z, one in self.coupled_.items()}
-        self._take_in(T)
-        return self
+        X, known = self._with_measured(X, T) if self.coupled_ and tables is None else X, self._carried_on(T)
 
-    def _after(self, tables: Mapping[str, ZoneTable], T: pd.DataFrame) -> _TakenIn:
-        """Predictors after tables of their zones."""
-        known = {zone: carried_on(T[zone].to_numpy(float), self._last[zone]) for zone in self.zones_}
-
-        def after(zone: str, model: BaseHybrid, neighbours: Sequence[str]) -> BaseHybrid:
+        def after(zone: str, model: BaseHybrid, neighbours: Sequence[str] = ()) -> BaseHybrid:
             with of_zone(zone):
+                if tables is None:
+                    return copy(model).update(X, _target(X, T[zone]))
                 around = {other: known[other] for other in neighbours}
                 return model._copy_after(with_neighbour_temperatures(tables[zone], around))
 
-        return after
-
-    def _by_frames_after(self, X: Any, T: pd.DataFrame) -> _TakenIn:
-        """Predictors after rows that each of them reads by itself."""
-        X = self._with_measured(X, T) if self.coupled_ else X
-
-        def after(zone: str, model: BaseHybrid, neighbours: Sequence[str]) -> BaseHybrid:
-            with of_zone(zone):
-                return copy(model).update(X, T[zone] if isinstance(X, pd.DataFrame) else T[zone].to_numpy())
-
-        return after
-
-    def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
-        if y is not None:
-            T = temperatures_of(y, X, self.zones_)
-            self._columns.refuse_exchanged(X, T)
-            return T
-        return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, getattr(X, "index", None))
+        self.own_ = {zone: after(zone, model) for zone, model in self.own_.items()}
+        coupled = self.coupled_.items()
+        self.coupled_ = {zone: replace(one, model=after(zone, one.model, one.neighbours)) for zone, one in coupled}
+        self._take_in(T)
+        return self
 
     def _silent(self, T: pd.DataFrame) -> list[str]:
         """Zones of which nothing was measured for an hour or more, where others were measured."""
         seen = np.isfinite(T.to_numpy(dtype=float)).any(axis=0)
-        long = len(T) * self.own_[self.zones_[0]].sampling_time_ >= pd.Timedelta("1h")
+        long = self._span(len(T)) >= pd.Timedelta("1h")
         return [zone for zone, known in zip(self.zones_, seen, strict=True) if not known and long and seen.any()]
-
-    def _measured(self, X: Any, zone: str) -> np.ndarray:
-        column = self._columns.measured(zone)
-        here = isinstance(X, pd.DataFrame) and column in X
-        return as_numbers(X[column], str(column)) if here else np.full(len(X), np.nan)
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
         """Coefficient of determination of :meth:`predict`, the mean of the zones; missing rows are left out.
@@ -358,13 +318,16 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         X : DataFrame or array-like of shape (n_samples, n_features)
         y : array-like of shape (n_samples, n_zones)
         sample_weight : array-like of shape (n_samples,), optional
+
+        Raises
+        ------
+        ValueError
+            If there is no row in which all zones were measured, or X or ``y`` cannot be read.
         """
         check_consistent_length(X, y)
         predicted = np.asarray(self.predict(X))
         measured = as_numbers(self._known(X, y), "y").reshape(predicted.shape)
-        seen = np.isfinite(measured.reshape(len(measured), -1)).all(axis=1)
-        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
-        return float(r2_score(measured[seen], predicted[seen], sample_weight=weight))
+        return r2_of_measured(measured, predicted, sample_weight)
 
     def drift(self, X: Any = None) -> pd.DataFrame:
         """Report day by day whether what was learned of each zone still holds: :meth:`HybridPredictor.drift`.
@@ -380,11 +343,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """
         check_is_fitted(self)
         X = None if X is None else self._prepared(self._read(X))
-        found = {}
-        for zone, model in self.own_.items():
-            with of_zone(zone):
-                found[zone] = model.drift(X)
-        return pd.concat(found, names=["zone"])
+        return pd.concat(self._of_each(lambda model: model.drift(X)), names=["zone"])
 
     def _facts(self) -> dict[str, str]:
         pairs = {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}
@@ -398,3 +357,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         tags.target_tags.single_output = True
         tags.regressor_tags.poor_score = True  # scikit-learn's checks draw rows that are not consecutive time steps
         return tags
+
+
+def _target(X: Any, T: pd.Series) -> Any:
+    """A zone's temperatures as the target of X, whose rows have no stamps where it is an array."""
+    return T if isinstance(X, pd.DataFrame) else T.to_numpy()

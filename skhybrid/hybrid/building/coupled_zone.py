@@ -45,10 +45,6 @@ class CoupledZone:
         """Share of this forecast, by group of leads."""
         return pd.Series(self.weights[:, 1], list(GROUP_NAMES))
 
-    def with_model(self, model: BaseHybrid) -> CoupledZone:
-        """The same with another state of the predictor."""
-        return replace(self, model=model)
-
     def share_by_row(self, n_rows: int, first_lead: int) -> np.ndarray:
         """(n_rows,) share of this forecast in rows of which the first has lead 1, or 0: the measured origin."""
         return np.append(np.zeros(1 - first_lead), self.share(n_rows - 1 + first_lead))

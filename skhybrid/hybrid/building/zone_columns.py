@@ -1,4 +1,4 @@
-"""Columns of a building's zones: whose each of them is by its name, and which of them are neighbours."""
+"""Columns of a building's zones, told apart by their names, and which zones are neighbours."""
 
 from __future__ import annotations
 

@@ -133,7 +133,8 @@ class ClosedLoop:
             return None
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
         capacity = PlantCapacity.of(scheme, training, heat)
-        ideal = scheme.adapting(None).load_paths(training, origins, n_leads, WantedPaths(band, capacity.range))
+        loads_from = scheme.adapting(None).load_paths_from(training, origins)
+        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_FIT_SHARE * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
@@ -208,16 +209,11 @@ class ClosedLoop:
 
     def _weeks(self, table: ZoneTable, rows: LawRows) -> Weeks:
         """The weeks since the training, in rows of a table."""
-        begin = self._first_new(table)
-        if table.utc is None or self._learned_to is None:
-            return Weeks(begin, begin, rows.per_day)
-        return Weeks(round((self._learned_to - table.utc[0]) / table.step) + 1, begin, rows.per_day)
-
-    def _first_new(self, table: ZoneTable) -> int:
-        """The first row of a table that the training has not seen."""
-        if table.utc is None or self._learned_to is None or not table.n_history:
-            return table.n_history
-        return int((table.utc <= self._learned_to).sum())
+        zero = begin = table.n_history
+        if table.utc is not None and self._learned_to is not None:
+            zero = round((self._learned_to - table.utc[0]) / table.step) + 1
+            begin = int((table.utc <= self._learned_to).sum()) if table.n_history else 0
+        return Weeks(zero, begin, rows.per_day)
 
     def _blended(
         self,
@@ -243,8 +239,7 @@ class ClosedLoop:
                 if levels is not None:
                     missed = self._missed(known, shares, quantity)
                     out[quantity, i, :, 1:] += self._offsets(table, int(origin), n_leads, quantity, missed, levels)
-            held = Band(*(side[origin : origin + n_leads] for side in rows.band))
-            plausible = ranges.of_row(i).around(held)
+            plausible = ranges.of_row(i).around(rows.band.rows(slice(origin, origin + n_leads)))
             lowest, highest = _within(self._capacity.after(rows.heat[:origin]), wanted.limits)
             heats, cools = self._acting(rows.band, np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
             within = np.where(cools, lowest, max(lowest, 0.0)), np.where(heats, highest, min(highest, 0.0))
