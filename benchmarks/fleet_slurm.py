@@ -80,7 +80,7 @@ def on_slurm(case: str, fit: Callable[[], ZoneFleet], logs: Path) -> tuple[ZoneF
 def main() -> None:
     """Fit the fleet by one process and by Slurm, and compare the forecasts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--zones", type=int, default=60)
+    parser.add_argument("--zones", type=int, default=160)
     n_zones = parser.parse_args().zones
     if shutil.which("sbatch") is None or find_spec("dask_jobqueue") is None:
         parser.exit(0, "There is no Slurm, or no dask-jobqueue: nothing is measured.\n")
