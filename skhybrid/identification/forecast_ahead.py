@@ -145,7 +145,7 @@ class ForecastingNetwork(NetworkModel):
         check_is_fitted(self)
         ahead, _ = self._planned(history, future, (), T_za)
         roles = self._plant_roles()
-        warn_uncovered(Plan.of(ahead.table, roles, ahead.n_rows), roles, covered_by(self._ranges(), roles))
+        warn_uncovered(Plan.of(ahead.table, roles, ahead.n_rows), roles, self._ranges())
         T, zeta, _ = self._expected(ahead)
         frame = pd.DataFrame(T, future.index, list(self.network_.history_roles))
         return frame.assign(**dict(zip(self._zeta_names(self._acts_on), zeta.T, strict=True)))
