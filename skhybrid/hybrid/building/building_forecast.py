@@ -330,7 +330,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         return dict.fromkeys(self.zones_, (None, None)) | by_zone
 
     def _by_zone(self, given: Mapping[Any, Any] | pd.Series, name: str) -> dict[str, Any]:
-        """What is given for some zones, by the name of each; a name of none is refused."""
+        """Values that are given for some zones, by zone; a name of none is refused."""
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
         unknown = [zone for zone in by_zone if zone not in self.zones_]
         if unknown:
