@@ -15,6 +15,7 @@ from skhybrid.exceptions import SkhybridWarning
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
+from skhybrid.zone.training_rows import training_rows
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 DAY, N = 24, 15 * 24  # rows of a day, and of the log
@@ -193,19 +194,46 @@ def test_irradiance_of_a_zone_s_own_is_read_from_the_weather(frame, tmp_path):
 
 
 def test_a_fit_tells_what_it_leaves_out_and_doubts(frame):
-    """Rows beyond a gap, a sensor that stands still, and temperatures under each other's name."""
-    rows = frame[N - 8 * DAY : N].drop(frame.index[N - 6 * DAY : N - 6 * DAY + 5])
+    """Rows beyond a long outage, a sensor that stands still, and temperatures under each other's name."""
+    rows = frame[N - 12 * DAY : N].drop(frame.index[N - 10 * DAY : N - 5 * DAY])
     rows.iloc[-2 * DAY :, list(rows).index("T_za")] = 20.0
     with pytest.warns(SkhybridWarning) as caught:
         ZoneModel.fit(settings_from(SETTINGS), rows)
     texts = [str(w.message) for w in caught]
     assert any("is the sensor stuck? Such rows are taken as missing" in text for text in texts)
     first, last = rows.index[2 * DAY], rows.index[-2 * DAY]
-    words = f"learned from {first} to {last} alone, the longest stretch without a gap, and not from 48 complete rows"
+    words = f"learned from {first} to {last} alone, and not from 48 complete rows beyond outages of more than four days"
     assert any(words in text for text in texts), texts
     swapped = frame[:N].rename(columns={"T_za": "T_oa", "T_oa": "T_za"})
     with pytest.warns(SkhybridWarning, match="are the two columns swapped"), suppress(ValueError):
         ZoneModel.fit(settings_from(SETTINGS), swapped)
+
+
+def test_outages_within_the_training_are_bridged(frame):
+    gone = [*range(100, 110), *range(200, 230)]
+    whole, held = frame[:N], ["T_heat_set", "T_cool_set"]
+    with pytest.warns(SkhybridWarning, match=f"over 2 outages, the first from {frame.index[99]} to {frame.index[110]}"):
+        rows = training_rows(frame[:N].drop(frame.index[gone]), settings_from(SETTINGS), 56)
+    assert rows.index.equals(whole.index)
+    known = rows.index.difference(frame.index[gone])
+    pd.testing.assert_frame_equal(rows.loc[known], whole.loc[known, rows.columns], check_names=False, check_freq=False)
+    bridges = rows.loc[frame.index[gone]]
+    assert bridges["T_za"].isna().all()
+    assert bridges.drop(columns="T_za").notna().all(axis=None)
+    assert (bridges.loc[frame.index[100:110], held] == whole.loc[frame.index[99], held]).all(axis=None)
+    middle = whole["T_oa"].iloc[[99, 110]].to_numpy() @ [6 / 11, 5 / 11]
+    assert bridges.loc[frame.index[104], "T_oa"] == pytest.approx(middle)
+
+
+def test_a_log_of_outages_is_learned_from_by_its_longest_stretch(frame):
+    kept = np.arange(N) % (2 * DAY) >= 42
+    kept[: 4 * DAY] = True
+    with pytest.warns(SkhybridWarning, match=f"learned from {frame.index[0]} to {frame.index[4 * DAY - 1]} alone"):
+        rows = training_rows(frame[:N][kept], settings_from(SETTINGS), 56)
+    assert len(rows) == 4 * DAY
+    kept[2 * DAY : 4 * DAY] = False
+    with pytest.raises(ValueError, match=r"the log has 2.0 days, of the 56 before .*; a model needs 3"):
+        training_rows(frame[:N][kept], settings_from(SETTINGS), 56)
 
 
 def test_a_column_without_values_is_named(frame):

@@ -241,7 +241,7 @@ def test_init_is_repeated_after_a_kill(log, tmp_path):
         folder.tick(source)
     ZoneFolder.init(folder.path, source)
     assert _names(folder) == FILES
-    assert folder.load().learned_until == log.index[24 * 7 - 1]  # of the longest stretch without a gap
+    assert folder.load().learned_until == log.index[24 * DAYS - 1]
 
 
 @pytest.mark.slow
@@ -283,12 +283,20 @@ def test_an_old_model_is_fitted_again(log, zone, cheap, tmp_path):
     assert zone.load().learned_until == log.index[24 * (DAYS + 2) - 1]
 
 
-def test_rows_after_an_outage_are_learned_from_when_there_are_enough(log, zone, cheap, tmp_path):
+def test_rows_after_an_outage_of_hours_are_learned_from_at_once(log, zone, cheap, tmp_path):
     gap = slice(24 * DAYS - 2, 24 * DAYS + 12)
     done = zone.tick(write(log, tmp_path / "log.csv", DAYS + 2, without=gap))
+    assert "rows are missing after" in done.learned
+    assert zone.load().learned_until == log.index[24 * (DAYS + 2) - 1]
+    assert zone.tick(tmp_path / "log.csv").learned == ""
+
+
+def test_rows_after_an_outage_of_days_are_learned_from_when_there_are_enough(log, zone, cheap, tmp_path):
+    gap = slice(24 * DAYS - 2, 24 * DAYS + 100)
+    done = zone.tick(write(log, tmp_path / "log.csv", DAYS + 6, without=gap))
     assert len(done.forecast.frame) == 24
-    assert any("rows are missing after" in text and "1.5 days without a gap" in text for text in done.remarks)
-    done = zone.tick(write(log, tmp_path / "log.csv", 2 * DAYS + 1, without=gap))
+    assert any("rows are missing after" in text and "1.8 days after its last" in text for text in done.remarks)
+    done = zone.tick(write(log, tmp_path / "log.csv", 2 * DAYS + 5, without=gap))
     assert "rows are missing after" in done.learned
     assert zone.tick(tmp_path / "log.csv").learned == ""
 

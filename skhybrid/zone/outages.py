@@ -14,6 +14,8 @@ from ..logs.standstills import room_standstills, without_standstills
 from ..study.data import SETPOINT
 
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
+#: longest outage within the rows to learn from that is bridged: up to there, half of the rows are worse (EnergyPlus)
+BRIDGED_IN_TRAINING = pd.Timedelta("4D")
 
 
 class Unread(NamedTuple):
@@ -86,9 +88,9 @@ def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timest
             )
 
 
-def stretches(rows: pd.DataFrame, step: pd.Timedelta) -> list[pd.DataFrame]:
-    """The rows between gaps, in their order."""
-    breaks = np.flatnonzero(np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8) != step.value) + 1
+def stretches(rows: pd.DataFrame, longest: pd.Timedelta) -> list[pd.DataFrame]:
+    """The rows between distances of more than the ``longest``, in their order; a step is the least."""
+    breaks = np.flatnonzero(np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8) > longest.value) + 1
     return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
 
 

@@ -11,7 +11,7 @@ from ..logs.log_findings import doubts_on_temperatures
 from ..study.data import with_facades
 from ..study.settings import Settings
 from .dead_meters import without_dead_meters
-from .outages import complete_rows, stretches
+from .outages import BRIDGED_IN_TRAINING, bridged, complete_rows, stretches
 
 _LEAST_DAYS = 3
 
@@ -26,7 +26,10 @@ def refuse_empty(frame: pd.DataFrame, settings: Settings) -> None:
 
 
 def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.DataFrame:
-    """The longest stretch without a gap of the last ``days`` of a log, of at least three days.
+    """The last ``days`` of a log between outages of more than four days, with bridges over shorter ones.
+
+    On a bridge the inputs are interpolated and no temperature is known.  Where that is most of the rows, the longest
+    stretch without an outage is taken.
 
     Parameters
     ----------
@@ -37,7 +40,7 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
     Raises
     ------
     ValueError
-        If it is shorter than three days.
+        If less than three days are complete.
     """
     rooms = settings.roles_of("T_za")
     for doubt in doubts_on_temperatures(frame, [role for role in rooms if role in frame]):
@@ -47,16 +50,26 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
     rows = complete_rows(with_facades(alive, settings), rooms)
     step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")
     last = rows[rows.index > rows.index[-1] - days * day] if len(rows) else rows
-    rows = max(stretches(last, step), key=len)
-    if len(rows) * step < _LEAST_DAYS * day:
+    known = max(stretches(last, BRIDGED_IN_TRAINING), key=len)
+    if len(known) and 2 * len(known) * step <= known.index[-1] - known.index[0]:
+        known = max(stretches(last, step), key=len)
+    if len(known) * step < _LEAST_DAYS * day:
         raise ValueError(
-            f"the log has {len(rows) * step / day:.1f} days in a row, of the {days} before {frame.index[-1]}, with all "
-            f"of {', '.join(map(str, rows))}; a model needs {_LEAST_DAYS} (see skhybrid check)."
+            f"the log has {len(known) * step / day:.1f} days, of the {days} before {frame.index[-1]}, with all of "
+            f"{', '.join(map(str, known))}; a model needs {_LEAST_DAYS} (see skhybrid check)."
         )
-    if n_out := len(last) - len(rows):
+    if n_out := len(last) - len(known):
         warn_user(
-            f"learned from {rows.index[0]} to {rows.index[-1]} alone, the longest stretch without a gap, and not from "
-            f"{several(n_out, 'complete row')} beyond it (skhybrid check shows the gaps).",
+            f"learned from {known.index[0]} to {known.index[-1]} alone, and not from {several(n_out, 'complete row')} "
+            "beyond outages of more than four days (skhybrid check shows the gaps).",
             SkhybridWarning,
         )
-    return rows
+    parts = stretches(known, step)
+    if n_bridges := len(parts) - 1:
+        first = f"{parts[0].index[-1]} to {parts[1].index[0]}"
+        warn_user(
+            f"learned over {several(n_bridges, 'outage')}, the first from {first}: the inputs are interpolated there, "
+            "and no temperature is known.",
+            SkhybridWarning,
+        )
+    return bridged(parts, step, rooms, settings.setpoints)

@@ -19,7 +19,7 @@ from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .outages import complete_rows, like_index, stretches, up_to_measured
+from .outages import BRIDGED_IN_TRAINING, complete_rows, like_index, stretches, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .tomorrow import Schedules
 from .zone_model import ZoneModel
@@ -325,14 +325,14 @@ def _learn(
 
 
 def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
-    """A model of the rows after the last gap of a log."""
+    """A model of the rows after the last long outage of a log."""
     step = pd.Timedelta(zone.settings.step)
     alive = without_roles(frame, dead_meters(frame, zone.settings))
-    rows = stretches(complete_rows(alive, zone.settings.roles_of("T_za")), step)[-1]
+    rows = stretches(complete_rows(alive, zone.settings.roles_of("T_za")), BRIDGED_IN_TRAINING)[-1]
     needed = min(_REFIT_DAYS, zone.predictor.training_.n_rows * step)
     if len(rows) * step < needed:
         raise ValueError(
-            f"the log ends with {len(rows) * step / pd.Timedelta('1D'):.1f} days without a gap, and "
+            f"the log ends with {len(rows) * step / pd.Timedelta('1D'):.1f} days after its last long outage, and "
             f"{needed / pd.Timedelta('1D'):.1f} are needed."
         )
     return ZoneModel.fit(zone.settings, frame.loc[rows.index[0] :])

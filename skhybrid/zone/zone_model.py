@@ -46,7 +46,7 @@ class ZoneModel:
 
     @classmethod
     def fit(cls, settings: Settings, frame: pd.DataFrame, days: int = TRAINING_DAYS) -> Self:
-        """Fit the predictor of the settings on the last days of a log, on their longest stretch without a gap.
+        """Fit the predictor of the settings on the last days of a log (:func:`training_rows`).
 
         Parameters
         ----------
