@@ -14,6 +14,8 @@ import pandas as pd
 
 #: a jump over missing rows divides a table into segments from this length on; a shorter one is an error of the log
 SHORTEST_GAP = pd.Timedelta("3h")
+#: longest outage within a training that is bridged: without its other side, errors are larger (benchmarks/outages.py)
+LONGEST_BRIDGE = pd.Timedelta("4D")
 #: assumed time of row 0 where there are no time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _HOUR, _DAY = pd.Timedelta("1h"), pd.Timedelta("1D")

@@ -63,9 +63,9 @@ def of(table, zone, key="zone"):
 
 
 def spoiled(which=TRAIN):
-    """Rows in which zone c has a gap in its weather that is too long to fill."""
+    """Rows in which zone c has no weather at first, which nothing can fill."""
     X = rows(which)
-    X.loc[(X["zone"] == "c") & (X.index >= X.index[30]) & (X.index <= X.index[33]), "T_oa"] = np.nan
+    X.loc[(X["zone"] == "c") & (X.index <= X.index[3]), "T_oa"] = np.nan
     return X
 
 

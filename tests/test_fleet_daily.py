@@ -10,6 +10,7 @@ import pytest
 from sklearn.base import clone
 
 from skhybrid import ARXRegressor
+from skhybrid._time import SHORTEST_GAP
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
@@ -81,7 +82,29 @@ def test_a_short_gap_of_an_input_is_filled_as_readers_of_logs_do(tmp_path):
         found.append(made.tick({"a": given}))
         assert made.errors_ == {}
     pd.testing.assert_frame_equal(*found)
-    pd.testing.assert_frame_equal(zone_jobs._filled(holed, made.estimator), filled)
+    pd.testing.assert_frame_equal(zone_jobs._filled(holed, made.estimator, SHORTEST_GAP), filled)
+
+
+def test_a_zone_learns_over_outages_of_days(tmp_path):
+    """Inputs are interpolated and set-points held, and no temperature of the outage is known."""
+    X = ZONE[: 8 * DAY].assign(T_heat_set=np.where(np.arange(8 * DAY) % DAY < 6, 18.0, 21.0)).rename_axis("time")
+    absent, unmeasured = slice(2 * DAY, 2 * DAY + 20), slice(4 * DAY, 6 * DAY)
+    holed = X.copy()
+    holed.iloc[unmeasured, list(X).index("q_sol")] = np.nan
+    holed = holed.drop(X.index[absent])
+    wanted = X.copy()
+    wanted.iloc[absent] = np.nan
+    wanted.iloc[unmeasured, [list(X).index("q_sol"), list(X).index("T_za")]] = np.nan
+    inputs = wanted.drop(columns=["T_za", "T_heat_set"]).interpolate("time")
+    wanted = wanted.assign(**inputs, T_heat_set=wanted["T_heat_set"].ffill())
+    found = zone_jobs._bridged(holed, ARX)
+    pd.testing.assert_frame_equal(found, wanted, check_freq=False)
+    fleet = ZoneFleet(ARX, store=tmp_path / "store").fit({"a": holed})
+    assert fleet.errors_ == {}
+    alone = clone(ARX).fit(wanted, wanted["T_za"])
+    np.testing.assert_array_equal(fleet.predict({"a": X})["T_za"], alone.predict(X))
+    long = X.drop(X.index[DAY : 6 * DAY])
+    assert zone_jobs._bridged(long, ARX).index.equals(long.index)
 
 
 @pytest.mark.parametrize("clock", [None, "Europe/Amsterdam"])

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .._table import listed
-from .._time import SHORTEST_GAP, in_time_zone, positive_duration
+from .._table import is_set_point, listed
+from .._time import LONGEST_BRIDGE, SHORTEST_GAP, in_time_zone, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
@@ -27,7 +27,8 @@ def fit_zone(
     zone: str, store: str, paths: Sequence[str], estimator: Any, fallback: Any, last: Any = None
 ) -> str | None:
     """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
-    X, y = _training_rows(_whole(read_rows(paths[0]), estimator), estimator, last)
+    rows = _bridged(_whole(read_rows(paths[0]), estimator), estimator)
+    X, y = _training_rows(rows, estimator, last)
     mark, models = fingerprint(X, y), ModelStore(store)
     why, days = None, []
     if models.has(zone):
@@ -207,16 +208,28 @@ def _after_known(model: Any, journal: Journal, X: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rows(path: str, model: Any) -> pd.DataFrame:
-    return _filled(read_rows(path), model)
+    return _filled(read_rows(path), model, SHORTEST_GAP)
 
 
 def _whole(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Measured rows without short gaps of any kind."""
-    return _filled(_restored(rows), model)
+    return _filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP)
 
 
-def _restored(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with those that are absent for up to three hours, as missing ones."""
+def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
+    """Rows to learn from with bridges over outages: inputs are interpolated there, and no temperature is known."""
+    whole = _restored(rows, LONGEST_BRIDGE)
+    roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
+    inputs = [column for column in whole if not is_set_point(str(roles.get(column, column)))]
+    measured = [column for column in (TARGET, _measured_column(model)) if column in whole]
+    out = whole[inputs].drop(columns=measured).isna().any(axis=1)
+    filled = _filled(whole, model, LONGEST_BRIDGE)
+    filled.loc[out, measured] = np.nan
+    return filled
+
+
+def _restored(rows: pd.DataFrame, longest: pd.Timedelta) -> pd.DataFrame:
+    """Rows with those that are absent for up to the longest gap, as missing ones."""
     index = rows.index
     if not isinstance(index, pd.DatetimeIndex) or len(index) < 3 or not index.is_monotonic_increasing:
         return rows
@@ -225,7 +238,7 @@ def _restored(rows: pd.DataFrame) -> pd.DataFrame:
     step = int(np.median(jumps))
     if not (jumps > 0).all():  # for the model to refuse
         return rows
-    short = (jumps > step) & (jumps <= step + SHORTEST_GAP.value) & (jumps % step == 0)
+    short = (jumps > step) & (jumps <= step + longest.value) & (jumps % step == 0)
     absent = [np.arange(t + step, t + jump, step) for t, jump in zip(ticks[:-1][short], jumps[short], strict=True)]
     if not absent:
         return rows
@@ -233,14 +246,14 @@ def _restored(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.reindex(index.union(stamps.as_unit(index.unit)).rename(index.name))
 
 
-def _filled(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
-    """Rows with short gaps of inputs filled, as readers of logs do; longer ones are for the model to refuse."""
+def _filled(rows: pd.DataFrame, model: Any, longest: pd.Timedelta) -> pd.DataFrame:
+    """Rows with gaps of inputs filled up to the longest, as readers of logs do; others are for the model to refuse."""
     gaps = [column for column in rows.columns[rows.isna().any()] if column != TARGET]
     if not gaps or not isinstance(rows.index, pd.DatetimeIndex) or not rows.columns.is_unique:
         return rows
     named = {role: column for role, column in (getattr(model, "columns", None) or {}).items() if column in gaps}
     filled = rows.copy()
-    filled[gaps] = GapFiller(SHORTEST_GAP, columns=named).fit_transform(rows[gaps])
+    filled[gaps] = GapFiller(longest, columns=named).fit_transform(rows[gaps])
     return filled
 
 

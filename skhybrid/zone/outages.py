@@ -14,8 +14,6 @@ from ..logs.standstills import room_standstills, without_standstills
 from ..study.data import SETPOINT
 
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
-#: longest outage within the rows to learn from that is bridged: up to there, half of the rows are worse (EnergyPlus)
-BRIDGED_IN_TRAINING = pd.Timedelta("4D")
 
 
 class Unread(NamedTuple):

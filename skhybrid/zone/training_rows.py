@@ -5,13 +5,14 @@ from __future__ import annotations
 import pandas as pd
 
 from .._table import is_plant, listed
+from .._time import LONGEST_BRIDGE
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
 from ..logs.log_findings import doubts_on_temperatures
 from ..study.data import with_facades
 from ..study.settings import Settings
 from .dead_meters import without_dead_meters
-from .outages import BRIDGED_IN_TRAINING, bridged, complete_rows, stretches
+from .outages import bridged, complete_rows, stretches
 
 _LEAST_DAYS = 3
 
@@ -50,7 +51,7 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
     rows = complete_rows(with_facades(alive, settings), rooms)
     step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")
     last = rows[rows.index > rows.index[-1] - days * day] if len(rows) else rows
-    known = max(stretches(last, BRIDGED_IN_TRAINING), key=len)
+    known = max(stretches(last, LONGEST_BRIDGE), key=len)
     if len(known) and 2 * len(known) * step <= known.index[-1] - known.index[0]:
         known = max(stretches(last, step), key=len)
     if len(known) * step < _LEAST_DAYS * day:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from .._files import atomic_path
 from .._table import is_plant, listed
+from .._time import LONGEST_BRIDGE
 from ..exceptions import ModelFileError
 from ..study import propose_settings, read_settings
 from ..study.data import read_even_log
@@ -19,7 +20,7 @@ from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .outages import BRIDGED_IN_TRAINING, complete_rows, like_index, stretches, up_to_measured
+from .outages import complete_rows, like_index, stretches, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .tomorrow import Schedules
 from .zone_model import ZoneModel
@@ -328,7 +329,7 @@ def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
     """A model of the rows after the last long outage of a log."""
     step = pd.Timedelta(zone.settings.step)
     alive = without_roles(frame, dead_meters(frame, zone.settings))
-    rows = stretches(complete_rows(alive, zone.settings.roles_of("T_za")), BRIDGED_IN_TRAINING)[-1]
+    rows = stretches(complete_rows(alive, zone.settings.roles_of("T_za")), LONGEST_BRIDGE)[-1]
     needed = min(_REFIT_DAYS, zone.predictor.training_.n_rows * step)
     if len(rows) * step < needed:
         raise ValueError(
