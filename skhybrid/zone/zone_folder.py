@@ -27,7 +27,7 @@ from .zone_model import ZoneModel
 from .zone_state import measured_rows, status_of
 
 _REFIT_AFTER = pd.Timedelta(days=28)
-_REFIT_DAYS = pd.Timedelta(days=14)  # without a gap, that a new fit needs; fewer where the model knows fewer
+_REFIT_DAYS = pd.Timedelta(days=14)  # after a long outage, that a new fit needs; fewer where the model knows fewer
 _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor is corrected by [K]
 #: settings that a model does not depend on
 _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
@@ -138,8 +138,9 @@ class ZoneFolder:
     ) -> Tick:
         """Take in the new rows of a log, forecast from its end, and archive both; a tick that fails changes nothing.
 
-        The model is fitted again where its errors have drifted, where it is old, where an outage lies between what it
-        knows and the last two weeks of the log, and where the configuration has changed.
+        The model is fitted again where its errors have drifted, where it is old, where an outage of more than twelve
+        hours follows what it knows (once there are two weeks of rows after one of more than four days), and where the
+        configuration has changed.
 
         Parameters
         ----------
