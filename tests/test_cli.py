@@ -362,8 +362,28 @@ def test_a_folder_that_cannot_be_made_is_told_before_the_work(files, tmp_path, c
 
 def test_a_gap_of_an_input_in_the_training_span_is_named(files, capsys):
     log = _log()
-    log.iloc[50:70, log.columns.get_loc("outdoor_temp")] = np.nan
+    log.iloc[50:150, log.columns.get_loc("outdoor_temp")] = np.nan
     log.to_csv(files / "log.csv")
+    assert _run(files, "-q") == 1
+    assert "T_oa" in capsys.readouterr().err
+
+
+def test_an_outage_in_the_training_span_is_bridged_and_one_in_the_test_named(files, capsys):
+    log = _log()
+    holed = log.copy()
+    holed.iloc[50:70, log.columns.get_loc("outdoor_temp")] = np.nan
+    holed.to_csv(files / "log.csv")
+    settings = read_settings(files / "zone.toml")
+    train = split_log(read_log(files / "log.csv", settings)[0], settings).train
+    out = slice(50, 70)
+    assert train.iloc[out]["T_za"].isna().all()
+    assert train.drop(columns="T_za").notna().all(axis=None)
+    np.testing.assert_allclose(
+        train["T_oa"].iloc[out], np.linspace(*train["T_oa"].iloc[[49, 70]].to_numpy(), 22)[1:-1], rtol=1e-12
+    )
+    holed = log.copy()
+    holed.iloc[-50:-40, log.columns.get_loc("outdoor_temp")] = np.nan
+    holed.to_csv(files / "log.csv")
     assert _run(files, "-q") == 1
     assert "T_oa" in capsys.readouterr().err
 
@@ -642,18 +662,21 @@ def test_a_log_of_another_country_is_proposed_and_read(tmp_path, sep, decimal, d
 
 
 @pytest.mark.parametrize(
-    ("first", "end", "start"),
+    ("first", "end", "start", "test"),
     [
-        (5 * 24, 8 * 24, "2024-01-09"),
-        (8 * 24 + 13, 8 * 24 + 19, "2024-01-10"),  # from 13:00 to 19:00: the rest of that day is no whole day
-        (8 * 24 + 13, 8 * 24 + 15, "2024-01-01"),  # short enough to be filled
+        (5 * 24, 10 * 24, "2024-01-11", "2024-01-24"),
+        (5 * 24, 10 * 24 + 6, "2024-01-12", "2024-01-24"),  # the rest of that day is no whole day
+        (5 * 24, 8 * 24, "2024-01-01", "2024-01-21"),  # bridged
+        (8 * 24 + 13, 8 * 24 + 15, "2024-01-01", "2024-01-21"),  # short enough to be filled
+        (24 * 24 + 13, 24 * 24 + 19, "2024-01-01", "2024-01-26"),  # the test begins on the day after it
+        (28 * 24, 28 * 24 + 6, "2024-01-01", "2024-01-19"),  # too late for a test after it
     ],
 )
-def test_a_proposal_keeps_out_of_a_long_gap(tmp_path, first, end, start):
+def test_a_proposal_trains_over_outages_and_tests_on_days_without_one(tmp_path, first, end, start, test):
     log = _log(30)
     log.drop(log.index[first:end]).to_csv(tmp_path / "log.csv")
     settings = settings_from(tomllib.loads(propose_settings(tmp_path / "log.csv")))
-    assert str(settings.train["start"]) == start
+    assert (str(settings.train["start"]), str(settings.test["start"])) == (start, test)
     data = split_log(read_log(tmp_path / "log.csv", settings)[0], settings)
     assert data.train.drop(columns="T_za").notna().all(axis=None)
     assert data.later.drop(columns="T_za").notna().all(axis=None)

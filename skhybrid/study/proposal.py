@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
-from .._time import SHORTEST_GAP, wall_clock
+from .._time import LONGEST_BRIDGE, SHORTEST_GAP, wall_clock
 from ..logs import LogReport, read_log, to_left_label
+from ..logs.bridges import stretches
 from ..logs.log_findings import is_local
 from .settings import SCHEDULE, as_toml
 
 _SHORTEST_LOG = 4  # fewest days to train and test on
+_LEAST_TEST = 2  # days: the first row of the next day belongs to the forecast of a day
 #: roles that a proposal names even where no column was found, with what they are
 _WANTED = {
     "T_za": "room temperature",
@@ -157,9 +159,14 @@ def _plant_lines(report: LogReport) -> list[list[str]]:
 
 def _span_lines(report: LogReport) -> list[list[str]]:
     """Training and test spans of whole days, before the last day of the log; comments where there are too few."""
-    index = wall_clock(_segment(report))  # days between its midnights have 24 h
-    day = pd.Timedelta("1D")
-    days = (index[-1].normalize() - index[0].ceil("D")).days if len(index) else 0
+    day, short = pd.Timedelta("1D"), max(SHORTEST_GAP, 2 * report.step)
+    found = wall_clock(_complete(report))  # days between its midnights have 24 h
+    index = _longest(_segments(found, LONGEST_BRIDGE))
+    tail = _whole_days(_segments(index, short)[-1])  # the test has no gap
+    if tail < _LEAST_TEST:
+        index = _longest(_segments(found, short))
+        tail = _whole_days(index)
+    days = _whole_days(index)
     if days < _SHORTEST_LOG:
         first = f"from {index[0]} to {index[-1]}" if len(index) else "no row"
         text = (
@@ -167,7 +174,7 @@ def _span_lines(report: LogReport) -> list[list[str]]:
         )
         return [[text, "# [train]", "# start = 2024-01-01", "# end = 2024-01-28"], ["# [test]", "# start = 2024-01-29"]]
     last = index[-1].normalize()
-    n_test = max(min(days // 3, 28), 2)  # the first row of the next day belongs to the forecast of a day
+    n_test = min(max(min(days // 3, 28), _LEAST_TEST), tail)
     n_train = min(days - n_test, 42)
     test, train = last - n_test * day, last - (n_test + n_train) * day
     return [
@@ -176,8 +183,8 @@ def _span_lines(report: LogReport) -> list[list[str]]:
     ]
 
 
-def _segment(report: LogReport) -> pd.DatetimeIndex:
-    """Stamps of the longest segment without a long gap in any input, up to the last known temperature."""
+def _complete(report: LogReport) -> pd.DatetimeIndex:
+    """Stamps of the rows with all inputs, up to the last known temperature."""
     frame = report.even
     if report.assumed_label == "right" and frame.index.is_unique:
         frame = to_left_label(frame)
@@ -185,9 +192,18 @@ def _segment(report: LogReport) -> pd.DatetimeIndex:
     known = np.flatnonzero(frame[rooms].notna().any(axis=1).to_numpy()) if rooms else np.arange(len(frame))
     frame = frame.iloc[: known[-1] + 1 if len(known) else 0]
     inputs = frame[[role for role in frame if role not in rooms and not str(role).startswith(SETPOINT_ROLES)]]
-    found = pd.DatetimeIndex(frame.index[inputs.notna().all(axis=1)]).unique()
-    if len(found) < 2:
-        return found[:0]
-    broken = found[1:] - found[:-1] > max(SHORTEST_GAP, 2 * report.step)
-    segment = np.concatenate([[0], np.cumsum(broken)])
-    return found[segment == np.bincount(segment).argmax()]
+    return pd.DatetimeIndex(frame.index[inputs.notna().all(axis=1)]).unique()
+
+
+def _segments(stamps: pd.DatetimeIndex, longest: pd.Timedelta) -> list[pd.DatetimeIndex]:
+    """Stamps between gaps of more than the longest."""
+    return [pd.DatetimeIndex(part.index) for part in stretches(pd.DataFrame(index=stamps), longest)]
+
+
+def _longest(segments: list[pd.DatetimeIndex]) -> pd.DatetimeIndex:
+    return max(segments, key=len)
+
+
+def _whole_days(stamps: pd.DatetimeIndex) -> int:
+    """Number of days between the first and the last midnight."""
+    return (stamps[-1].normalize() - stamps[0].ceil("D")).days if len(stamps) else 0

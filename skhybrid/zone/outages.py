@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -84,28 +83,6 @@ def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timest
                 f"{role} stays at {value:.4g} degC from {begin} to {last}, which no room does: is the sensor stuck? "
                 f"A forecast can start from {origin} only; mend the sensor, or leave its rows out."
             )
-
-
-def stretches(rows: pd.DataFrame, longest: pd.Timedelta) -> list[pd.DataFrame]:
-    """The rows between distances of more than the ``longest``, in their order; a step is the least."""
-    breaks = np.flatnonzero(np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8) > longest.value) + 1
-    return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
-
-
-def bridged(
-    parts: Sequence[pd.DataFrame], step: pd.Timedelta, measured: Sequence[str], held: Sequence[str]
-) -> pd.DataFrame:
-    """Stretches of rows as one: in between the inputs are interpolated, and no temperature is known.
-
-    ``measured`` are the columns of temperatures that stay missing there, ``held`` those that keep their last value.
-    """
-    if len(parts) == 1:
-        return parts[0]
-    index = pd.date_range(parts[0].index[0], parts[-1].index[-1], freq=step)
-    whole = pd.concat(parts).reindex(index)
-    whole = whole.assign(**{role: whole[role].ffill() for role in held if role in whole})
-    inputs = whole.drop(columns=list(measured)).interpolate("time")
-    return whole.assign(**{str(role): inputs[role] for role in inputs})
 
 
 def like_index(stamp: pd.Timestamp, index: pd.Index) -> pd.Timestamp:

@@ -8,11 +8,12 @@ from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
+from ..logs.bridges import bridged, stretches
 from ..logs.log_findings import doubts_on_temperatures
 from ..study.data import with_facades
 from ..study.settings import Settings
 from .dead_meters import without_dead_meters
-from .outages import bridged, complete_rows, stretches
+from .outages import complete_rows
 
 _LEAST_DAYS = 3
 

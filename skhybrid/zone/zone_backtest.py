@@ -10,11 +10,12 @@ import pandas as pd
 from ..model_selection import backtest
 from ..study.building_study import N_STEPS, backtest_zones, judge_zone, verdicts_by_zone, zone_table
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
-from ..study.data import StudyData, train_and_test, with_facades
+from ..study.data import StudyData, with_facades
 from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from ..study.run import Progress, counted
 from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
 from ..study.settings import Settings, is_scaled
+from ..study.spans import train_and_test
 from ..study.verdict import Verdict
 from .dead_meters import without_dead_meters
 from .outages import complete_rows

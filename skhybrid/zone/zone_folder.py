@@ -13,6 +13,7 @@ from .._files import atomic_path
 from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
 from ..exceptions import ModelFileError
+from ..logs.bridges import stretches
 from ..study import propose_settings, read_settings
 from ..study.data import read_even_log
 from ..study.doubts import beyond_training, drift_days, drifted
@@ -20,7 +21,7 @@ from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .outages import complete_rows, like_index, stretches, up_to_measured
+from .outages import complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .tomorrow import Schedules
 from .zone_model import ZoneModel

@@ -14,15 +14,17 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, is_plant
 from ..exceptions import TooFewDaysError
 from ..hybrid import BuildingPredictor
+from ..logs.bridges import bridged, stretches
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import NO_ROWS, TRAINING_DAYS, with_facades
+from ..study.data import TRAINING_DAYS, with_facades
 from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
+from ..study.spans import NO_ROWS
 from ..study.zone_part import roles_of, rows_of, settings_of
 from .dead_meters import not_learned, without_roles
-from .outages import BRIDGED, Unread, bridged, complete_rows, like_index, stretches, up_to_measured
+from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
 from .training_rows import training_rows
 
 _NO_SET_POINTS = "no set-points{} in the log"
