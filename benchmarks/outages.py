@@ -16,9 +16,10 @@ from _report import write_table
 from skhybrid import HybridPredictor
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
+from skhybrid.logs.bridges import stretches
 from skhybrid.model_selection import backtest, score_backtest
 from skhybrid.study.settings import settings_from
-from skhybrid.zone.outages import complete_rows, stretches
+from skhybrid.zone.outages import complete_rows
 from skhybrid.zone.training_rows import training_rows
 
 DAYS, TEST_DAYS = 42, 21
