@@ -47,6 +47,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
     """``predict``, ``predict_from`` and ``score``; a subclass sets ``horizon`` and ``_tail``, and has the hooks."""
 
     _tail: ZoneTable
+    _target_role = "T_za"  # of what is forecast
     _reads_clock = True  # whether forecasts depend on the hour of the day
 
     def _read_X(self, X: Any) -> ZoneTable:

@@ -94,7 +94,7 @@ def backtest(
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
     if isinstance(forecaster, RollingForecastMixin):
-        check_range(truth.ravel(), getattr(forecaster, "_target_role", "T_za"), "y", stamps.repeat(len(zones)))
+        check_range(truth.ravel(), forecaster._target_role, "y", stamps.repeat(len(zones)))
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)

@@ -223,7 +223,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     history = _unbroken(roles.loc[earliest:begin].iloc[1:-1], temperatures)
     future = roles.loc[begin:end]
     return StudyData(
-        over_outages(roles.loc[train.index[0] : train.index[-1]], inputs, settings),
+        over_outages(roles.loc[train.index[0] : train.index[-1]], settings),
         later.iloc[len(before) - len(_unbroken(before, temperatures)) :],  # back-tests refuse one missing in the test
         test.index[0],
         history,

@@ -161,10 +161,10 @@ def _span_lines(report: LogReport) -> list[list[str]]:
     """Training and test spans of whole days, before the last day of the log; comments where there are too few."""
     day, short = pd.Timedelta("1D"), max(SHORTEST_GAP, 2 * report.step)
     found = wall_clock(_complete(report))  # days between its midnights have 24 h
-    index = _longest(_segments(found, LONGEST_BRIDGE))
+    index = max(_segments(found, LONGEST_BRIDGE), key=len)
     tail = _whole_days(_segments(index, short)[-1])  # the test has no gap
     if tail < _LEAST_TEST:
-        index = _longest(_segments(found, short))
+        index = max(_segments(found, short), key=len)
         tail = _whole_days(index)
     days = _whole_days(index)
     if days < _SHORTEST_LOG:
@@ -198,10 +198,6 @@ def _complete(report: LogReport) -> pd.DatetimeIndex:
 def _segments(stamps: pd.DatetimeIndex, longest: pd.Timedelta) -> list[pd.DatetimeIndex]:
     """Stamps between gaps of more than the longest."""
     return [pd.DatetimeIndex(part.index) for part in stretches(pd.DataFrame(index=stamps), longest)]
-
-
-def _longest(segments: list[pd.DatetimeIndex]) -> pd.DatetimeIndex:
-    return max(segments, key=len)
 
 
 def _whole_days(stamps: pd.DatetimeIndex) -> int:

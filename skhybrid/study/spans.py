@@ -69,12 +69,13 @@ def _wall_time(stamp: Any, timezone: Any) -> pd.Timestamp:
     return read if read.tz is None else read.tz_convert(timezone).tz_localize(None)
 
 
-def over_outages(rows: pd.DataFrame, inputs: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+def over_outages(rows: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """Training rows with bridges over outages of the inputs; longer ones stay missing, for the models to refuse."""
-    known = rows[inputs.reindex(rows.index).notna().all(axis=1)]
+    temperatures = settings.roles_of("T_za")
+    known = rows[rows.drop(columns=temperatures).notna().all(axis=1)]
     inside = len(known) > 1 and known.index[0] == rows.index[0] and known.index[-1] == rows.index[-1]
     if not inside or len(stretches(known, LONGEST_BRIDGE)) > 1:
         return rows
     step = even_step(pd.DatetimeIndex(rows.index))
-    whole = bridged(stretches(known, step), step, settings.roles_of("T_za"), settings.setpoints)
+    whole = bridged(stretches(known, step), step, temperatures, settings.setpoints)
     return whole.set_axis(rows.index)

@@ -52,9 +52,9 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
     rows = complete_rows(with_facades(alive, settings), rooms)
     step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")
     last = rows[rows.index > rows.index[-1] - days * day] if len(rows) else rows
-    known = max(stretches(last, LONGEST_BRIDGE), key=len)
+    known, beyond = max(stretches(last, LONGEST_BRIDGE), key=len), "outages of more than four days"
     if len(known) and 2 * len(known) * step <= known.index[-1] - known.index[0]:
-        known = max(stretches(last, step), key=len)
+        known, beyond = max(stretches(last, step), key=len), "outages"
     if len(known) * step < _LEAST_DAYS * day:
         raise ValueError(
             f"the log has {len(known) * step / day:.1f} days, of the {days} before {frame.index[-1]}, with all of "
@@ -63,7 +63,7 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
     if n_out := len(last) - len(known):
         warn_user(
             f"learned from {known.index[0]} to {known.index[-1]} alone, and not from {several(n_out, 'complete row')} "
-            "beyond outages of more than four days (skhybrid check shows the gaps).",
+            f"beyond {beyond} (skhybrid check shows the gaps).",
             SkhybridWarning,
         )
     parts = stretches(known, step)
