@@ -105,6 +105,8 @@ def test_a_zone_learns_over_outages_of_days(tmp_path):
     np.testing.assert_array_equal(fleet.predict({"a": X})["T_za"], alone.predict(X))
     long = X.drop(X.index[DAY : 6 * DAY])
     assert zone_jobs._bridged(long, ARX).index.equals(long.index)
+    unread = X.assign(humidity=np.where(np.arange(8 * DAY) % 40 < 20, np.nan, 50.0), T_attic=np.nan)
+    pd.testing.assert_series_equal(zone_jobs._bridged(unread, ARX)["T_za"], X["T_za"], check_freq=False)
 
 
 @pytest.mark.parametrize("clock", [None, "Europe/Amsterdam"])

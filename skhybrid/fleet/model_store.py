@@ -147,7 +147,7 @@ class ModelStore:
             if "no such table" not in str(error):
                 raise
             known = {}
-        if not any(self.path.glob(f"[!.]*{_JOURNAL}")):  # every zone failed, so that no model is of these settings
+        if not self.zones():  # every zone failed, so that no model is of these settings
             known = {}
         check_settings(str(self.path), known, settings)
         return known

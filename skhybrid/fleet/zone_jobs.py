@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .._table import is_set_point, listed
+from .._table import is_set_point, listed, role_of
 from .._time import LONGEST_BRIDGE, SHORTEST_GAP, in_time_zone, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
@@ -219,11 +219,12 @@ def _whole(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
 def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows to learn from with bridges over outages: inputs are interpolated there, and no temperature is known."""
     whole = _restored(rows, LONGEST_BRIDGE)
-    roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
-    inputs = [column for column in whole if not is_set_point(str(roles.get(column, column)))]
-    measured = [column for column in (TARGET, _measured_column(model)) if column in whole]
-    out = whole[inputs].drop(columns=measured).isna().any(axis=1)
     filled = _filled(whole, model, LONGEST_BRIDGE)
+    roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
+    measured = [column for column in (TARGET, _measured_column(model)) if column in whole]
+    named = {column: str(roles.get(column, column)) for column in whole if column not in measured}
+    inputs = [column for column, role in named.items() if role_of(role) and not is_set_point(role)]
+    out = (whole[inputs].isna() & filled[inputs].notna()).any(axis=1)
     filled.loc[out, measured] = np.nan
     return filled
 
