@@ -100,7 +100,9 @@ def test_nothing_after_an_origin_changes_a_forecast(log, model):
     other.iloc[origin + 1 :, other.columns.get_loc("T_za")] = 15.0
     other.loc[other.index[origin + DAY] :, ["T_heat_set", "T_cool_set"]] -= 3.0  # after the horizon
     one, two = (model.closed_loop_from(table, [5, origin], "1D", (0.1, 0.9)) for table in (later, other))
-    for first, second in zip([*one.paths, *one[1:]], [*two.paths, *two[1:]], strict=True):
+    bands = ("heat_bands", "temperature_bands")
+    parts = ([*found.paths, *(getattr(found, name) for name in bands), *found.plant.values()] for found in (one, two))
+    for first, second in zip(*parts, strict=True):
         assert np.array_equal(first, second)
     warmer = later.assign(T_heat_set=later["T_heat_set"].where(np.arange(len(later)) < origin + 3, 23.5))
     warmer["T_cool_set"] = warmer["T_cool_set"].clip(lower=24.0)

@@ -324,7 +324,8 @@ class FramesForecastMixin(FramesReadingMixin):
         -------
         ClosedLoopPaths
             ``paths.heat`` [kW] (n_origins, n_leads) over the rows ``origin``, ``origin + 1`` ..., ``paths.temperature``
-            [degC] at the end of each, and ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
+            [degC] at the end of each; ``plant`` has stages [-] and heat [kW] by name, as :meth:`predict_load`;
+            ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
 
         Raises
         ------
@@ -346,7 +347,8 @@ class FramesForecastMixin(FramesReadingMixin):
             )
         check_setpoints(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
-        return self._law.paths(self._present_scheme(), table, rows + table.n_history, n_leads, levels)
+        scheme = self._present_scheme()
+        return self._law.paths(scheme, table, rows + table.n_history, n_leads, levels).by_role(scheme)
 
     def _learned_load(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from .._warnings import several
 from ..forecasting.quantiles import quantile_columns
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
+from .setpoint_paths import paths_under_setpoints
 from .single_reading import read_once, reading_of, takes_tables
 from .weather_paths import paths_under
 
@@ -36,6 +37,7 @@ def backtest(
     quantiles: Sequence[float] | None = None,
     whole: bool = True,
     weather_error: Any = None,
+    heat_known: bool = True,
 ) -> pd.DataFrame:
     """Forecast from every origin and put the measurements next to the forecasts.
 
@@ -78,7 +80,8 @@ def backtest(
     ValueError
         If the lengths of X and y differ, y is beyond what a room can have, a duration is not a multiple of the sampling
         time, ``start`` is not of the kind of the rows, X is too short for a forecast or has no midnight, the estimator
-        forecasts no quantiles, or one without ``predict_from`` reads what is measured after an origin.
+        forecasts no quantiles, one without ``predict_from`` reads what is measured after an origin, or with
+        ``heat_known=False`` it has learned no thermostat, or set-points are missing.
 
     Warns
     -----
@@ -87,6 +90,7 @@ def backtest(
     """
     check_is_fitted(estimator)
     check_bool("whole", whole)
+    check_bool("heat_known", heat_known)
     forecaster, table = unwrapped(estimator, X)
     if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
@@ -98,33 +102,57 @@ def backtest(
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
-    ahead = origins[:, None] + np.arange(1, n_leads + 1)
-    rows, there = np.minimum(ahead, len(wall) - 1), (ahead < len(wall)).ravel()
     weather, bands = read_weather_error(weather_error), None
-    if (quantiles is not None or weather is not None) and takes_tables(forecaster):
+    loads: dict[str, np.ndarray] = {}
+    if (quantiles is not None or weather is not None or not heat_known) and takes_tables(forecaster):
         table = read_once(table, **reading_of(forecaster), fits=False)
     if weather is not None:
-        if len(zones) > 1:
-            raise ValueError("weather_error is for one zone; back-test the zones' own_ estimators with it.")
+        if len(zones) > 1 or not heat_known:
+            raise ValueError(
+                "weather_error is for one zone under known heat; leave heat_known=True, and back-test the own_ "
+                "estimators of a building."
+            )
         paths, bands = paths_under(forecaster, table, origins, n_leads, quantiles, weather)
+    elif not heat_known:
+        paths, bands, loads = paths_under_setpoints(forecaster, table, origins, n_leads, quantiles)
     elif hasattr(forecaster, "predict_from"):
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:
         predicted = np.asarray(forecaster.predict(table), dtype=np.float64)
         refuse_later_measurements(estimator, X, truth[:, 0], predicted, origins, n_leads)
-        paths = predicted[rows]
+        paths = predicted[np.minimum(_targets(origins, n_leads), len(wall) - 1)]
     if quantiles is not None and bands is None:
         bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
+    names = () if quantiles is None else quantile_columns(quantiles)
+    columns = {"y_pred": paths} | dict(zip(names, () if bands is None else np.moveaxis(bands, -1, 0), strict=True))
+    return _in_rows(stamps, origins, n_leads * sampling, truth, columns | loads, zones)
+
+
+def _targets(origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """(n_origins, n_leads) rows that are forecast."""
+    return origins[:, None] + np.arange(1, n_leads + 1)
+
+
+def _in_rows(
+    stamps: pd.Index,
+    origins: np.ndarray,
+    horizon: pd.Timedelta,
+    truth: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    zones: Sequence[str],
+) -> pd.DataFrame:
+    """A row per origin and lead, of each zone, with measurements and columns (n_origins, n_leads) or of each zone."""
+    n_leads = next(iter(columns.values())).shape[1]
+    ahead = _targets(origins, n_leads)
+    rows, there = np.minimum(ahead, len(stamps) - 1), (ahead < len(stamps)).ravel()
     frame = pd.DataFrame({"origin": stamps[np.repeat(origins, n_leads)]})
-    frame["lead"] = pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * sampling)
+    frame["lead"] = pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * (horizon / n_leads))
     frame["time"] = stamps[rows.ravel()]
-    names = ["y_true", "y_pred", *(() if quantiles is None else quantile_columns(quantiles))]
-    parts = [np.asarray(v).reshape(rows.size, len(zones), -1) for v in (truth[rows], paths, bands) if v is not None]
-    values = np.concatenate(parts, axis=2)
-    by_zone = [frame.assign(**dict(zip(names, values[:, k].T, strict=True)))[there] for k in range(len(zones))]
+    of_zones = {name: np.reshape(v, (rows.size, len(zones))) for name, v in {"y_true": truth[rows], **columns}.items()}
+    made = [frame.assign(**{name: v[:, k] for name, v in of_zones.items()})[there] for k in range(len(zones))]
     if len(zones) > 1:
-        by_zone = [made.assign(zone=zone) for made, zone in zip(by_zone, zones, strict=True)]
-    return pd.concat(by_zone, ignore_index=True)
+        made = [one.assign(zone=zone) for one, zone in zip(made, zones, strict=True)]
+    return pd.concat(made, ignore_index=True)
 
 
 def score_backtest(frame: pd.DataFrame, by: str | None = None) -> pd.Series | pd.DataFrame:

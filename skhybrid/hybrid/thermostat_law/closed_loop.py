@@ -6,6 +6,8 @@ week; the blend has the weights of their errors so far, and its intervals are le
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -42,6 +44,15 @@ class ClosedLoopPaths(NamedTuple):
     paths: LoadPaths
     heat_bands: np.ndarray | None = None  # (O, L, n_levels) [kW]
     temperature_bands: np.ndarray | None = None  # (O, L, n_levels) [degC]
+    #: (O, L) stages [-] and heat [kW] by name, as in ``predict_load``; empty where they were not asked for
+    plant: Mapping[str, np.ndarray] = MappingProxyType({})
+
+    def by_role(self, scheme: Scheme) -> Self:
+        """With the stages and the heat of each part of the plant."""
+        flat = LoadPaths(*(part.reshape(1, -1) for part in self.paths))
+        frame = scheme.heat_frame(pd.RangeIndex(flat.heat.size), flat)
+        names = [name for name in map(str, frame) if is_plant(name) and not name.endswith("_unclipped")]
+        return self._replace(plant={name: frame[name].to_numpy().reshape(self.paths.heat.shape) for name in names})
 
     def after(self, T_za: float) -> ClosedLoopPaths:
         """With the temperature at the origin before those at the ends of its rows."""
