@@ -50,6 +50,7 @@ from skhybrid.study import (
 )
 from skhybrid.study.data import TRAINING_DAYS
 from skhybrid.study.outputs import format_table, metrics_text
+from skhybrid.study.report import verdict
 from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import as_toml, settings_from
 from skhybrid.zone.building import describe_rooms, identify_building
@@ -264,6 +265,7 @@ def test_the_demo_prints_the_table_and_writes_the_report(tmp_path, capsys):
     for column in ("RMSE [K]", "MAE [K]", "load RMSE [kW]", "time [s]"):
         assert column in out
     assert out.startswith("temperature: ")
+    assert out.index("known: weather, set-points") < out.index("known: weather, heat")
     page = re.sub(r'<img src="[^"]*"', "", (tmp_path / "demo" / "report.html").read_text(encoding="utf-8"))
     assert "heat loss" in page
     for text in (page, out):  # words of the paper that a reader of a report need not know
@@ -935,7 +937,7 @@ def test_the_table_marks_the_best_and_names_another_model_that_wins():
     lines = format_table(table).splitlines()
     assert lines[2].startswith("* ARX")
     assert lines[2].split()[-2] == "-"
-    assert "Another model forecasts better here: the error of ARX" in lines[-1]
+    assert "Another model forecasts better here: the error of ARX" in verdict(table)
 
 
 COMMANDS = {"check", "fit", "forecast", "update", "backtest", "identify", "run", "report", "search", "zone", "serve",

@@ -1,14 +1,17 @@
 """Forecasts in which only set-points are known: the thermostat acts, temperature and load are forecast."""
 
 import copy
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator
+from sklearn.dummy import DummyRegressor
 
 from skhybrid import (
+    ARXRegressor,
     DisturbanceForecaster,
     InputDisturbanceID,
     OutputDisturbanceID,
@@ -25,6 +28,7 @@ from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
 from skhybrid.hybrid.thermostat_law.closed_loop import _Errors
 from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
 from skhybrid.hybrid.thermostat_law.plant_law import Pairs
+from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
 
@@ -91,6 +95,51 @@ def test_the_thermostat_holds_the_room_and_its_load_is_near_the_measured_one(log
     assert rmse(found.paths.temperature, later["T_za"].to_numpy()[rows + 1]) < 0.8
     inside = (found.heat_bands[..., 0] <= measured) & (measured <= found.heat_bands[..., 1])
     assert 0.6 < inside[known].mean() < 0.95
+
+
+def test_a_back_test_of_the_closed_loop_has_its_paths_and_what_was_measured(log, model):
+    later, levels = log[TRAINED:], (0.1, 0.9)
+    y = later["T_za"]
+    frame = backtest(model, later, y, horizon="12h", origin_step="7h", quantiles=levels, heat_known=False)
+    origins = np.arange(0, len(later) - 12, 7)
+    found = model.closed_loop_from(later, origins, "12h", levels)
+    assert frame["origin"].unique().tolist() == later.index[origins].tolist()
+    for name, path in {
+        "y_pred": found.paths.temperature,
+        "u_heat_pred": found.plant["u_heat"],
+        "Q_hvac_pred": found.paths.heat,
+        "Q_hvac_0.9": found.heat_bands[..., 1],
+        "q_0.1": found.temperature_bands[..., 0],
+    }.items():
+        np.testing.assert_allclose(frame[name], path.ravel(), rtol=1e-9, atol=1e-12)
+    for row in frame.iloc[::37].itertuples():  # stages count over the step that ends at the stamp of the temperature
+        assert row.y_true == log["T_za"][row.time]
+        assert row.u_cool_true == log["u_cool"][row.time - pd.Timedelta("1h")]
+
+
+def test_rows_after_the_end_of_a_table_have_no_measured_stage(log, model):
+    later = log[TRAINED : TRAINED + 2 * DAY]
+    frame = backtest(model, later, later["T_za"], heat_known=False, whole=False)
+    assert frame["time"].max() == later.index[-1]
+    assert np.isfinite(frame[["y_pred", "u_heat_pred", "u_heat_true"]]).all(axis=None)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"weather_error": "low"}, "weather_error is for one zone under known heat; leave heat_known=True"),
+        ({"heat_known": "no"}, "heat_known='no'"),
+        ({"columns": ["T_oa", "q_sol", *PLANT, "T_za"]}, "T_heat_set is missing in 96 rows"),
+        ({"estimator": ARXRegressor()}, "heat_known=False needs a hybrid predictor of one zone"),
+        ({"estimator": DummyRegressor()}, "heat_known=False needs a hybrid predictor of one zone"),
+    ],
+)
+def test_a_back_test_without_heat_is_refused_where_no_thermostat_acts(log, model, given, message):
+    estimator = given.pop("estimator", None)
+    later = log[TRAINED:][given.pop("columns", list(log))]
+    model = model if estimator is None else estimator.fit(log[:TRAINED], log["T_za"][:TRAINED])
+    with pytest.raises(ValueError, match=re.escape(message)):
+        backtest(model, later, later["T_za"], **{"heat_known": False, **given})
 
 
 def test_nothing_after_an_origin_changes_a_forecast(log, model):

@@ -111,7 +111,7 @@ def test_a_back_test_compares_errors_at_the_same_rows(monkeypatch):
     monkeypatch.setattr(zone_backtest, "make_models", lambda settings: models)
     for module in (zone_backtest, scores):
         monkeypatch.setattr(module, "backtest", forecasts)
-    monkeypatch.setattr(zone_backtest.Doubts, "of", lambda *given: zone_backtest.Doubts([], []))
+    monkeypatch.setattr(zone_backtest.Doubts, "of", lambda *given, **settings: zone_backtest.Doubts([], []))
     said = []
     found = zone_backtest.backtest_zone(SETTINGS, _data(), lambda *words: said.append(words[:2]))
     assert said == [(1, 2), (2, 2)]

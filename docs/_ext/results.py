@@ -63,7 +63,7 @@ def competitors() -> pd.DataFrame:
 
 def demo_in_short() -> pd.DataFrame:
     """The table of the demonstration without the variants of the two-stage scheme."""
-    shown = table("demo", "as `make demo` has it")
+    shown = table("demo", "heat known, as `make demo` has it")
     return shown[~shown.index.str.contains("two-stage|alone|simple")]
 
 

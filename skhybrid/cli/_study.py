@@ -10,7 +10,7 @@ import pandas as pd
 from ..study import Settings, StudyData, StudyResult, read_log, run_study, split_log, write_outputs
 from ..study.building_outputs import building_metrics, format_zones, write_building
 from ..study.building_study import BuildingResult, run_building, verdicts_by_zone
-from ..study.outputs import format_table, metrics_text
+from ..study.outputs import format_result, metrics_text
 from ..zone.dead_meters import part_without_dead_meters
 from ._output import DONE, Progress, check_stopped
 
@@ -60,7 +60,7 @@ def print_result(result: StudyResult | BuildingResult, progress: Progress, writt
     if isinstance(result, BuildingResult):
         lines = [*map(str, verdicts_by_zone(result.verdicts)), "", format_zones(result)]
     else:
-        lines = [*map(str, result.verdicts), "", format_table(result.table, scaled=result.scaled)]
+        lines = [*map(str, result.verdicts), "", format_result(result)]
     print("\n".join([*lines, "", written]))
     return DONE
 

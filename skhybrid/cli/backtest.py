@@ -38,15 +38,23 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         with atomic_path(out) as made:
             found.frame.to_csv(made, index=False, float_format="%.6g")
         say.note(f"wrote {out}")
+    held = found.setpoints_known
     if as_json:
         content: dict[str, Any] = {"verdicts": [one._asdict() for one in found.verdicts]}
         content |= {"table": found.table.to_dict(orient="index"), "load_unit": found.load_unit or None}
+        content |= {"setpoints_known": None if held is None else held.as_dict()}
         print_json(content | {"coverage": found.coverage})
-    else:
-        units = {"rmse": "RMSE [K]", "mae": "MAE [K]", "load_rmse": f"load RMSE [{found.load_unit}]"}
-        units |= {f"rmse_{zone}": f"{zone} [K]" for zone in settings.zones}
-        table = found.table.rename(columns=units).round(3).to_string(na_rep="-")
-        print("\n".join([*map(str, found.verdicts), "", table]))
-        if found.coverage is not None:
-            print(f"\n80 % intervals of the hybrid hold {percent(found.coverage)} of the measurements")
+        return DONE
+    units = {"rmse": "RMSE [K]", "mae": "MAE [K]", "load_rmse": f"load RMSE [{found.load_unit}]"}
+    units |= {f"rmse_{zone}": f"{zone} [K]" for zone in settings.zones}
+    tables = {"with the heat known:": (found.table, found.coverage)}
+    if held is not None:
+        first = {"with only the weather and the set-points known:": (held.table.drop(columns="note"), held.coverage)}
+        tables = first | tables
+    print("\n".join(map(str, found.verdicts)))
+    for head, (table, coverage) in tables.items():
+        print(f"\n{head}" if held is not None else "")
+        print(table.rename(columns=units).round(3).to_string(na_rep="-"))
+        if coverage is not None:
+            print(f"\n80 % intervals of the hybrid hold {percent(coverage)} of the measurements")
     return DONE

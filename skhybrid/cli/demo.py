@@ -44,6 +44,7 @@ def office_study(*, quick: bool = False, **settings: Any) -> tuple[Any, Any]:
     from ..study import Settings, split_log
 
     office, spans = load_small_office(), _QUICK_SPANS if quick else _SPANS
-    columns = {role: role for role in office.X}
+    log = office.X.assign(T_heat_set=office.frame["set_heat"], T_cool_set=office.frame["set_cool"])
+    columns = {role: role for role in log}
     study = Settings(name=_NAME, columns=columns, train=spans["train"], test=spans["test"], **settings)
-    return study, split_log(office.X.loc[:_END], study)
+    return study, split_log(log.loc[:_END], study)

@@ -207,7 +207,8 @@ class DayAheadDisplay(Display):
     ----------
     forecast : DataFrame
         Forecast by time: ``T_za`` [degC] and, if there are any, its quantiles ``q_0.1`` ... [degC] and the load
-        ``Q_hvac`` [kW], with its quantiles ``Q_hvac_0.1`` and ``Q_hvac_0.9``.
+        ``Q_hvac`` [kW], with its quantiles ``Q_hvac_0.1`` and ``Q_hvac_0.9``, and a thermostat's ``T_heat_set`` and
+        ``T_cool_set`` [degC].
     measured : DataFrame, optional
         Measurements by time: ``T_za`` [degC] and, if there is any, ``Q_hvac`` [kW]; may begin before the forecast.
     setpoint : Series or float, optional
@@ -272,6 +273,9 @@ class DayAheadDisplay(Display):
         if self.setpoint is not None:
             setpoint = pd.Series(self.setpoint, index=self.forecast.index)
             ax.plot(setpoint.index, setpoint, color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
+        for role, label in (("T_heat_set", "heating set-point"), ("T_cool_set", "cooling set-point")):
+            if role in self.forecast:
+                ax.step(self.forecast.index, self.forecast[role], where="post", color="#777777", lw=1.0, label=label)
         tidy(ax, ylabel="zone temperature [degC]")
         legend(ax)
 

@@ -16,7 +16,7 @@ from ..exceptions import PlanWarning
 from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
 from .compared_models import HYBRID, YESTERDAY, make_models
-from .data import StudyData
+from .data import StudyData, without_setpoints
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
@@ -173,7 +173,7 @@ def _of_zones(
     """Back-test of a model of one zone, fitted to each of them."""
     parts = []
     for zone in settings.zones:
-        before, after = (rows_of(rows, settings, zone) for rows in (train, later))
+        before, after = (without_setpoints(rows_of(rows, settings, zone)) for rows in (train, later))
         one = next(one for one in make_models(settings_of(settings, zone)) if one.label == label)
         model = one.estimator.fit(before, before["T_za"])
         parts.append(backtest(model, after, after["T_za"], **given).assign(zone=zone))

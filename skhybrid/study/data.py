@@ -282,6 +282,11 @@ def inputs_of(frame: pd.DataFrame, temperatures: Sequence[str] = ()) -> pd.DataF
     return frame.drop(columns=[*HISTORY_ROLES, SETPOINT, *temperatures], errors="ignore")
 
 
+def without_setpoints(rows: pd.DataFrame) -> pd.DataFrame:
+    """The columns without the set-points of a thermostat, which a model that learns none takes for inputs."""
+    return rows.drop(columns=list(SETPOINT_ROLES), errors="ignore")
+
+
 def _refuse_empty_ahead(measured: pd.DataFrame, inputs: pd.DataFrame) -> None:
     """Refuse rows ahead with weather but no heat: they would be dropped, and a past day would be forecast instead."""
     known = np.flatnonzero(measured.notna().any(axis=1).to_numpy())

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import is_plant
 from ..thermal.declaration import capacity_name
-from .data import StudyData, inputs_of
+from .data import StudyData, inputs_of, without_setpoints
 from .doubts import at_ends, day_beyond, drift_days, drifted, ranges_of
 from .load_rules import rule_loads
 from .settings import Settings
@@ -33,21 +33,28 @@ class Doubts(NamedTuple):
     load: list[str]
 
     @classmethod
-    def of(cls, model: Any, later: Any, data: StudyData, identification: Any = None) -> Doubts:
+    def of(
+        cls, model: Any, later: Any, data: StudyData, identification: Any = None, *, setpoints_known: bool = False
+    ) -> Doubts:
         """Reasons to doubt a fitted predictor over the rows ``later`` than its training, and the day to come.
 
-        ``identification`` gives the capacities of stages, where it is another model.
+        ``identification`` gives the capacities of stages, where it is another model.  With ``setpoints_known`` the day
+        to come is known by weather and set-points; else by its heat, or for the load by the temperature to hold.
         """
         days = drift_days(model, later)
         ends = at_ends(model.gray_box_)
         of_capacities = [] if identification is None or identification is model.gray_box_ else at_ends(identification)
-        ahead = inputs_of(data.future).drop(columns=list(SETPOINT_ROLES), errors="ignore")
-        ranges = ranges_of(inputs_of(data.train))
-        known = ahead.drop(columns=plant_roles(ahead)).assign(**{_HELD: data.setpoint.loc[ahead.index]})
-        held = ranges_of(data.train[["T_za"]].set_axis([_HELD], axis=1))
+        ranges, ahead = ranges_of(inputs_of(data.train)), inputs_of(data.future)
+        of_load = ahead.drop(columns=plant_roles(ahead))
+        if setpoints_known:
+            ahead = of_load
+        else:
+            ahead, of_load = without_setpoints(ahead), without_setpoints(of_load)
+            of_load = of_load.assign(**{_HELD: data.setpoint.loc[ahead.index]})
+            ranges |= ranges_of(data.train[["T_za"]].set_axis([_HELD], axis=1))
         return cls(
             [*drifted(days), *day_beyond(ahead, ranges), *ends],
-            [*drifted(days, "its temperature errors"), *day_beyond(known, ranges | held), *ends, *of_capacities],
+            [*drifted(days, "its temperature errors"), *day_beyond(of_load, ranges), *ends, *of_capacities],
         )
 
 

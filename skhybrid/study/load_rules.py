@@ -12,6 +12,7 @@ from .._time import rows_per_day
 
 _ALPHAS = np.logspace(-3, 3, 13)
 YESTERDAY, RIDGE = "yesterday's load", "ridge on T_oa and set-point"
+LAST_WEEK, USUAL = "last week's load", "mean load by hour and kind of day"
 
 
 def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: pd.Series) -> dict[str, pd.Series]:
@@ -37,3 +38,35 @@ def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: 
     found = pd.Series(np.nan, index=later.index)
     found[whole] = ridge.predict(ahead[whole])
     return {YESTERDAY: yesterday, RIDGE: found}
+
+
+def past_loads(heat: pd.Series, frame: pd.DataFrame) -> dict[str, pd.Series]:
+    """Loads in the rows of a back-test by rules that know nothing but the past: each over the step before ``time``.
+
+    ``heat`` is the load of all rows, before the test too; NaN where a rule knows no such load.
+    """
+    step = heat.index[1] - heat.index[0]
+    begin = pd.DatetimeIndex(frame["time"]) - step
+
+    def before(days: int) -> pd.Series:
+        period = pd.Timedelta(days=days)
+        back = pd.TimedeltaIndex(frame["lead"]).ceil(period)
+        return pd.Series(heat.reindex(begin - back).to_numpy(), frame.index)
+
+    return {YESTERDAY: before(1), LAST_WEEK: before(7), USUAL: _usual(heat, begin, frame["origin"])}
+
+
+def _usual(heat: pd.Series, begin: pd.DatetimeIndex, origin: pd.Series) -> pd.Series:
+    """Means, before each origin, of the loads at the same time of day on working days or weekends."""
+    known = heat.dropna()
+    at = pd.DatetimeIndex(known.index)
+    past = pd.DataFrame({"slot": _slots(at), "heat": known.to_numpy(), "at": at})
+    past["mean"] = past.groupby("slot")["heat"].transform(lambda one: one.expanding().mean())
+    wanted = pd.DataFrame({"slot": _slots(begin), "at": pd.DatetimeIndex(origin), "row": origin.index})
+    found = pd.merge_asof(wanted.sort_values("at"), past, on="at", by="slot", allow_exact_matches=False)
+    return found.set_index("row")["mean"].reindex(origin.index)
+
+
+def _slots(index: pd.DatetimeIndex) -> np.ndarray:
+    """Minute of the day, counted on from that of working days on weekends."""
+    return np.asarray(index.hour * 60 + index.minute + 1440 * (index.day_of_week >= 5))

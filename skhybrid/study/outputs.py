@@ -25,17 +25,29 @@ from .tariff import Cost, energy_cost
 from .verdict import Verdict
 
 
-def format_table(table: pd.DataFrame, *, scaled: bool = True) -> str:
-    """The comparison as text, the best model first and marked, and a verdict; ``scaled``: loads are certain kW."""
-    width = max(len(str(name)) for name in table.index) + 2
-    load_head = f"{'load RMSE [kW]' if scaled else 'load RMSE [-]':>14}"
-    lines = [f"{'day-ahead forecast':{width}}  RMSE [K]  MAE [K]  {load_head}  time [s]", "-" * (width + 46)]
+def format_result(result: StudyResult) -> str:
+    """The comparisons of a study as text, and what they say; first the one in which the heat is not known."""
+    held, words = result.setpoints_known, ["", verdict(result.table, HYBRID)]
+    if held is None:
+        return "\n".join([format_table(result.table, result.scaled), *words])
+    first = format_table(held.table, held.unit == "kW", "known: weather, set-points")
+    second = format_table(result.table, result.scaled, "known: weather, heat")
+    return "\n".join([first, "", held.words, "", second, *words])
+
+
+def format_table(table: pd.DataFrame, scaled: bool = True, head: str = "day-ahead forecast") -> str:
+    """A comparison as text, the best model first and marked; ``scaled``: loads are certain kW."""
+    width = max(len(head), *(len(str(name)) for name in table.index)) + 2
+    of_time, load_head = "seconds" in table, f"{'load RMSE [kW]' if scaled else 'load RMSE [-]':>14}"
+    line = f"{head:{width}}  RMSE [K]  MAE [K]  {load_head}{'  time [s]' * of_time}"
+    lines = [line, "-" * len(line)]
     for place, (name, row) in enumerate(table.iterrows()):
         load = f"{row['load_rmse']:14.2f}" if np.isfinite(row["load_rmse"]) else f"{'-':>14}"
         mark = "* " if place == 0 else "  "
-        cells = [_cell(row["rmse"], 8, 3), _cell(row["mae"], 7, 3), load, _cell(row["seconds"], 8, 1)]
+        cells = [_cell(row["rmse"], 8, 3), _cell(row["mae"], 7, 3), load]
+        cells += [_cell(row["seconds"], 8, 1)] if of_time else []
         lines.append("  ".join([f"{mark + str(name):{width}}", *cells]))
-    return "\n".join([*lines, "", verdict(table, HYBRID)])
+    return "\n".join(lines)
 
 
 def _cell(value: float, width: int, digits: int) -> str:
@@ -76,7 +88,10 @@ def write_outputs(
     names = [HYBRID, *result.table.index.drop(HYBRID)]
     ordered = {name: result.frames[name] for name in names if name in result.frames}
     with staged_files(folder, before_swap) as staged:
-        write_tables(result, staged, result.parameters, metrics_text(result))
+        held, more = result.setpoints_known, None
+        if held is not None:
+            ordered, more = {HYBRID: held.frame}, held.columns
+        write_tables(result, staged, result.parameters, metrics_text(result), more)
         write_page(result, staged / "report.html", truth)
         study_picture(staged / "forecast.png", ordered, result.forecast, title=result.settings.name)
     return [Path(folder) / name for name in NAMES]
@@ -110,10 +125,13 @@ def _swap(staged: Path, out: Path) -> None:
         (staged / name).replace(out / name)
 
 
-def write_tables(result: Any, out: Path, parameters: pd.DataFrame, metrics: str) -> None:
-    """Write the forecast, the back-tests, the parameters, the metrics and the model of a study."""
+def write_tables(
+    result: Any, out: Path, parameters: pd.DataFrame, metrics: str, more: pd.DataFrame | None = None
+) -> None:
+    """Write forecast, back-tests with ``more`` columns, parameters, metrics and model of a study."""
     write_csv(result.forecast, out / "forecast.csv")
-    write_csv(side_by_side(result.frames).set_index("origin"), out / "backtest.csv")
+    tests = pd.concat([side_by_side(result.frames), more], axis=1)
+    write_csv(tests.set_index("origin"), out / "backtest.csv")
     write_csv(parameters, out / "parameters.csv", "%.6g")
     (out / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
     save_model(result.model, out / "model.skops")
@@ -140,16 +158,18 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
         scaled=result.scaled,
         cost=_cost(result),
         notes=result.warnings,
+        setpoints_known=result.setpoints_known,
     )
 
 
 def metrics_text(result: StudyResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
-    cost = _cost(result)
+    cost, held = _cost(result), result.setpoints_known
     return metrics_of(
         result,
         verdict(result.table, HYBRID),
         result.verdicts,
+        setpoints_known=None if held is None else held.as_dict(),
         building=identified_only(result.building).to_dict(orient="index"),
         next_day_cost=None if cost is None else cost._asdict(),
     )

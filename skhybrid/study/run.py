@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -18,10 +18,11 @@ from ..exceptions import PlanWarning
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
-from .data import StudyData, inputs_of
+from .data import StudyData, inputs_of, without_setpoints
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
+from .setpoints_known import LOAD_INTERVAL, SetpointsKnown
 from .settings import Settings, is_scaled
 from .verdict import Verdict
 
@@ -48,11 +49,14 @@ class StudyResult:
     zeta : Series, disturbance of the training rows as the identification estimates it [kW]
     parameters : DataFrame
         Index = name; ``value``, ``std``, ``unit``, ``lower``, ``upper``, ``description``, ``remark``.
-    verdicts : list of Verdict, on temperature and, where the plant's heat is known, on the load
+    verdicts : list of Verdict
+        On temperature and, where the plant's heat is known, on the load; where set-points were tested, on that test.
     warnings : list of str, all warnings, each once
     seconds : float
     building : DataFrame
         Index = quantity, such as "heat loss"; ``value``, ``std``, ``unit``, ``remark``.
+    setpoints_known : SetpointsKnown, optional
+        The back-test in which the heat is not known ahead; None for a log without set-points.
     """
 
     settings: Settings
@@ -68,6 +72,7 @@ class StudyResult:
     warnings: list[str] = field(default_factory=list)
     seconds: float = 0.0
     building: pd.DataFrame = field(default_factory=pd.DataFrame)
+    setpoints_known: SetpointsKnown | None = None
 
     @property
     def scaled(self) -> bool:
@@ -90,6 +95,19 @@ class _Span(NamedTuple):
 
     frame: pd.DataFrame
     table: Any
+
+    @classmethod
+    def of(cls, frame: pd.DataFrame, *, fits: bool = True) -> Self:
+        """Read a frame once."""
+        return cls(frame, read_once(frame, fits=fits))
+
+    @property
+    def without_setpoints(self) -> _Span:
+        """The same rows for a model that learns no thermostat."""
+        table = self.table
+        if isinstance(table, ZoneTable):
+            table = table.replace(inputs={k: v for k, v in table.inputs.items() if k not in SETPOINT_ROLES})
+        return _Span(without_setpoints(self.frame), table)
 
     def given_to(self, model: Any) -> Any:
         if takes_tables(model) and self.table is not self.frame:
@@ -132,17 +150,20 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         models = make_models(settings, memory=folder)
         say = counted(progress, len(models) + 1)
         remarks = list(data.remarks)
-        train, later = _Span(data.train, read_once(data.train)), _Span(data.later, read_once(data.later, fits=False))
+        train, later = _Span.of(data.train), _Span.of(data.later, fits=False)
         tested = _test_all(models, settings, data.test_start, (train, later), say, remarks)
         say("forecast of the next day")
         identification = tested[identified_by(settings)].model.gray_box_
         model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
-        forecast = _next_day(model, identification, data, has_intervals(tested[HYBRID].frame))
+        yesterday = tested[YESTERDAY].frame
+        held = SetpointsKnown.of(model, later.given_to(model), data, yesterday, settings, remarks)
+        forecast = _next_day(model, identification, data, tested[HYBRID].frame, held)
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
         delivered = delivered_heat(identification, pd.concat([data.train, data.later]))
         rules = {} if delivered is None else loads_by_rule(data, delivered)
         of_stages = any(role.startswith("u_") for role in plant_roles(data.train))
-        doubts = Doubts.of(model, later.given_to(model), data, identification if of_stages else None)
+        scale = identification if of_stages else None
+        doubts = Doubts.of(model, later.given_to(model), data, scale, setpoints_known=held is not None)
     result = StudyResult(
         settings,
         data,
@@ -157,6 +178,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         each_once(remarks, caught),
         time.perf_counter() - begun,
         describe(identification),
+        held,
     )
     result.verdicts = _judged(result, tested[HYBRID].load, rules, delivered, doubts)
     return result
@@ -171,6 +193,8 @@ def _judged(
 ) -> list[Verdict]:
     """The verdicts on temperature and, where there is one, on the load [kW]."""
     own, yesterday = result.frames[HYBRID], result.frames[YESTERDAY]
+    if result.setpoints_known is not None:
+        return result.setpoints_known.verdicts(yesterday, doubts, scaled=result.scaled)
     out = [judge_temperature(own, yesterday, result.coverage, doubts.temperature)]
     if load is not None and delivered is not None:
         heat, start = _in_kilowatts(load, result.identification, result.data.later)["Q_hvac"], result.data.test_start
@@ -216,7 +240,7 @@ def _test(
 ) -> _Tested:
     """Fit a model on the training rows and back-test it on the rows after them."""
     begun = time.perf_counter()
-    train, later = spans
+    train, later = (span if one.label == HYBRID else span.without_setpoints for span in spans)
     model = one.estimator.fit(train.given_to(one.estimator), train.frame["T_za"])
     rows: tuple[Any, Any] = (later.given_to(model), later.frame["T_za"])
     given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": test_start}
@@ -268,7 +292,7 @@ def _in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -
     if not stages or any(role.startswith("Q_") for role in stages):
         return load
     heat = {}
-    for end in ("", "_unclipped"):
+    for end in ("", "_unclipped") if f"{stages[0]}_unclipped" in load else ("",):
         by_role = load[[role + end for role in stages]].set_axis(stages, axis=1)
         heat["Q_hvac" + end] = delivered_heat(identification, by_role)
     return load.assign(**heat)
@@ -291,23 +315,49 @@ def refuse_holes(data: StudyData, settings: Settings) -> None:
         raise ValueError(f"the next day begins at {ahead.index[0]}, and {what}; fill it in or end the log earlier.")
 
 
-def _next_day(model: Any, identification: Any, data: StudyData, with_intervals: bool) -> pd.DataFrame:
-    """Temperature under the known control, with its interval, and the load that holds the set-point."""
+def _next_day(
+    model: Any, identification: Any, data: StudyData, own: pd.DataFrame, held: SetpointsKnown | None
+) -> pd.DataFrame:
+    """The forecast of the next day, with intervals as in the back-tests, and what was measured of it."""
+    setpoints = data.future[[role for role in SETPOINT_ROLES if role in data.future]]
+    with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
+        if held is not None and data.held_out and setpoints.notna().all(axis=None):
+            out = _under_setpoints(model, identification, data, _levels(held.frame)).join(setpoints)
+        else:
+            out = _under_known_heat(model, identification, data, _levels(own))
+    if data.held_out:
+        out["T_za_measured"] = data.future["T_za"]
+        heat = delivered_heat(identification, data.future)
+        if heat is not None:
+            out["Q_hvac_delivered"] = heat
+    return out.rename_axis("time")
+
+
+def _levels(frame: pd.DataFrame) -> tuple[float, float] | None:
+    """The quantiles of a back-test."""
+    return INTERVAL if has_intervals(frame) else None
+
+
+def _under_setpoints(model: Any, identification: Any, data: StudyData, quantiles: Any) -> pd.DataFrame:
+    """Temperature and load under the set-points of the day, with intervals where there are any."""
+    roles = plant_roles(data.future)
+    out = model.forecast(data.history, data.future.drop(columns=["T_za", *roles]), quantiles=quantiles)
+    if roles != ["Q_hvac"]:  # intervals are in the scale of the model
+        out = _in_kilowatts(out, identification, data.future).drop(columns=list(LOAD_INTERVAL), errors="ignore")
+    return out
+
+
+def _under_known_heat(model: Any, identification: Any, data: StudyData, quantiles: Any) -> pd.DataFrame:
+    """Temperature under the known heat, with its interval, and the load that holds the set-point."""
     whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)
     parts: tuple[Any, Any] = (data.history, data.future)
     if isinstance(whole, ZoneTable):
         n_past = len(data.history)
         parts = (whole.rows(slice(n_past)), whole.rows(slice(n_past, None)))
-    with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
-        out = model.forecast(*parts, quantiles=INTERVAL if with_intervals else None)
-    heat = delivered_heat(identification, data.future)
-    if heat is not None:
+    out = model.forecast(*parts, quantiles=quantiles)
+    if plant_roles(data.future):
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
         load = _in_kilowatts(load, identification, data.future)
         out = out.join(load.drop(columns=["zeta", "T_za"], errors="ignore"))
     out["setpoint"] = data.setpoint.loc[data.future.index]
-    if data.held_out:
-        out["T_za_measured"] = data.future["T_za"]
-        if heat is not None:
-            out["Q_hvac_delivered"] = heat
-    return out.rename_axis("time")
+    return out

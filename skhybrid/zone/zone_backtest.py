@@ -10,10 +10,11 @@ import pandas as pd
 from ..model_selection import backtest
 from ..study.building_study import N_STEPS, backtest_zones, judge_zone, verdicts_by_zone, zone_table
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
-from ..study.data import StudyData, with_facades
+from ..study.data import StudyData, with_facades, without_setpoints
 from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from ..study.run import Progress, counted
 from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
+from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings, is_scaled
 from ..study.spans import train_and_test
 from ..study.verdict import Verdict
@@ -32,6 +33,7 @@ class ZoneBacktest(NamedTuple):
     coverage: float | None  # share inside the 80 % intervals
     verdicts: tuple[Verdict, ...]  # on the temperature and, where something heats or cools, on the load
     load_unit: str  # "kW", or "-" for stages without a known capacity
+    setpoints_known: SetpointsKnown | None = None  # the same where the heat is not known ahead
 
 
 def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None = None) -> ZoneBacktest:
@@ -48,22 +50,27 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
     table = error_table(errors_by_model(frames)).sort_values("rmse")
     own, predictor = frames[HYBRID], models[0].estimator
     coverage = coverage_of(own)
-    doubts = Doubts.of(predictor, data.later, data)
+    held = SetpointsKnown.of(predictor, data.later, data, frames[YESTERDAY], settings, [])
+    doubts = Doubts.of(predictor, data.later, data, setpoints_known=held is not None)
     verdicts = [judge_temperature(own, frames[YESTERDAY], coverage, doubts.temperature)]
+    scaled = is_scaled(data.train, settings.capacities)
     delivered = load_of(pd.concat([data.train, data.later]), settings, plant_roles(data.train))
     if delivered is not None:
         loads = _loads(predictor, settings, data, delivered)
         rules = {name: load for name, load in loads.items() if name != HYBRID}
-        given: dict[str, Any] = {"scaled": is_scaled(data.train, settings.capacities), "doubts": doubts.load}
+        given: dict[str, Any] = {"scaled": scaled, "doubts": doubts.load}
         verdicts.append(judge_load(loads[HYBRID], rules, delivered.values, data.test_start, **given))
         errors = pd.DataFrame(loads).sub(delivered.values, axis=0)[data.test_start :].dropna()
         table = table.reindex([*table.index, *rules]).assign(load_rmse=np.sqrt((errors**2).mean()))
     unit = "" if delivered is None else delivered.unit
-    return ZoneBacktest(table.rename_axis("model"), own, coverage, tuple(verdicts), unit)
+    if held is not None:
+        verdicts, own = held.verdicts(frames[YESTERDAY], doubts, scaled=scaled), own.join(held.columns)
+    return ZoneBacktest(table.rename_axis("model"), own, coverage, tuple(verdicts), unit, held)
 
 
 def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) -> pd.DataFrame:
-    model, rows = estimator.fit(data.train, data.train["T_za"]), (data.later, data.later["T_za"])
+    train, later = (rows if label == HYBRID else without_setpoints(rows) for rows in (data.train, data.later))
+    model, rows = estimator.fit(train, train["T_za"]), (later, later["T_za"])
     given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
     return backtest_with_intervals(model, *rows, [], **given) if label == HYBRID else backtest(model, *rows, **given)
 

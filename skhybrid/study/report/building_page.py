@@ -17,8 +17,8 @@ from ..scores import has_intervals
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
-from .html import day_energy, html_cards, html_table, results_table, verdict, verdict_boxes, write_sections
-from .words import day_words, flat, lead_groups, number, percent
+from .html import day_energy, html_cards, html_table, results_table, verdict_boxes, write_sections
+from .words import day_words, flat, lead_groups, number, percent, verdict
 
 _SHOWN = {"wide": pd.Timedelta("7D"), "narrow": pd.Timedelta("3D")}
 _MOST_MODELS = 4  # in the figure of errors

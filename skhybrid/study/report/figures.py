@@ -20,6 +20,7 @@ from ...inspection.zone_panels import errors_figure as errors_figure
 from ...inspection.zone_panels import map_figure as map_figure
 from ...inspection.zone_panels import measured_and_setpoint
 from ...inspection.zone_panels import weeks_figure as weeks_figure
+from ..compared_models import HYBRID
 
 WIDE, NARROW = 9.0, 4.4  # of a figure [in]
 SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
@@ -93,6 +94,17 @@ def _draw_backtest(ax: Any, frames: Mapping[str, pd.DataFrame], shown: pd.Timede
     chosen = dict(list(frames.items())[:_MOST_LINES])
     last = next(iter(chosen.values()))["time"].max()
     ForecastDisplay.from_predictions(chosen, ax=ax, start=last - shown)
+
+
+def held_figure(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str, shown: pd.Timedelta = SHOWN) -> Any:
+    """Temperature and load over the last days of a back-test under set-points; ``load`` is measured [unit]."""
+    figure, axes = blank_axes(2, (WIDE, 5.6))
+    _draw_backtest(axes[0], {HYBRID: frame}, shown)
+    bands = {f"q_{level}": frame[f"Q_hvac_{level}"] for level in (0.1, 0.9) if f"Q_hvac_{level}" in frame}
+    loads = frame[["origin", "lead", "time"]].assign(y_true=load, y_pred=own, **(bands if unit == "kW" else {}))
+    _draw_backtest(axes[1], {HYBRID: loads}, shown)
+    axes[1].set_ylabel("heat [kW]" if unit == "kW" else "stages [-]")
+    return figure
 
 
 def lead_figure(frames: Mapping[str, pd.DataFrame], width: float = WIDE) -> Any:

@@ -1,4 +1,4 @@
-"""Numbers, days, leads and settings of a report as text."""
+"""Numbers, days, leads and settings of a report as text, and what a comparison of models says."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 
 from ..._warnings import percent as plain_percent
+
+_NOISE = 0.05  # relative differences below this are noise with a few dozen origins
 
 
 def number(value: Any, digits: int) -> str:
@@ -49,3 +51,20 @@ def flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
         elif value is not None:
             out[name] = value
     return out
+
+
+def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
+    """Say in one sentence how the ``rmse`` [K] of one model compares with the best of the others, by model."""
+    own = float(table["rmse"][label])
+    others = table["rmse"].drop(label).dropna()
+    if others.empty:
+        return f"The day-ahead temperature error of the {label} model is {own:.2f} K (RMSE)."
+    other, best = str(others.idxmin()), float(others.min())
+    if own < best * (1 - _NOISE):
+        less = f"{plain_percent(1 - own / best)} less than the next best, {other} ({best:.2f} K)"
+        return f"The {label} model forecasts best: its error is {own:.2f} K, {less}."
+    if own <= best * (1 + _NOISE):
+        return f"The {label} model ({own:.2f} K) and {other} ({best:.2f} K) forecast equally well, within the noise."
+    return (
+        f"Another model forecasts better here: the error of {other} is {best:.2f} K, of the {label} model {own:.2f} K."
+    )

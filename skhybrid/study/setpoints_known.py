@@ -1,0 +1,136 @@
+"""Back-test of the task that users have: weather and set-points are known ahead, the heat of the plant is not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import pandas as pd
+
+from .._table import SETPOINT_ROLES
+from ..forecasting.quantiles import quantile_columns
+from .compared_models import HYBRID, YESTERDAY
+from .data import StudyData
+from .judgement import NO_SCALE, Doubts, judge_temperature, load_of, plant_roles
+from .load_rules import LAST_WEEK, USUAL, past_loads
+from .load_rules import YESTERDAY as YESTERDAYS_LOAD
+from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
+from .settings import Settings
+from .verdict import Verdict, compare_errors, judge
+
+#: rows of the table that are rules, with a note on each
+_NOTES = {
+    HYBRID: "network, thermostat and plant as learned, blended with a direct regression and last week",
+    YESTERDAY: "the temperature 24 h before",
+    YESTERDAYS_LOAD: "that of 24 h before",
+    LAST_WEEK: "that of a week before",
+    USUAL: "mean of all earlier working days, or weekends",
+}
+KNOWN = "the weather and the set-points were known ahead, the heat was not"  # the first reason of a verdict
+LOAD_INTERVAL = tuple(name.replace("q_", "Q_hvac_", 1) for name in quantile_columns(INTERVAL))
+
+
+class SetpointsKnown(NamedTuple):
+    """Forecasts of temperature and load under set-points, beside simple rules."""
+
+    frame: pd.DataFrame  # the back-test, with the columns of the plant
+    load: pd.Series  # measured, in the rows of ``frame`` [unit]
+    loads: dict[str, pd.Series]  # of the hybrid, and of each rule
+    unit: str  # of the load: "kW", or "-" for stages without a known capacity
+    table: pd.DataFrame  # index: model; rmse and mae [K], load_rmse [unit], note
+    coverage: float | None  # share of the temperatures inside the 80 % intervals
+    load_coverage: float | None  # the same of a load that is one meter's
+
+    @classmethod
+    def of(
+        cls, model: Any, rows: Any, data: StudyData, yesterday: pd.DataFrame, settings: Settings, remarks: list[str]
+    ) -> Self | None:
+        """Back-test a fitted model on the ``rows`` after the training, at the origins of that of ``yesterday``.
+
+        None without a plant or set-points in the log; where no thermostat was learned, a remark says why.
+        """
+        roles = plant_roles(data.later)
+        if not roles or not any(role in data.later for role in SETPOINT_ROLES):
+            return None
+        spans = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
+        try:
+            frame = backtest_with_intervals(model, rows, data.later["T_za"], remarks, heat_known=False, **spans)
+        except ValueError as error:
+            remarks.append(f"forecasts with only the set-points known were not tested: {error}")
+            return None
+        past = load_of(pd.concat([data.train, data.later]), settings, roles)
+        measured, own = (_load_in(frame, ending, settings, roles) for ending in ("_true", "_pred"))
+        assert past is not None  # as the log has a plant
+        loads = {HYBRID: own, **past_loads(past.values, frame)}
+        table = error_table(errors_by_model({HYBRID: frame, YESTERDAY: yesterday})).reindex([*loads, YESTERDAY])
+        errors = pd.DataFrame(loads).sub(measured, axis=0).dropna()
+        table = table.assign(load_rmse=np.sqrt((errors**2).mean()), note=pd.Series(_NOTES))
+        return cls(
+            frame,
+            measured,
+            loads,
+            past.unit,
+            table.sort_values(["rmse", "load_rmse"]).rename_axis("model"),
+            coverage_of(frame),
+            _load_coverage(frame, measured) if roles == ["Q_hvac"] and has_intervals(frame) else None,
+        )
+
+    @property
+    def words(self) -> str:
+        """Errors of temperature and load in one sentence, beside those of the best rules."""
+        rules = self.table.drop(index=HYBRID)
+        best = rules["load_rmse"].idxmin()
+        own, unit = self.table.loc[HYBRID], f" {self.unit}".removesuffix(" -")
+        return (
+            f"With the weather and the set-points known, and the heat not, the {HYBRID} model errs by "
+            f"{own['rmse']:.2f} K (the temperature a day before: {rules['rmse'].min():.2f} K), and its load by "
+            f"{own['load_rmse']:.2f}{unit} ({best}: {rules['load_rmse'].min():.2f}{unit})."
+        )
+
+    @property
+    def columns(self) -> pd.DataFrame:
+        """The forecasts of the back-test, to be put beside those under known heat."""
+        of_temperature = {"y_pred": HYBRID} | {name: name for name in quantile_columns(INTERVAL)}
+        names = {name: f"{shown}, set-points known" for name, shown in of_temperature.items()}
+        return self.frame.drop(columns=["origin", "lead", "time", "y_true"]).rename(columns=names)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Errors and coverage as plain values."""
+        return {
+            "models": self.table.drop(columns="note").to_dict(orient="index"),
+            "load_unit": self.unit,
+            "interval_80_coverage": self.coverage,
+            "load_interval_80_coverage": self.load_coverage,
+        }
+
+    def verdicts(self, yesterday: pd.DataFrame, doubts: Doubts, *, scaled: bool) -> list[Verdict]:
+        """The verdicts on temperature and load, beside the back-test of ``yesterday`` and the rules."""
+        errors = {name: load - self.load for name, load in self.loads.items()}
+        origin = self.frame["origin"]
+        compared = [compare_errors(errors[HYBRID], errors[name], origin, name) for name in errors if name != HYBRID]
+        found = [
+            judge_temperature(self.frame, yesterday, self.coverage, doubts.temperature),
+            judge(
+                "load",
+                compared,
+                n_origins=origin.nunique(),
+                coverage=self.load_coverage,
+                doubts=[*([] if scaled else [NO_SCALE]), *doubts.load],
+            ),
+        ]
+        return [one._replace(reasons=(KNOWN, *one.reasons)) for one in found]
+
+
+def _load_coverage(frame: pd.DataFrame, load: pd.Series) -> float:
+    """Share of the measured heat inside the intervals."""
+    low, high = (frame[name] for name in LOAD_INTERVAL)
+    return float(load.between(low, high)[load.notna()].mean())
+
+
+def _load_in(frame: pd.DataFrame, ending: str, settings: Settings, roles: Sequence[str]) -> pd.Series:
+    """The load of the plant's columns with an ending, in the unit that the log allows."""
+    rows = frame[[f"{role}{ending}" for role in roles]].set_axis(list(roles), axis=1)
+    load = load_of(rows, settings, roles)
+    assert load is not None  # as there are roles
+    return load.values

@@ -1,0 +1,125 @@
+"""Studies of logs with set-points: scored as users forecast, with the weather and the set-points known alone."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid.datasets import make_office
+from skhybrid.study import Settings, run_study, split_log
+from skhybrid.study.compared_models import HYBRID, YESTERDAY
+from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
+from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
+from skhybrid.study.outputs import format_result, write_outputs
+from skhybrid.study.setpoints_known import KNOWN
+from skhybrid.zone.zone_backtest import backtest_zone
+
+TRAIN, TEST = {"end": "2023-10-22"}, {"start": "2023-10-23", "end": "2023-10-29"}
+
+
+@pytest.fixture(scope="module")
+def log():
+    office = make_office(29, "chicago", start="2023-10-02", random_state=3, sampling_time="1h", excitation=None)
+    return office.X.join(office.setpoints)
+
+
+def settings_of(log, **given):
+    estimator = {"name": "input", "known": {"Q_h": 6.0, "Q_c": -6.0}, "n_starts": 1}
+    columns = {role: role for role in log}
+    return Settings(columns=columns, step="1h", train=TRAIN, test=TEST, estimator=estimator, **given)
+
+
+@pytest.fixture(scope="module")
+def result(log):
+    settings = settings_of(log)
+    return run_study(settings, split_log(log, settings))
+
+
+def test_rules_for_the_load_are_those_of_a_plain_loop():
+    index = pd.date_range("2024-03-01", periods=24 * 40, freq="1h", tz="Europe/Berlin")
+    heat = pd.Series(np.random.default_rng(0).normal(size=len(index)), index)
+    heat.iloc[24 * 8 + 3] = np.nan
+    origins = index[[24 * 9, 24 * 20 + 5, 24 * 31]]
+    lead = pd.to_timedelta(np.tile(np.arange(1, 49), len(origins)), unit="h")
+    origin = origins.repeat(48)
+    frame = pd.DataFrame({"origin": origin, "lead": lead, "time": origin + lead})
+    found = past_loads(heat, frame)
+    hour, day = pd.Timedelta("1h"), pd.Timedelta("1D")
+    for row in frame.itertuples():
+        begin = row.time - hour
+        days = 1 if row.lead <= day else 2
+        for name, back in ((YESTERDAYS_LOAD, days * day), (LAST_WEEK, 7 * day)):
+            np.testing.assert_equal(found[name][row.Index], heat[begin - back])
+        past = heat[: row.origin - hour]
+        alike = past[(past.index.hour == begin.hour) & ((past.index.day_of_week >= 5) == (begin.day_of_week >= 5))]
+        assert found[USUAL][row.Index] == pytest.approx(alike.mean())
+
+
+def test_a_study_scores_the_task_without_heat_and_judges_by_it(result, log):
+    held = result.setpoints_known
+    assert set(held.table.index) == {HYBRID, YESTERDAY, YESTERDAYS_LOAD, LAST_WEEK, USUAL}
+    assert held.unit == "kW"
+    frame = held.frame
+    measured = 6.0 * (log["u_heat"] - log["u_cool"])[frame["time"] - pd.Timedelta("1h")].to_numpy()
+    np.testing.assert_allclose(held.load, measured)
+    own = 6.0 * (frame["u_heat_pred"] - frame["u_cool_pred"])
+    assert held.table.loc[HYBRID, "load_rmse"] == pytest.approx(np.sqrt(((own - measured) ** 2).mean()))
+    error = frame["y_pred"] - frame["y_true"]
+    assert held.table.loc[HYBRID, "rmse"] == pytest.approx(np.sqrt((error**2).mean()))
+    assert held.table.loc[HYBRID, "load_rmse"] < held.table.drop(index=HYBRID)["load_rmse"].min()
+    assert [one.reasons[0] for one in result.verdicts] == [KNOWN, KNOWN]
+    ratio = held.table["rmse"][HYBRID] / held.table["rmse"][YESTERDAY]
+    assert f"{ratio:.2f} times that of yesterday's temperature" in result.verdicts[0].reasons[1]
+
+
+def test_the_next_day_is_forecast_under_its_set_points(result, log):
+    forecast = result.forecast
+    assert {"T_heat_set", "T_cool_set", "Q_hvac", "T_za_measured", "Q_hvac_delivered"} <= set(forecast)
+    assert "setpoint" not in forecast
+    ahead = log.loc[forecast.index].drop(columns=["u_heat", "u_cool", "T_za"])
+    expected = result.model.forecast(result.data.history, ahead)
+    np.testing.assert_allclose(forecast["T_za"], expected["T_za"])
+
+
+def test_the_outputs_tell_both_tasks(result, tmp_path):
+    text = format_result(result)
+    assert (
+        text.index("known: weather, set-points")
+        < text.index(result.setpoints_known.words)
+        < text.index("known: weather, heat")
+    )
+    write_outputs(result, tmp_path / "out")
+    tests = pd.read_csv(tmp_path / "out" / "backtest.csv")
+    np.testing.assert_allclose(tests[f"{HYBRID}, set-points known"], result.setpoints_known.frame["y_pred"], atol=1e-3)
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.index("Accuracy in daily use") < page.index("Accuracy with the heat known")
+    assert '"setpoints_known": {' in (tmp_path / "out" / "metrics.json").read_text()
+
+
+def test_the_back_test_command_scores_it_too(log, result):
+    settings = settings_of(log)
+    found = backtest_zone(settings, split_log(log, settings))
+    pd.testing.assert_frame_equal(found.setpoints_known.table, result.setpoints_known.table)
+    assert [one.reasons[0] for one in found.verdicts] == [KNOWN, KNOWN]
+
+
+def test_without_set_points_nothing_changes_and_without_a_thermostat_a_remark_says_so(log):
+    plain = log.drop(columns=["T_heat_set", "T_cool_set"])
+    settings = settings_of(plain)
+    found = run_study(settings, split_log(plain, settings))
+    assert found.setpoints_known is None
+    assert KNOWN not in found.verdicts[0].reasons
+    assert "known: weather" not in format_result(found)
+    few = settings_of(log)
+    few = Settings(**{**few.as_dict(), "train": {"start": "2023-10-18", "end": "2023-10-22"}})
+    found = run_study(few, split_log(log, few))
+    assert found.setpoints_known is None
+    assert any("with only the set-points known were not tested: no thermostat was learned" in w for w in found.warnings)
+
+
+def test_stages_without_a_capacity_are_scored_as_stages(log):
+    settings = settings_of(log)
+    settings = Settings(**{**settings.as_dict(), "estimator": {"name": "input", "n_starts": 1}})
+    held = backtest_zone(settings, split_log(log, settings)).setpoints_known
+    assert held.unit == "-"
+    assert held.load.abs().max() <= 1.0
+    assert "kW" not in held.words
