@@ -132,7 +132,8 @@ def forecast() -> Iterator[str]:
         f"The geometric mean of the ratios is {mean(arx):.2f} to ARX and {mean(refitted):.2f} to ARX re-fitted; the "
         f"worst are {arx.max():.2f} and {refitted.max():.2f}."
     )
-    plain, site = (results.table("demo", h)["RMSE [K]"] for h in ("heat known, as `make demo` has it", "heat known, with `[site]`"))
+    heads = ("heat known, as `make demo` has it", "heat known, with `[site]`")
+    plain, site = (results.table("demo", head)["RMSE [K]"] for head in heads)
     assert plain["hybrid"] == site["hybrid"]
     yield f"bring ARX re-fitted from {plain['ARX re-fitted']} to {site['ARX re-fitted']} K and leave the hybrid at"
     yield f"{site['hybrid']} K: it learns"
