@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import FrameType
+from typing import Any
+from weakref import WeakKeyDictionary
 
 from .exceptions import SkhybridWarning
 
@@ -16,6 +18,8 @@ _subject: ContextVar[str] = ContextVar("subject", default="")
 _receiver: ContextVar[Callable[[SkhybridWarning], object] | None] = ContextVar("receiver", default=None)
 _dropped: ContextVar[tuple[type[SkhybridWarning], ...]] = ContextVar("dropped", default=())
 _PACKAGE = __name__.partition(".")[0]
+#: what was said of objects of which it is said once
+_said: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
 
@@ -110,6 +114,16 @@ def warn_user(message: str, category: type[SkhybridWarning]) -> None:
             break
         level, frame = level + 1, outer
     warnings.warn(_subject.get() + message, category, stacklevel=level)
+
+
+def warn_once(message: str, category: type[SkhybridWarning], of: Any) -> None:
+    """Warn as :func:`warn_user` does, of one object once: a control loop asks for the same every step.
+
+    Python's own memory of what was shown at a line is lost whenever any library catches warnings.
+    """
+    if message not in _said.setdefault(of, set()):
+        warn_user(message, category)
+        _said[of].add(message)
 
 
 def _package_of(frame: FrameType) -> str:
