@@ -67,6 +67,19 @@ def test_weather_with_the_columns_of_the_log_has_their_units_and_label(frame, zo
     np.testing.assert_allclose(late.frame["T_oa"], plain.frame["T_oa"])
 
 
+@pytest.mark.parametrize("name", ["temp", "Temperature (°F)", "t_air"])
+def test_a_temperature_in_a_weather_file_is_that_of_outdoors(name, frame, zone, tmp_path):
+    """In a log a name such as "temp" says nothing of where; degF are found too."""
+    plain = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "plain.csv"), SCHEDULE)
+    path = tomorrow(frame, tmp_path / "named.csv", {"T_oa": name, "q_sol": "ghi"}, degF="F" in name)
+    rows = pd.read_csv(path).assign(humidity=40.0, feels_like_temp=3.0 if name == "temp" else None)
+    rows.dropna(axis=1, how="all").to_csv(path, index=False)
+    assert_same(day_ahead(zone, frame[:N], path, SCHEDULE), plain)
+    rows.rename(columns={name: "temp_max"}).assign(temp_min=1.0).to_csv(path, index=False)  # either may be meant
+    with pytest.raises(ValueError, match="T_oa is not known for the rows ahead"):
+        day_ahead(zone, frame[:N], path, SCHEDULE)
+
+
 def test_weather_that_jumps_from_that_of_the_log_is_told(frame, zone, tmp_path):
     rows = frame[["T_oa", "q_sol"]][N - 1 : N + DAY + 2].rename_axis("time")
     path = tmp_path / "w.csv"
