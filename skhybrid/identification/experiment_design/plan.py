@@ -159,7 +159,7 @@ def plan_experiment(
     ------
     ValueError
         If a parameter has no value or is unknown, nothing known fixes the scale, nothing is left to identify, weather
-        is uneven, incomplete or impossible, stamps differ, or a perturbation does not fit into the rows that it may take.
+        is uneven, incomplete or impossible, stamps differ, or a perturbation does not fit into the rows it may take.
 
     Notes
     -----
