@@ -186,7 +186,7 @@ def test_an_update_goes_on_after_a_short_outage(frame, earlier):
     assert zone.update(log) == 55
     assert zone.known_until == frame.index[N - 1]
     late = ZoneModel.fit(settings_from(SETTINGS), frame[: N - 110])
-    with pytest.raises(ValueError, match=f"after {frame.index[N - 106]}, .*fit the model again with skhybrid fit"):
+    with pytest.raises(ValueError, match=f"after {frame.index[N - 106]}, .*with skhybrid fit, on rows after that"):
         late.update(frame[:N].drop(frame.index[N - 105 : N - 9]))
     with pytest.raises(ValueError, match=f"after {late.known_until}, to which the log does not reach back"):
         late.update(frame[N - 105 : N])

@@ -159,7 +159,9 @@ class ZoneModel:
         """
         n_new, why = len(self.new_rows(frame)), self.outage(frame, LONGEST_BRIDGE)
         if why:
-            raise ValueError(f"{why}, and it cannot go on from there: fit the model again with skhybrid fit.")
+            raise ValueError(
+                f"{why}, and it cannot go on from there: fit the model again with skhybrid fit, on rows after that."
+            )
         if n_new:
             new = self._following(frame)
             if relearn:
