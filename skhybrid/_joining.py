@@ -58,7 +58,7 @@ def _apart(ahead: pd.Index, known: pd.Index, step: pd.Timedelta, name: str, last
     if not isinstance(ahead, pd.DatetimeIndex):
         how = ", with time stamps"
     elif last == LAST_KNOWN and ahead[0] > known[-1]:
-        how = ": give update the rows between first"
+        how = ": give update the rows between first, after an outage those of skhybrid.datasets.regularize"
     return ValueError(
         f"{name} begins at {ahead[0]}, but {last} {known[-1]}; it must begin one step of {spell(step)} later{how}."
     )

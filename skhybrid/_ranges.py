@@ -65,6 +65,8 @@ _FAR_FROM_ZERO = 5.0
 _WARMEST_MEDIAN = 42.0
 #: no zone takes more than a large hall does while its plant runs [kW], by the median, or has so much unmeasured heat
 _MOST_HEAT = 400.0
+#: nor has unmeasured heat of so much at nine hours of ten [kW]
+_MOST_BASE = 100.0
 #: heat that is more times that of the training, and more [kW], is in W, unless the plant hardly ran there [kW]
 _MOST_GROWTH, _LEAST_WATTS, _LEAST_TRAINED = 20.0, 30.0, 0.1
 
@@ -103,8 +105,9 @@ def check_range(
     if warns and named and role.startswith(("T_za", "T_oa")):
         _warn_of_zeros(v, name, index)
     warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
-    share = 0.9 if role.startswith("zeta") else 0.5  # people and sun are there for some hours only
-    watts = role.startswith(("Q_", "zeta")) and is_in_watts(known, trained, share)
+    watts = role.startswith("Q_") and is_in_watts(known, trained)
+    if role.startswith("zeta"):  # people and sun are there for some hours only
+        watts = is_in_watts(known, trained, 0.9) or bool(np.quantile(np.abs(known), 0.1) > _MOST_BASE)
     if warns and (warm or watts or low < kind.usual_lowest or high > kind.usual_highest):
         likely = f"likely {unit}" if unit and (warm or watts or high > kind.usual_highest) else "unusual"
         before = f", in training from {trained[0]:.4g} to {trained[1]:.4g}" if watts and trained else ""

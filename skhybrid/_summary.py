@@ -16,7 +16,7 @@ from ._table import ZoneTable
 from ._time import spell
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # a fit has one
 class TrainingRecord:
     """Training span of an estimator, and versions of the fit.
 

@@ -9,15 +9,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import FrameType
+from typing import Any
+from weakref import WeakKeyDictionary
 
 from .exceptions import SkhybridWarning
 
-_subject: ContextVar[str] = ContextVar("subject", default="")
+_zone: ContextVar[str] = ContextVar("zone", default="")
 _receiver: ContextVar[Callable[[SkhybridWarning], object] | None] = ContextVar("receiver", default=None)
 _dropped: ContextVar[tuple[type[SkhybridWarning], ...]] = ContextVar("dropped", default=())
 _PACKAGE = __name__.partition(".")[0]
+#: what was said of objects of which it is said once
+_said: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
 #: packages between the user and this one: what fits an estimator, and what runs jobs
-_BETWEEN = frozenset({"concurrent", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
+_BETWEEN = frozenset({"concurrent", "contextlib", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
 
 
 def without_class(message: object) -> str:
@@ -36,13 +40,31 @@ def percent(share: float, form: str = ".0f") -> str:
 
 
 @contextmanager
-def warnings_prefixed_with(subject: str) -> Iterator[None]:
-    """Begin the warnings of the block with what they are about, such as a zone."""
-    outer = _subject.set(f"{subject}: ")
+def warnings_of_zone(zone: str) -> Iterator[None]:
+    """Name a zone in the warnings of the block."""
+    outer = _zone.set(zone)
     try:
         yield
     finally:
-        _subject.reset(outer)
+        _zone.reset(outer)
+
+
+@contextmanager
+def warnings_joined() -> Iterator[None]:
+    """Give each warning of the block once, with the names of all zones that share it."""
+    zones: dict[tuple[type[SkhybridWarning], str, bool], dict[str, None]] = {}
+
+    def receive(warning: SkhybridWarning) -> None:
+        zone = _zone.get()
+        message = str(warning).removeprefix(_named(zone))
+        zones.setdefault((type(warning), message, bool(zone)), {})[zone] = None
+
+    try:
+        with warnings_to(receive):
+            yield
+    finally:
+        for (category, message, _), names in zones.items():
+            warn_user(_named(*names) + message, category)
 
 
 @contextmanager
@@ -98,7 +120,7 @@ def warn_user(message: str, category: type[SkhybridWarning]) -> None:
     if issubclass(category, _dropped.get()):
         return
     if (receiver := _receiver.get()) is not None:
-        receiver(category(_subject.get() + message))
+        receiver(category(_named(_zone.get()) + message))
         return
     first, level, frame = 0, 1, sys._getframe()
     while _package_of(frame) in _BETWEEN or _package_of(frame) == _PACKAGE:
@@ -109,7 +131,22 @@ def warn_user(message: str, category: type[SkhybridWarning]) -> None:
             level = first or level
             break
         level, frame = level + 1, outer
-    warnings.warn(_subject.get() + message, category, stacklevel=level)
+    warnings.warn(_named(_zone.get()) + message, category, stacklevel=level)
+
+
+def warn_once(message: str, category: type[SkhybridWarning], of: Any) -> None:
+    """Warn as :func:`warn_user` does, of one object once: a control loop asks for the same every step.
+
+    Python's own memory of what was shown at a line is lost whenever any library catches warnings.
+    """
+    if message not in _said.setdefault(of, set()) and not issubclass(category, _dropped.get()):
+        warn_user(message, category)
+        _said[of].add(message)
+
+
+def _named(*zones: str) -> str:
+    """The beginning of a message about zones of a building; empty where it is about none."""
+    return f"zone{'s' * (len(zones) > 1)} {', '.join(map(repr, zones))}: " if any(zones) else ""
 
 
 def _package_of(frame: FrameType) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from copy import copy, deepcopy
 
 import numpy as np
@@ -163,6 +164,9 @@ def test_a_bend_gives_the_tangent_and_says_so(bent, tables):
     future = X[NOW : NOW + DAY].drop(columns="T_za").assign(u_heat=0.3)
     with pytest.warns(PlanWarning, match="u_heat bends"):
         found = bent.affine_forecast(None, future, ("u_heat", "u_cool"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlanWarning)
+        copy(bent).update(X[NOW : NOW + 1]).affine_forecast(None, future[1:], ("u_heat",))  # a controller's next step
     for stage in (0.21, 0.3, 0.44):  # knots are at 0.2 and 0.45
         planned = future.assign(u_heat=stage)
         T = bent.forecast(None, planned)["T_za"]

@@ -22,7 +22,7 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid.datasets import make_house
-from skhybrid.exceptions import MeasurementWarning, UnitWarning
+from skhybrid.exceptions import MeasurementWarning, ScaleNotIdentifiableWarning, UnitWarning
 from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.building import building_forecast, building_predictor
 from skhybrid.hybrid.building.zone_columns import ZoneColumns
@@ -504,6 +504,20 @@ def test_a_failed_update_changes_nothing(building, later):
         with pytest.raises(ValueError):
             model.update(rows)
         pd.testing.assert_frame_equal(model.predict(later[:30]), before)
+
+
+def test_what_is_warned_of_several_zones_is_told_once(rooms):
+    """At the line of the user, with the zones' names, and of the third zone, whose heat is measured, not at all."""
+    X = rooms[0][:N_TRAIN].copy()
+    for zone in ZONES[:2]:
+        X[f"u_heat_{zone}"] = X.pop(f"Q_hvac_{zone}").clip(lower=0.0) / 6.0
+    model = by_themselves()
+    for learn in (model.fit, model.partial_fit):
+        with pytest.warns(ScaleNotIdentifiableWarning) as caught:
+            learn(X, rooms[1][:N_TRAIN])
+        (found,) = [w for w in caught if w.category is ScaleNotIdentifiableWarning]
+        assert str(found.message).startswith(f"zones {ZONES[0]!r}, {ZONES[1]!r}: InputDisturbanceID: the scale")
+        assert found.filename == __file__
 
 
 def test_errors_and_warnings_name_the_zone(building, later, tomorrow):

@@ -667,8 +667,9 @@ def test_unmeasured_heat_in_watts_is_told(office, recwarn):
     model = gray_box(office)
     model.simulate(office.X, heat_gain=office.heat_gain)
     assert not [w for w in recwarn if issubclass(w.category, UnitWarning)]
-    with pytest.warns(UnitWarning, match=r"heat_gain .* likely W rather than kW"):
-        model.simulate(office.X, heat_gain=1000 * office.heat_gain)
+    for watts in (1000 * office.heat_gain, np.full(len(office.X), 300.0)):  # of people, and of a device
+        with pytest.warns(UnitWarning, match=r"heat_gain .* likely W rather than kW"):
+            model.simulate(office.X, heat_gain=watts)
 
 
 def test_a_temperature_as_disturbance_is_told(recwarn):

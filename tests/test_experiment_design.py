@@ -364,6 +364,7 @@ def test_an_identification_without_a_gain_state_brings_its_network():
 BAD = {
     "no theta": ({"theta": None}, "theta is missing"),
     "short theta": ({"theta": {k: v for k, v in THETA.items() if k != "R_zo"}}, "theta lacks R_zo"),
+    "unknown theta": ({"theta": {**THETA, "q_c": -5.0}}, "theta names 'q_c', but the parameters are C_w"),
     "no plant": ({"theta": {k: v for k, v in THETA.items() if k[0] != "Q"}}, "neither Q_h nor Q_c"),
     "scale": ({"known": []}, "fixes no capacitance"),
     "share known": ({"known": ["f"]}, "fixes no capacitance"),

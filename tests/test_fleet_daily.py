@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from skhybrid import ARXRegressor
+from skhybrid import ARXRegressor, HybridPredictor
 from skhybrid._time import SHORTEST_GAP
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
@@ -125,10 +125,47 @@ def test_rows_that_are_absent_for_a_short_time_stop_no_zone(clock, tmp_path):
 
 def test_a_long_gap_of_an_input_is_refused_with_its_column_and_stamp(fleet):
     X = upto(8 * DAY, DAY)
-    X.loc[X.index[7 * DAY + 5 : 7 * DAY + 9], "T_oa"] = np.nan
+    X.loc[X.index[8 * DAY + 5 : 8 * DAY + 9], "T_oa"] = np.nan  # of the weather to come
     fleet.tick({"a": X, "b": upto(8 * DAY, DAY, "b")})
-    assert fleet.errors_["a"].startswith("column 'T_oa' contains NaN in 4 rows (first at 2024-01-15 05:00:00)")
+    assert fleet.errors_["a"].startswith("column 'T_oa' contains NaN in 4 rows (first at 2024-01-16 05:00:00)")
     assert list(fleet.errors_) == ["a"]
+
+
+@pytest.mark.parametrize("kind", [ARX, HybridPredictor(intervals=False)])
+@pytest.mark.parametrize("begin", [7 * DAY, 7 * DAY + 5])  # after the known rows, and within the new ones
+def test_a_tick_goes_on_over_an_outage(kind, begin, tmp_path):
+    """As with rows whose inputs are interpolated and whose temperatures are not known."""
+    X, gap = upto(9 * DAY, DAY), slice(begin, begin + 30)
+    bridged = X.copy()
+    bridged.iloc[gap] = np.nan
+    bridged = bridged.interpolate().assign(T_za=X["T_za"].mask(bridged["T_za"].isna()))
+    found = []
+    for number, given in enumerate((X.drop(X.index[gap]), bridged)):
+        fleet = ZoneFleet(kind, store=tmp_path / str(number)).fit({"a": ZONE[: 7 * DAY]})
+        found.append(fleet.tick({"a": given}))
+        assert fleet.errors_ == {}
+        assert fleet.status()["last_row"][0] == X.index[9 * DAY - 1]
+    pd.testing.assert_frame_equal(*found, check_freq=False)
+    late = ZoneFleet(kind, store=tmp_path / "late").fit({"a": ZONE[: 7 * DAY]})
+    with pytest.raises(ValueError, match=r"begin at 2024-01-15 01:00:00, .* known one is 2024-01-14 23:00:00; give it"):
+        late.tick({"a": X[7 * DAY + 1 :]})
+
+
+def test_after_an_outage_of_many_days_a_zone_learns_from_the_rows_after_it(tmp_path):
+    X, fleet = ZONE, ZoneFleet(ARX, store=tmp_path)
+    fleet.fit({"a": X[: 3 * DAY]})
+    gap = slice(3 * DAY, 7 * DAY + 1)
+    words = f"there are no rows between {X.index[3 * DAY - 1]} and {X.index[7 * DAY + 1]}, .* once rows of three days"
+    short = upto(9 * DAY, DAY).drop(X.index[gap])
+    for use in (fleet.tick, fleet.fit):
+        with pytest.raises(ValueError, match=words):
+            use({"a": short})
+    fleet.fit({"a": X.drop(X.index[gap])})
+    assert fleet.warnings_ == {
+        "a": (f"learned from {X.index[7 * DAY + 1]} on, after an outage of more than four days.",)
+    }
+    alone = clone(ARX).fit(X[7 * DAY + 1 :], X["T_za"][7 * DAY + 1 :])
+    np.testing.assert_array_equal(fleet.predict({"a": X})["T_za"], alone.predict(X))
 
 
 def test_on_the_day_of_the_fit_no_zone_is_warned_of(fleet):

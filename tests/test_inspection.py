@@ -12,6 +12,7 @@ from sklearn.exceptions import NotFittedError
 
 from skhybrid import ARXRegressor
 from skhybrid.inspection import (
+    BodeDisplay,
     DayAheadDisplay,
     DisturbanceWeekDisplay,
     ForecastDisplay,
@@ -22,6 +23,7 @@ from skhybrid.inspection import (
     RobustnessDisplay,
     RoomMapDisplay,
     ScheduleDisplay,
+    StepResponseDisplay,
 )
 from skhybrid.inspection._style import time_axis
 from skhybrid.inspection.unshown_figure import blank_axes
@@ -280,11 +282,47 @@ def test_an_estimator_of_another_kind_is_refused(display, given, words, table):
         (LeadErrorDisplay, "the back-test has no column 'y_true'"),
         (DayAheadDisplay, "the forecast has no column 'T_za'"),
         (ScheduleDisplay, "the schedule has no column 'gain'"),
+        (DisturbanceWeekDisplay, "zeta is a DataFrame; give the Series of estimate_disturbance"),
+        (BodeDisplay, "the frame 'model' is no such response; give the DataFrame of .*frequency_response"),
+        (StepResponseDisplay, "the frame 'model' is no such response; give the DataFrame of .*step_response"),
+        (ProfileDisplay, "profile is a DataFrame; give the ProfileLikelihood of .*profile_likelihood"),
+        (ResidualDisplay, "diagnostics is a DataFrame; give the Diagnostics of .*diagnose"),
+        (RobustnessDisplay, "difference has no column 'q_0.05'"),
+        (RoomMapDisplay, "couplings is a DataFrame; give the Mapping of pairs"),
     ],
 )
 def test_a_frame_of_another_kind_is_refused(display, words, table):
+    n = {RobustnessDisplay: 4, RoomMapDisplay: 2}.get(display, 1)
     with pytest.raises(ValueError, match=words):
-        display.from_predictions(table[["T_oa"]])
+        display.from_predictions(*[table[["T_oa"]]] * n)
+
+
+@pytest.mark.parametrize(
+    ("display", "given", "words"),
+    [
+        (ForecastDisplay, None, "frames is a NoneType; give the DataFrame of skhybrid.model_selection.backtest"),
+        (ForecastDisplay, {"a": 1}, r"frames\['a'\] is a int"),
+        (ForecastDisplay, pd.DataFrame({"y_true": [1.0], "y_pred": [1.0]}), "has no column 'origin'"),
+        (StepResponseDisplay, [1, 2], "responses is a list"),
+        (StepResponseDisplay, pd.DataFrame(), "'model' is no such response"),
+        (BodeDisplay, pd.DataFrame({"T_oa": [1.0]}, pd.to_timedelta(["1h"])), "'model' is no such response"),
+        (PosteriorDisplay, pd.DataFrame(), "draws has no rows or no columns"),
+    ],
+)
+def test_what_is_no_frame_of_a_display_is_refused(display, given, words):
+    with pytest.raises(ValueError, match=words):
+        display.from_predictions(given)
+
+
+def test_parts_of_a_comparison_and_of_a_map_must_fit():
+    quantiles = [f"q_{level}" for level in (0.05, 0.25, 0.5, 0.75, 0.95)]
+    difference = pd.DataFrame(0.0, index=["a"], columns=quantiles)
+    values = pd.Series([0.1, 0.2], index=["a", "b"])
+    for given, words in (((values, difference), "difference has no case 'b'"), (([1], difference), "errors is a list")):
+        with pytest.raises(ValueError, match=words):
+            RobustnessDisplay.from_predictions(*given, values, ["a"])
+    with pytest.raises(ValueError, match="couplings name 'hall', which is no pair of zones"):
+        RoomMapDisplay.from_predictions({"hall": 1.0}, {"hall": 0.3})
 
 
 def test_schedules_of_a_model_that_has_none_are_refused():

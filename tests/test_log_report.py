@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.datasets import load_dutch_home
+from skhybrid.datasets import load_dutch_home, make_office
 from skhybrid.logs import LogReport, RawLog, read_log, to_left_label
 from skhybrid.logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from skhybrid.logs.log_findings import (
@@ -269,6 +269,25 @@ def test_a_room_that_its_plant_holds_is_not_stuck(zone):
         assert len([text for text in said if "stuck" in text]) == bool(n_stuck)
     outdoors = frame.assign(T_oa=frame["T_oa"].mask(np.isin(np.arange(240), np.arange(48, 120)), 21.0))
     assert [text for text in doubts_on_temperatures(outdoors, [T]) if text.startswith("T_oa is 21 degC")]  # no plant
+
+
+@pytest.mark.parametrize("name", ["Q_hvac", "Q_heat", "Q_hvac_hall"])
+def test_cooling_that_is_positive_is_asked_about(name):
+    """No heater runs for hours while it is hotter outdoors than in the room."""
+    office = make_office(14, "chicago", start="2023-07-10", random_state=2)
+    role, zone = (
+        f"T_za{name.removeprefix('Q_hvac').removeprefix('Q_heat')}",
+        office.X.drop(columns=["u_heat", "u_cool"]),
+    )
+    log, heat = zone.rename(columns={"T_za": role}), 6.0 * office.X["u_heat"] - 6.0 * office.X["u_cool"]
+    columns = {column: column for column in (*log, name)}
+    asked = []
+    for values in (heat.abs(), heat.clip(lower=0.0), heat, 0.0 * heat):
+        found = LogReport(log.assign(**{name: values}), columns, scaled=[]).findings
+        asked.append([(f.level, f.where) for f in found if "is it cooling" in f.text])
+    assert asked == [[("warning", name)], [], [], []]
+    known = LogReport(log.assign(**{name: heat.abs()}), columns, scaled=[name])  # electricity, which is positive
+    assert not [f for f in known.findings if "is it cooling" in f.text]
 
 
 def test_a_room_and_outdoors_that_are_swapped_are_found(frame):

@@ -67,6 +67,19 @@ def test_weather_with_the_columns_of_the_log_has_their_units_and_label(frame, zo
     np.testing.assert_allclose(late.frame["T_oa"], plain.frame["T_oa"])
 
 
+@pytest.mark.parametrize("name", ["temp", "Temperature (°F)", "t_air"])
+def test_a_temperature_in_a_weather_file_is_that_of_outdoors(name, frame, zone, tmp_path):
+    """In a log a name such as "temp" says nothing of where; degF are found too."""
+    plain = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "plain.csv"), SCHEDULE)
+    path = tomorrow(frame, tmp_path / "named.csv", {"T_oa": name, "q_sol": "ghi"}, degF="F" in name)
+    rows = pd.read_csv(path).assign(humidity=40.0, feels_like_temp=3.0 if name == "temp" else None)
+    rows.dropna(axis=1, how="all").to_csv(path, index=False)
+    assert_same(day_ahead(zone, frame[:N], path, SCHEDULE), plain)
+    rows.rename(columns={name: "temp_max"}).assign(temp_min=1.0).to_csv(path, index=False)  # either may be meant
+    with pytest.raises(ValueError, match="T_oa is not known for the rows ahead"):
+        day_ahead(zone, frame[:N], path, SCHEDULE)
+
+
 def test_weather_that_jumps_from_that_of_the_log_is_told(frame, zone, tmp_path):
     rows = frame[["T_oa", "q_sol"]][N - 1 : N + DAY + 2].rename_axis("time")
     path = tmp_path / "w.csv"
@@ -139,7 +152,7 @@ def earlier(frame):
     return ZoneModel.fit(settings_from(SETTINGS), frame[: N - 60])
 
 
-def test_a_short_outage_is_bridged_and_told(frame, zone, earlier, tmp_path):
+def test_a_short_outage_is_bridged_and_told(frame, earlier, tmp_path):
     """Nine rows alone say less of the state than these and those before an outage of five hours."""
     path, gap = tomorrow(frame, tmp_path / "w.csv"), slice(N - 14, N - 9)
     logs = frame[:N], frame[:N].drop(frame.index[gap]), frame[N - 9 : N]
@@ -147,7 +160,7 @@ def test_a_short_outage_is_bridged_and_told(frame, zone, earlier, tmp_path):
     assert any(f"no complete rows from {frame.index[gap][0]} to" in text for text in bridged.remarks)
     change, change_alone = ((one.frame["T_za"] - whole.frame["T_za"]).abs().mean() for one in (bridged, alone))
     assert change < 0.9 * change_alone
-    long = day_ahead(zone, frame[:N].drop(frame.index[N - 40 : N - 9]), path, SCHEDULE)
+    long = day_ahead(earlier, frame[:N].drop(frame.index[N - 40 : N - 9]), path, SCHEDULE)
     assert any("starts from the last 9 h, since rows are missing before" in text for text in long.remarks)
 
 
@@ -172,12 +185,28 @@ def test_an_update_goes_on_after_a_short_outage(frame, earlier):
     log = frame[:N].drop(frame.index[N - 55 : N - 50])
     assert zone.update(log) == 55
     assert zone.known_until == frame.index[N - 1]
-    late = ZoneModel.fit(settings_from(SETTINGS), frame[: N - 60])
-    with pytest.raises(ValueError, match=r"rows are missing after .*fit the model again with skhybrid fit"):
-        late.update(frame[:N].drop(frame.index[N - 55 : N - 30]))
-    with pytest.raises(ValueError, match=f"rows are missing after {late.known_until}"):  # no row to bridge from
-        late.update(frame[N - 55 : N])
-    assert late.update(frame[N - 60 : N]) == 60
+    late = ZoneModel.fit(settings_from(SETTINGS), frame[: N - 110])
+    with pytest.raises(ValueError, match=f"after {frame.index[N - 106]}, .*with skhybrid fit, on rows after that"):
+        late.update(frame[:N].drop(frame.index[N - 105 : N - 9]))
+    with pytest.raises(ValueError, match=f"after {late.known_until}, to which the log does not reach back"):
+        late.update(frame[N - 105 : N])
+    assert deepcopy(late).update(frame[N - 110 : N]) == 110
+
+
+def test_an_update_goes_on_over_an_outage_of_days(frame, earlier, tmp_path):
+    """Inputs are interpolated, and set-points hold, and no temperature is known."""
+    zone, alone = deepcopy(earlier), deepcopy(earlier)
+    gap = slice(N - 60, N - 5)  # right after the known rows
+    rows = frame[:N].copy()
+    rows.iloc[gap] = np.nan
+    held = rows[["T_heat_set", "T_cool_set"]].ffill()
+    rows = rows.interpolate().assign(**held, T_za=rows["T_za"])
+    assert zone.update(frame[:N].drop(frame.index[gap])) == 5
+    alone.predictor.update(rows[N - 60 :].drop(columns=[c for c in rows if c not in alone.settings.columns]))
+    ahead = frame[["T_oa", "q_sol", "Q_hvac"]][N : N + DAY]
+    pd.testing.assert_frame_equal(zone.predictor.forecast(None, ahead), alone.predictor.forecast(None, ahead))
+    found = day_ahead(zone, frame[:N].drop(frame.index[gap]), tomorrow(frame, tmp_path / "w.csv"), SCHEDULE)
+    assert not any("starts from the last" in text for text in found.remarks)  # the model knows the rows before
 
 
 def test_irradiance_of_a_zone_s_own_is_read_from_the_weather(frame, tmp_path):

@@ -291,11 +291,19 @@ def test_rows_after_an_outage_of_hours_are_learned_from_at_once(log, zone, cheap
     assert zone.tick(tmp_path / "log.csv").learned == ""
 
 
+def test_a_log_too_short_for_a_new_fit_is_taken_in_over_an_outage(log, zone, cheap, tmp_path):
+    source = write(log[24 * (DAYS - 2) :], tmp_path / "log.csv", 4, without=slice(48, 70))
+    done = zone.tick(source)
+    assert "rows are missing after" in done.remarks[0]
+    assert zone.load().known_until == log.index[24 * (DAYS + 2) - 1]
+    assert zone.tick(source).remarks == ()
+
+
 def test_rows_after_an_outage_of_days_are_learned_from_when_there_are_enough(log, zone, cheap, tmp_path):
     gap = slice(24 * DAYS - 2, 24 * DAYS + 100)
     done = zone.tick(write(log, tmp_path / "log.csv", DAYS + 6, without=gap))
     assert len(done.forecast.frame) == 24
-    assert any("rows are missing after" in text and "1.8 days after its last" in text for text in done.remarks)
+    assert any("rows are missing after" in text and "1.8 days without a long" in text for text in done.remarks)
     done = zone.tick(write(log, tmp_path / "log.csv", 2 * DAYS + 5, without=gap))
     assert "rows are missing after" in done.learned
     assert zone.tick(tmp_path / "log.csv").learned == ""

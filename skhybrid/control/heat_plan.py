@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant, listed
-from .._warnings import percent, warn_user
+from .._warnings import percent, warn_once, warn_user
 from ..exceptions import PlanWarning
 
 _BEYOND = 0.05  # share of the range of training by which a plan may leave it without a warning
@@ -105,13 +105,14 @@ def warn_uncovered(plan: Plan, given: Sequence[str], training: Mapping[str, np.n
             )
 
 
-def warn_bent(plan: Plan, bent: np.ndarray) -> None:
-    """Warn of the inputs, ``bent`` (m,) bool, in which the forecast is not affine."""
+def warn_bent(plan: Plan, bent: np.ndarray, training: Any) -> None:
+    """Warn of the inputs, ``bent`` (m,) bool, in which the forecast is not affine, once per record of a training."""
     for role in np.array(plan.inputs, dtype=object)[bent]:
-        warn_user(
+        warn_once(
             f"the heat of {role} bends with its stage at part load, so that the forecast is not affine in it: the gain "
             "is the tangent at the plan in future.",
             PlanWarning,
+            training,
         )
 
 

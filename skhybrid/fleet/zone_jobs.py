@@ -22,13 +22,17 @@ from .journal import Journal
 from .model_store import ModelStore
 from .zone_rows import TARGET, fingerprint, read_rows
 
+_LEAST = pd.Timedelta("3D")  # of rows after a long outage, to learn from them alone
+
 
 def fit_zone(
     zone: str, store: str, paths: Sequence[str], estimator: Any, fallback: Any, last: Any = None
 ) -> str | None:
     """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
-    rows = _bridged(_whole(read_rows(paths[0]), estimator), estimator)
-    X, y = _training_rows(rows, estimator, last)
+    X, y = _training_rows(_over_outages(read_rows(paths[0]), estimator), estimator, last)
+    if begin := _row_after_outage(X.index, _LEAST):
+        warn_user(f"learned from {X.index[begin]} on, after an outage of more than four days.", SkhybridWarning)
+        X, y = X[begin:], y[begin:]
     mark, models = fingerprint(X, y), ModelStore(store)
     why, days = None, []
     if models.has(zone):
@@ -94,7 +98,7 @@ def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
     if models.journal(zone).facts["updated"] == mark:
         return
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_whole(rows, model), journal.scored.index), model)
+    X, y = _with_target(_in_clock(_over_outages(rows, model), journal.scored.index), model)
     if not hasattr(model, "update"):  # which would refuse them itself
         _refuse_known(journal, X)
     _take_in(model, journal, X, y, mark)
@@ -113,7 +117,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
     models = ModelStore(store)
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_whole(read_rows(paths[0]), model), journal.scored.index), model)
+    X, y = _with_target(_in_clock(_over_outages(read_rows(paths[0]), model), journal.scored.index), model)
     if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
         raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
     known = _in_clock_of(journal.facts["until"], X.index)
@@ -123,6 +127,11 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     silent = None if new.any() else f"nothing was measured after {known}, the last known row."
     first = silent is not None and journal.facts["updated"] is None and not len(journal.ahead)
     if silent is None:
+        _row_after_outage(X.index[new].insert(0, known), pd.Timedelta.max)
+        if X.index[0] > known + pd.Timedelta(model.sampling_time_):
+            raise ValueError(
+                f"the rows begin at {X.index[0]}, but the last known one is {known}; give it and all later."
+            )
         _take_in(model, journal, X[new], y[new], fingerprint(X[new]))
     found = None
     if not ahead.any():
@@ -211,13 +220,32 @@ def _rows(path: str, model: Any) -> pd.DataFrame:
     return _filled(read_rows(path), model, SHORTEST_GAP)
 
 
-def _whole(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
-    """Measured rows without short gaps of any kind."""
-    return _filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP)
+def _over_outages(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
+    """Rows with bridges over outages before the last measurement, and without short gaps of any kind."""
+    whole = _filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP)
+    measured = np.flatnonzero(_with_target(whole, model)[1].notna().to_numpy())
+    n_past = measured[-1] + 1 if len(measured) else 0
+    return pd.concat([_bridged(whole[:n_past], model), whole[n_past:]])
+
+
+def _row_after_outage(stamps: pd.Index, least: pd.Timedelta) -> int:
+    """The row after the last outage that is too long for a bridge, 0 where there is none.
+
+    Refused where the rows after it span less than the ``least``.
+    """
+    if not isinstance(stamps, pd.DatetimeIndex) or not (wide := np.diff(stamps) > LONGEST_BRIDGE).any():
+        return 0
+    row = int(np.flatnonzero(wide)[-1]) + 1
+    if stamps[-1] - stamps[row] < least:
+        raise ValueError(
+            f"there are no rows between {stamps[row - 1]} and {stamps[row]}, and an outage of more than four days is "
+            "not bridged; fit the zone again once rows of three days follow it."
+        )
+    return row
 
 
 def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
-    """Rows to learn from with bridges over outages: inputs are interpolated there, and no temperature is known."""
+    """Rows with bridges over outages: inputs are interpolated there, and no temperature is known."""
     whole = _restored(rows, LONGEST_BRIDGE)
     filled = _filled(whole, model, LONGEST_BRIDGE)
     roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}

@@ -12,7 +12,7 @@ from .._calendar import day_type_hours
 from .._joining import read_now, refuse_no_frames, with_measured
 from .._table import ZoneTable
 from .._threads import one_blas_thread
-from .._warnings import warn_user
+from .._warnings import warn_once
 from ..control import (
     AffineForecast,
     ControlModel,
@@ -82,9 +82,9 @@ class AffineFramesMixin(FramesForecastMixin):
         Warns
         -----
         PlanWarning
-            If the plan in ``future`` leaves what training covered, or the forecast is not affine in an input.
+            If the plan in ``future`` leaves what training covered; once per fit, if the forecast is not affine.
         GainWarning
-            If the members of the blend disagree on what heat does, unless the model was fitted with ``purpose="plan"``.
+            Once per fit, if the members of the blend disagree on what heat does, unless it had ``purpose="plan"``.
         """
         check_is_fitted(self)
         levels = None if quantiles is None else read_quantiles(quantiles)
@@ -92,7 +92,7 @@ class AffineFramesMixin(FramesForecastMixin):
         roles = read_inputs(inputs, trained, self._column_of, boundaries)
         ahead, plan = self._planned(history, future, roles, T_za)
         found = self._present_scheme().affine(ahead, plan, read_member(member))
-        warn_bent(plan, found.bent)
+        warn_bent(plan, found.bent, self.training_)
         free = found.temperature - np.tensordot(found.gain, plan.values, axes=2)
         offsets = None if levels is None else self._offsets_ahead(ahead, levels, found.recent)
         return AffineForecast(free, found.gain, found.zeta, future.index, roles, offsets)
@@ -148,7 +148,7 @@ class AffineFramesMixin(FramesForecastMixin):
         plan = Plan.of(ahead.table, roles, n_rows)
         warn_uncovered(plan, given, self._scheme.rows.training.inputs)
         if self._scheme.gain_doubt is not None:
-            warn_user(self._scheme.gain_doubt, GainWarning)
+            warn_once(self._scheme.gain_doubt, GainWarning, self.training_)
         return ahead, plan
 
     def _offsets_ahead(self, ahead: Ahead, levels: np.ndarray, recent: RecentErrors | None) -> np.ndarray:

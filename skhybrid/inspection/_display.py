@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from inspect import isfunction
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 
 from .._docs import filled
 
@@ -85,6 +87,20 @@ _BLOCKS = {
         Inputs to draw; default is those of any model.
     """,
 }
+
+
+def refuse_other(given: Any, kind: type, name: str, of: str) -> None:
+    """Refuse what is not of a kind, with what returns or holds it."""
+    if not isinstance(given, kind):
+        raise ValueError(f"{name} is a {type(given).__name__}; give the {kind.__name__} of {of}.")
+
+
+def frames_by_label(given: Any, alone: str, name: str, made_by: str) -> dict[str, pd.DataFrame]:
+    """Frames by label, that of a single one being ``alone``; refused where they are something else."""
+    found = dict(given) if isinstance(given, Mapping) else {alone: given}
+    for label, frame in found.items():
+        refuse_other(frame, pd.DataFrame, name if frame is given else f"{name}[{label!r}]", made_by)
+    return found
 
 
 class Display:

@@ -10,9 +10,9 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import refuse_without
-from .._table import float_columns
+from .._table import as_numbers, float_columns
 from .._time import wall_clock
-from ._display import Display
+from ._display import Display, refuse_other
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, legend, line_style, tidy
 
 _PANELS = {"gain": "scheduled heat [kW]", "ua": "scheduled conductance\n[kW/K]"}
@@ -86,7 +86,8 @@ class DisturbanceWeekDisplay(Display):
         unit : str
         %(drawing)s
         """
-        return cls(_week(pd.Series(zeta), truth), unit).plot(ax, **kwargs)
+        refuse_other(zeta, pd.Series, "zeta", "estimate_disturbance")
+        return cls(_week(zeta, truth), unit).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> DisturbanceWeekDisplay:
         """Draw the median, the range of 80 % of the weeks, and the truth.
@@ -121,10 +122,10 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
         raise ValueError("the disturbance has no time stamps, so its hours are unknown; give X a DatetimeIndex.")
     wall = wall_clock(index)
     hour = wall.day_of_week * 24 + wall.hour
-    groups = pd.Series(zeta.to_numpy(dtype=float)).groupby(np.asarray(hour))
+    groups = pd.Series(as_numbers(zeta, "the disturbance")).groupby(np.asarray(hour))
     week = pd.DataFrame({"low": groups.quantile(0.1), "median": groups.median(), "high": groups.quantile(0.9)})
     if truth is not None:
-        known = np.asarray(truth, dtype=float)
+        known = as_numbers(truth, "truth")
         if known.shape != (len(zeta),):
             raise ValueError(f"truth has the shape {known.shape}, but the disturbance has {len(zeta)} rows.")
         week["truth"] = pd.Series(known).groupby(np.asarray(hour)).mean()

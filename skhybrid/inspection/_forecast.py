@@ -12,7 +12,7 @@ import pandas as pd
 from .._table import float_columns
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
-from ._display import Display
+from ._display import Display, frames_by_label
 from ._style import (
     COLORS,
     MARKERS,
@@ -299,11 +299,13 @@ class DayAheadDisplay(Display):
 
 def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:
     """Return back-tests by label; a single one is labelled "forecast"."""
-    found = {"forecast": frames} if isinstance(frames, pd.DataFrame) else dict(frames)
+    found = frames_by_label(frames, "forecast", "frames", "skhybrid.model_selection.backtest")
     if not found or any(frame.empty for frame in found.values()):
         raise ValueError("there is no back-test to draw; pass at least one, with at least one origin.")
     for frame in found.values():
         float_columns(frame, ("y_true", "y_pred"), "the back-test")
+        if absent := [name for name in ("origin", "lead", "time") if name not in frame]:
+            raise ValueError(f"the back-test has no column {absent[0]!r}; give one.")
     return found
 
 

@@ -10,13 +10,14 @@ import pandas as pd
 from scipy.stats import gaussian_kde
 
 from .._arguments import check_level, refuse_without
-from .._table import float_columns
+from .._table import as_numbers, float_columns
 from .._warnings import percent
 from ..model_selection import PatternExpressiveness, RobustnessComparison
-from ._display import Display
+from ._display import Display, refuse_other
 from ._style import COLORS, MEASURED, axes_or_new, grid_or_new, legend, shared_legend, tidy
 
 _GREY = "#8a8a8a"
+_LEVELS = ("q_0.05", "q_0.25", "q_0.5", "q_0.75", "q_0.95")
 _HEIGHT = 0.75  # height of the highest curve, as a fraction of a row
 
 
@@ -69,6 +70,8 @@ class PosteriorDisplay(Display):
         """
         check_level(level)
         draws = float_columns(draws, getattr(draws, "columns", ()), "draws")
+        if draws.empty:
+            raise ValueError("draws has no rows or no columns; give draws of one term or more.")
         tail = 0.5 * (1.0 - level)
         ends = {"lower": draws.quantile(tail), "upper": draws.quantile(1.0 - tail)}
         summary = pd.DataFrame({"mean": draws.mean(), **ends, "probability_reduces": (draws < 0.0).mean()})
@@ -175,6 +178,13 @@ class RobustnessDisplay(Display):
             As in the class.
         %(drawing)s
         """
+        float_columns(difference, _LEVELS, "difference")
+        for name, given in (("errors", errors), ("probability", probability)):
+            refuse_other(given, pd.Series, name, "a RobustnessComparison")
+            as_numbers(given, name)
+        for name, index in (("errors", errors.index), ("difference", difference.index)):
+            if len(absent := probability.index.difference(index)):
+                raise ValueError(f"{name} has no case {absent[0]!r}, which probability has; give one.")
         return cls(errors, difference, probability, indistinguishable).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, n_cases: int | None = None, title: str | None = None) -> RobustnessDisplay:
@@ -215,7 +225,7 @@ class RobustnessDisplay(Display):
 
     def _draw_differences(self, ax: Any, cases: list[str], colors: list[str]) -> None:
         for row, (case, color) in enumerate(zip(cases, colors, strict=True)):
-            low, left, middle, right, high = self.difference.loc[case].to_numpy()
+            low, left, middle, right, high = self.difference.loc[case, list(_LEVELS)].to_numpy()
             ax.plot([low, high], [row, row], color=color, linewidth=1.2)
             ax.plot([left, right], [row, row], color=color, linewidth=5.0, alpha=0.6, solid_capstyle="butt")
             ax.plot([middle], [row], color=MEASURED, marker="|", markersize=7)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._warnings import percent
 from ..identification import ProfileLikelihood, profile_likelihood
-from ._display import Display
+from ._display import Display, refuse_other
 from ._style import COLORS, MEASURED, axes_or_new, legend, tidy
 
 
@@ -59,6 +59,7 @@ class ProfileDisplay(Display):
         profile : ProfileLikelihood; as returned by :func:`skhybrid.identification.profile_likelihood`
         %(drawing)s
         """
+        refuse_other(profile, ProfileLikelihood, "profile", "skhybrid.identification.profile_likelihood")
         return cls(profile).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, truth: float | None = None, title: str | None = None) -> ProfileDisplay:

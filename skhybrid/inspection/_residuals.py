@@ -11,7 +11,7 @@ from scipy import stats
 
 from ..identification import Diagnostics, diagnose
 from ..identification.diagnostics.residual_tests import Z95
-from ._display import Display
+from ._display import Display, refuse_other
 from ._style import COLORS, MEASURED, grid_or_new, tidy, time_axis
 
 _BAND = {"color": "#999999", "alpha": 0.25, "linewidth": 0}
@@ -62,6 +62,7 @@ class ResidualDisplay(Display):
         diagnostics : Diagnostics
         %(drawing)s
         """
+        refuse_other(diagnostics, Diagnostics, "diagnostics", "skhybrid.identification.diagnose")
         return cls(diagnostics).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> ResidualDisplay:

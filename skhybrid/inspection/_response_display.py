@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..identification import frequency_response, step_response
-from ._display import Display
+from ._display import Display, frames_by_label
 from ._hybrid_response import Responses, default_periods, frequency_responses, is_hybrid, step_responses
 from ._style import MEASURED, grid_or_new, line_style, shared_legend, tidy
 
@@ -21,6 +21,9 @@ _TICKS = {600.0: "10 min", 3600.0: "1 h", 21600.0: "6 h", 86400.0: "1 d", 604800
 
 class _ResponseDisplay(Display):
     """Base of the displays of responses to every input: a DataFrame per model, with one column per input."""
+
+    _made_by: str
+    _kind: str  # of its numbers, as in NumPy
 
     def __init__(
         self, responses: Mapping[str, pd.DataFrame], by_origin: Mapping[str, Sequence[pd.DataFrame]] | None = None
@@ -40,7 +43,15 @@ class _ResponseDisplay(Display):
             :func:`skhybrid.identification.step_response`; the one labelled "true" is drawn below the others.
         %(drawing)s
         """
-        display: Any = cls({"model": responses} if isinstance(responses, pd.DataFrame) else responses)
+        found = frames_by_label(responses, "model", "responses", cls._made_by)
+        for label, frame in found.items():
+            if (
+                frame.empty
+                or not isinstance(frame.index, pd.TimedeltaIndex)
+                or {d.kind for d in frame.dtypes} != {cls._kind}
+            ):
+                raise ValueError(f"the frame {label!r} is no such response; give the DataFrame of {cls._made_by}.")
+        display: Any = cls(found)
         return display.plot(ax, **kwargs)
 
     @classmethod
@@ -90,6 +101,8 @@ class BodeDisplay(_ResponseDisplay):
 
     %(attributes)s
     """
+
+    _made_by, _kind = "skhybrid.identification.frequency_response", "c"
 
     @classmethod
     def from_estimator(
@@ -179,6 +192,8 @@ class StepResponseDisplay(_ResponseDisplay):
 
     %(attributes)s
     """
+
+    _made_by, _kind = "skhybrid.identification.step_response", "f"
 
     @classmethod
     def from_estimator(

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from scipy.sparse.csgraph import shortest_path
 
 from .._arguments import refuse_without
-from ._display import Display
+from ._display import Display, refuse_other
 from ._style import COLORS, MEASURED, axes_or_new, heading
 
 PAGE = "#fefefe"  # background of labels that lines pass below; a page may replace it with its own
@@ -90,6 +90,10 @@ class RoomMapDisplay(Display):
         ValueError
             If a coupling names a zone that has no entry in ``errors``.
         """
+        refuse_other(couplings, Mapping, "couplings", "pairs of zones to W/K")
+        refuse_other(errors, Mapping, "errors", "zones to K")
+        if wrong := [pair for pair in couplings if not isinstance(pair, tuple) or len(pair) != 2]:
+            raise ValueError(f"couplings name {wrong[0]!r}, which is no pair of zones, such as ('hall', 'study').")
         unknown = [zone for pair in couplings for zone in pair if zone not in errors]
         if unknown:
             raise ValueError(f"couplings name the zone {unknown[0]!r}, but errors have {', '.join(errors)}.")

@@ -25,6 +25,8 @@ _INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those 
 _COLDER = 5.0  # a room is not that much colder than it ever is outdoors, and moves more, at once [K]
 _MORE_MOVED = 1.5  # range of the room's temperature relative to that outdoors
 _AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
+_HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so that no heating is needed [K]
+_RUNS, _MOST_RUN = 0.1, 0.4  # heat, relative to its peaks, and share of such hours in which a heater may give more
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 
 
@@ -264,6 +266,23 @@ def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Findin
                 text = f"is more than {_AWAY:g} K {beyond} {set_point} from {spell[0]} to {spell[-1]}"
                 advice = "did the plant fail? It is learned from these rows too; end [train] before them"
                 yield Finding("warning", role, f"{text}: {advice}, or begin it after them.")
+
+
+def cooling_findings(frame: pd.DataFrame, meters: Mapping[str, str]) -> Iterator[Finding]:
+    """A remark on each meter of heat whose cooling seems positive; columns are roles, ``meters`` columns by role."""
+    step = pd.DatetimeIndex(frame.index).to_series().diff().median()
+    for role, name in meters.items():
+        room, heat = "T_za" + role.removeprefix("Q_hvac").removeprefix("Q_heat"), frame[role]
+        if room not in frame or "T_oa" not in frame or not heat.min() >= 0.0:
+            continue
+        hot = heat[frame["T_oa"] > frame[room] + _HOTTER].dropna()
+        share = float((hot > _RUNS * heat.quantile(0.99)).mean()) if len(hot) * step >= _HOTTER_FOR else 0.0
+        if share > _MOST_RUN:
+            text = f"is positive in {percent(share)} of the hours when it is hotter outdoors than in the room"
+            advice = (
+                "Heat into the room is positive: make cooling negative, or give it in a column of its own as Q_cool"
+            )
+            yield Finding("warning", name, f"{text}: is it cooling? {advice}.")
 
 
 def _left_alone(missed: pd.Series) -> pd.Index | None:

@@ -21,6 +21,7 @@ from .even_steps import regularize, usual_step
 from .log_findings import (
     Finding,
     clock_findings,
+    cooling_findings,
     counter_findings,
     gap_findings,
     gaps_of,
@@ -349,6 +350,8 @@ class LogReport:
         found += set_point_findings(self.even)
         found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
+        heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]
+        found += cooling_findings(self.even, {c.role: c.name for c in heat if not self._guesses[c.name].is_electricity})
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 
 

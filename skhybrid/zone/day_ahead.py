@@ -13,6 +13,7 @@ from .._table import is_plant, listed
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
+from ..logs.naming import UNPLACED, plain
 from ..logs.zone_csv import to_left_label
 from ..study.data import inputs_of, read_log
 from ..study.doubts import day_beyond
@@ -131,13 +132,23 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int
         own = {role: column for role, column in settings.columns.items() if column in raw.frame}
         units = {role: unit for role, unit in settings.units.items() if role in own}
         scale = {role: factor for role, factor in settings.scale.items() if role in own}
-        frame = LogReport(raw, own, units, scale).frame
+        report = LogReport(raw, own, units, scale)
+        if outdoor := _outdoor(report):
+            report = LogReport(raw, {**report.roles, "T_oa": outdoor}, units, scale)
+        frame = report.frame
         if own and settings.label == "right":
             frame = to_left_label(frame, [role for role, column in own.items() if column in raw.held])
     index = pd.DatetimeIndex(frame.index)
     if tz is None and index.tz is not None:
         raise ValueError("the weather has a time zone and the log has none; give timezone = in the configuration.")
     return frame if tz is None or index.tz is None else frame.tz_convert(tz)
+
+
+def _outdoor(report: LogReport) -> str | None:
+    """The column of weather without an outdoor temperature that is one, as only its file says."""
+    unplaced = [str(name) for name, why in report.columns["reason"].items() if why == UNPLACED]
+    known = [name for name in unplaced if plain(name) in ("temp", "temperature")] or unplaced
+    return known[0] if "T_oa" not in report.frame and len(known) == 1 else None
 
 
 def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:

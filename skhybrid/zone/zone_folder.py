@@ -21,7 +21,7 @@ from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .outages import complete_rows, like_index, up_to_measured
+from .outages import BRIDGED, complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .tomorrow import Schedules
 from .zone_model import ZoneModel
@@ -300,9 +300,11 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
     if dead:
         return len(zone.new_rows(without_roles(frame, dead))), f"the heat of {listed(dead)} is logged no more"
     new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
-    if why := zone.outage(frame):
+    why = zone.outage(frame, BRIDGED)
+    if not zone.outage(frame, LONGEST_BRIDGE):
+        zone.update(frame)
+    if why:
         return len(new), why
-    zone.update(frame)
     age = zone.history(frame).index[-1] - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
         return len(new), f"it last learned {age.days} days ago"
@@ -335,7 +337,7 @@ def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
     needed = min(_REFIT_DAYS, zone.predictor.training_.n_rows * step)
     if len(rows) * step < needed:
         raise ValueError(
-            f"the log ends with {len(rows) * step / pd.Timedelta('1D'):.1f} days after its last long outage, and "
+            f"the log ends with {len(rows) * step / pd.Timedelta('1D'):.1f} days without a long outage, and "
             f"{needed / pd.Timedelta('1D'):.1f} are needed."
         )
     return ZoneModel.fit(zone.settings, frame.loc[rows.index[0] :])

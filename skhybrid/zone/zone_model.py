@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant
+from .._time import LONGEST_BRIDGE
 from ..exceptions import TooFewDaysError
 from ..hybrid import BuildingPredictor
 from ..logs.bridges import bridged, stretches
@@ -153,12 +154,14 @@ class ZoneModel:
         Raises
         ------
         ValueError
-            If they follow the known rows only after an outage of more than twelve hours, or after any outage where
-            the log does not reach back to the known rows.
+            If they follow the known rows only after an outage of more than four days, or after any outage where the
+            log does not reach back to the known rows.
         """
-        n_new, why = len(self.new_rows(frame)), self.outage(frame)
+        n_new, why = len(self.new_rows(frame)), self.outage(frame, LONGEST_BRIDGE)
         if why:
-            raise ValueError(f"{why}, and it cannot go on from there: fit the model again with skhybrid fit.")
+            raise ValueError(
+                f"{why}, and it cannot go on from there: fit the model again with skhybrid fit, on rows after that."
+            )
         if n_new:
             new = self._following(frame)
             if relearn:
@@ -167,18 +170,24 @@ class ZoneModel:
                 self.predictor.update(new)
         return n_new
 
-    def outage(self, frame: pd.DataFrame) -> str:
-        """Why the new rows of a log cannot follow those that the model knows; empty where they can.
+    def outage(self, frame: pd.DataFrame, longest: pd.Timedelta) -> str:
+        """The outage of more than the ``longest`` after which new rows of a log come, or without a row to bridge from.
 
         Parameters
         ----------
         frame : DataFrame, one column per role
+        longest : Timedelta
+
+        Returns
+        -------
+        str, empty where there is none
         """
         rows = pd.DatetimeIndex(self.complete(frame).index)
         until = like_index(self.known_until, rows)
+        if len(rows) and rows[0] > until + pd.Timedelta(self.settings.step):
+            return f"rows are missing after {until}, to which the log does not reach back"
         stamps = pd.DatetimeIndex([until, *rows[rows > until]])
-        wide = np.diff(stamps) > BRIDGED
-        wide[:1] |= rows[:1] > until + pd.Timedelta(self.settings.step)  # there is no row to bridge from
+        wide = np.diff(stamps) > longest
         return f"rows are missing after {stamps[int(np.argmax(wide))]}" if wide.any() else ""
 
     def _following(self, frame: pd.DataFrame) -> pd.DataFrame:
@@ -208,7 +217,8 @@ class ZoneModel:
         if len(missing):
             return [f"no complete rows from {missing[0]} to {missing[-1]}: their inputs are interpolated"]
         span = len(history) * pd.Timedelta(self.settings.step)
-        if history.index[0] == complete[0] or span >= _ENOUGH:
+        is_known = like_index(self.known_until, history.index) == history.index[-1]  # with the rows before
+        if history.index[0] == complete[0] or span >= _ENOUGH or is_known:
             return []
         hours = span / pd.Timedelta("1h")
         return [f"the forecast starts from the last {hours:.3g} h, since rows are missing before {history.index[0]}"]

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..._joining import read_now, refuse_no_frames
 from ..._table import as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
-from ..._warnings import ignore, warnings_prefixed_with, warnings_to
+from ..._warnings import ignore, warnings_of_zone, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ..base import BaseHybrid
 from .building_tables import BuildingTablesMixin, tables_of_zones, with_neighbour_temperatures, with_next
@@ -29,7 +29,7 @@ _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np
 def of_zone(zone: str) -> Iterator[None]:
     """Name the zone in errors and warnings of its predictor."""
     try:
-        with warnings_prefixed_with(f"zone {zone!r}"):
+        with warnings_of_zone(zone):
             yield
     except ValueError as error:
         raise type(error)(f"zone {zone!r}: {error}") from None

@@ -20,8 +20,8 @@ from ..._summary import SummaryMixin
 from ..._table import as_numbers, as_pandas
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
-from ..._warnings import warn_user
-from ...exceptions import MeasurementWarning
+from ..._warnings import warn_user, warnings_dropped, warnings_joined
+from ...exceptions import GainWarning, MeasurementWarning, PlanWarning
 from ...forecasting.quantiles import LeftOut
 from ...thermal import get_network
 from ..base import BaseHybrid
@@ -95,6 +95,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self.n_jobs = n_jobs
 
     @unchanged_on_failure
+    @warnings_joined()
     def fit(self, X: Any, y: Any) -> Self:
         """Learn from a training table.
 
@@ -170,7 +171,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         errors: dict[str, LeftOut] = dict(own)
         for zone, model in models.items():
             others = neighbours[zone]
-            with of_zone(zone):
+            with of_zone(zone), warnings_dropped(GainWarning, PlanWarning):  # nobody plans yet
                 gain = self._response(X, model, others, own[zone])
             self.coupled_[zone], errors[zone] = couple(model, zone, others, own, gain)
         index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
@@ -218,6 +219,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         return {zone: model.thermostat_learned_ for zone, model in self.own_.items()}
 
     @unchanged_on_failure
+    @warnings_joined()
     def partial_fit(self, X: Any, y: Any) -> Self:
         """Learn from new rows, as :meth:`HybridPredictor.partial_fit` does; shares of neighbours and intervals stay.
 

@@ -158,9 +158,8 @@ def plan_experiment(
     Raises
     ------
     ValueError
-        If a parameter has no value, nothing known fixes the scale, nothing is left to identify, weather is uneven,
-        incomplete or impossible, set-points or ``when`` bear other stamps, or a perturbation does not fit into the rows
-        that it may take.
+        If a parameter has no value or is unknown, nothing known fixes the scale, nothing is left to identify, weather
+        is uneven, incomplete or impossible, stamps differ, or a perturbation does not fit into the rows it may take.
 
     Notes
     -----
@@ -224,12 +223,13 @@ def _zone(
         raise ValueError("theta has neither Q_h nor Q_c [kW]: without heating or cooling no set-point can be held.")
     roles = (*net.boundaries, *((solar or ["q_sol"]) if net.solar else ()), *stages)
     values = checked_theta(net, theta, roles)
-    if strange := sorted(known - set(values)):
-        raise ValueError(f"known= names {strange[0]!r}, but the parameters are {', '.join(values)}.")
+    for what, names in (("theta", theta.keys()), ("known=", known)):
+        if strange := sorted(map(str, set(names) - set(values))):
+            raise ValueError(f"{what} names {strange[0]!r}, but the parameters are {', '.join(values)}.")
     if not any(scaling_of(p) for p in net.parameters(roles) if p.name in known):
         raise ValueError(
-            "known= fixes no capacitance, resistance, area or capacity, so the scale of the network cannot be found "
-            "from any log; name one that the identification will be given, such as known=['Q_h']."
+            "known= fixes no capacitance, resistance, area or capacity, so no log tells the scale of the network; name "
+            "one that the identification will be given, such as known=['Q_h']."
         )
     return Zone(net, values, roles, GainStatistics() if gain is None else gain), known
 
