@@ -233,7 +233,7 @@ class ZoneFleet(BaseEstimator):
         ----------
         X, y : as in :meth:`fit`
         **settings
-            ``horizon``, ``origin_step``, ``start``, ``quantiles``, ``whole`` and ``weather_error`` of the back-test.
+            ``horizon``, ``origin_step``, ``start``, ``quantiles``, ``whole``, ``weather_error`` and ``heat_known``.
 
         Returns
         -------
