@@ -86,7 +86,7 @@ def _randomly_heated(fit: LeadFit, stage: int | None, coef: np.ndarray) -> Segme
 
 def _temperature_change(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.ndarray:
     """(N,) change of the temperature [K] under additional heat [kW]."""
-    model, M = fit.model, fit.model.matrices(fit.psi)
+    model, M = fit.model, fit.model.matrices(fit.psi, slopes=False)
     if delayed and fit.plan.emitter:
         heat = heat + fit.coef[-1] * emitter_series(heat, model.step, np.exp(fit.psi[-1]))
     forcing = np.outer(heat, M.of_heat[:, fit.plan.heated])

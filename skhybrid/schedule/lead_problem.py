@@ -128,7 +128,8 @@ class LeadProblem:
 
     def solve(self, products: np.ndarray) -> Solution:
         """Coefficients under penalty and prior by sums of products (J + 1, J + 1)."""
-        return solve_coefficients(products + self.prior_gram(), self.penalty, self.positive)
+        whole = products if self.prior is None else products + self.prior_gram()
+        return solve_coefficients(whole, self.penalty, self.positive)
 
     def root_weights(self, scored: ScoredForecasts) -> np.ndarray:
         """(O, L) square roots of the weights; 0 where the target is missing or beyond the segment."""
