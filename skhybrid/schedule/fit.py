@@ -50,7 +50,7 @@ class LeadFit:
     solution: Solution  # coefficients of the channels, the emitter's last
     gram: np.ndarray  # (J + 1, J + 1) of the weighted training forecasts and of the pull
     blocks: np.ndarray  # (O,) int, block of days of each origin
-    left_out: np.ndarray  # (O, L) errors [K] of training forecasts, their block left out; NaN where not measured
+    left_out: np.ndarray  # (O, L, 1 once saved) errors [K] of training forecasts without their block; NaN: not measured
     reference: float  # temperature from which deviations count [degC]
     undetermined: tuple[str, ...] = ()  # plant roles of whose effect the training says next to nothing
     meters: tuple[tuple[str, tuple[float, float]], ...] = ()  # roles of measured heat, with its least and most [kW]
@@ -113,8 +113,8 @@ class LeadFit:
         )
 
     def without_rows(self) -> LeadFit:
-        """Copy without the training rows, to be saved; ``with_rows`` of the same segment restores it, bit by bit."""
-        return self.with_rows(self.segment.between(0, 0))
+        """Copy to be saved, of whose left-out errors only the first lead is read; ``with_rows`` restores its rows."""
+        return replace(self.with_rows(self.segment.between(0, 0)), left_out=self.left_out[:, :1].copy())
 
 
 def fit_leads(
