@@ -140,7 +140,7 @@ def is_in_watts(heat: np.ndarray, trained: tuple[float, float] | None, share: fl
     if not len(running):
         return False
     if trained is None:
-        return bool(np.quantile(running, share) > _MOST_HEAT)
+        return bool(running.max() > _MOST_HEAT and np.quantile(running, share) > _MOST_HEAT)
     most = max(map(abs, trained))
     return bool(most >= _LEAST_TRAINED and running.max() > max(_MOST_GROWTH * most, _LEAST_WATTS))
 

@@ -11,7 +11,6 @@ import importlib
 import os
 import re
 import stat
-import zipfile
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from typing import Any
@@ -20,7 +19,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
-from ._archive import MOST_BYTES, check_archive, unpacks_too_large
+from ._archive import MOST_BYTES, check_archive, deflated, unpacks_too_large
 from ._files import atomic_path
 from ._folded import MARK, fold, unfold
 from ._plain_data import PANDAS_KINDS, pack, unpack
@@ -78,10 +77,9 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
         data = _to_data(estimator, type(estimator).__name__)
         if metadata:
             data = {"model": data, "metadata": {str(k): str(v) for k, v in metadata.items()}}
-        data = fold(data)
-        body = io.dumps(data, compression=zipfile.ZIP_DEFLATED, compresslevel=1)
-        if unpacks_too_large(body):  # load_model refuses what looks like a bomb
-            body = io.dumps(data)
+        body = io.dumps(fold(data))
+        if not unpacks_too_large(small := deflated(body)):  # load_model refuses what looks like a bomb
+            body = small
     except (AttributeError, NotImplementedError, TypeError) as error:
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error}") from error
     try:

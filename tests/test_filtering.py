@@ -532,17 +532,18 @@ def test_positive_definite_equations_are_solved_and_others_refused():
 
 
 def test_autoregressions_against_a_loop():
-    """Each of its own coefficients, the oldest value first; values stay within the bounds."""
+    """Each of its own coefficients, the oldest value first; values stay within the bounds, and the last row holds."""
     rng = np.random.default_rng(12)
     n, n_lags, n_leads = 3, 4, 25
     begin, coefs = rng.uniform(-1.0, 1.0, (n, n_lags)), rng.normal(scale=0.3, size=(n, n_lags))
-    driven = rng.normal(scale=0.3, size=(n, n_leads))
-    found = iterate_lags(begin, coefs, driven, -1.2, 1.2)
+    driven, first = rng.normal(scale=0.3, size=30), np.array([0, 4, 11])
+    found = iterate_lags(begin, coefs, driven, first, n_leads, -1.2, 1.2)
     bounded = 0
     for i in range(n):
         values = list(begin[i])
         for lead in range(n_leads):
-            value = values[-1] + driven[i, lead] + sum(c * v for c, v in zip(coefs[i], values[-n_lags:], strict=True))
+            value = values[-1] + driven[min(first[i] + lead, 29)]
+            value += sum(c * v for c, v in zip(coefs[i], values[-n_lags:], strict=True))
             values.append(np.clip(value, -1.2, 1.2))
             bounded += abs(value) > 1.2
         np.testing.assert_allclose(found[i], values[n_lags:], atol=1e-12)

@@ -21,7 +21,7 @@ from sklearn.linear_model import Ridge
 
 import skhybrid
 from skhybrid import HybridPredictor, _archive, persistence
-from skhybrid._archive import check_archive
+from skhybrid._archive import check_archive, deflated
 from skhybrid._folded import fold, unfold
 from skhybrid.exceptions import ModelFileError
 from skhybrid.persistence import load_model, save_model
@@ -172,6 +172,17 @@ def test_a_model_of_zeros_is_saved_and_loaded(tmp_path, monkeypatch):
     save_model(model, tmp_path / "m")
     assert (tmp_path / "m").stat().st_size > 8 * model.held_.size
     assert load_model(tmp_path / "m").held_.sum() == 0.0
+
+
+def test_entries_are_compressed_where_that_pays():
+    """Noise is stored as it is, also where it begins with zeros; the contents stay."""
+    noise = np.random.default_rng(0).normal(size=4000)
+    noise[:500] = 0.0
+    body = skops.io.dumps([np.zeros(4000), noise])
+    with zipfile.ZipFile(io.BytesIO(body)) as before, zipfile.ZipFile(io.BytesIO(deflated(body))) as after:
+        assert {name: before.read(name) for name in before.namelist()} == {n: after.read(n) for n in after.namelist()}
+        arrays = [entry for entry in after.infolist() if entry.filename.endswith(".npy")]
+    assert [entry.compress_type for entry in arrays] == [zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED]
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,15 @@ def _propagate(A, x, after):
 
 
 @compiled
+def _padded(begin):
+    """Columns (n, J) with columns of 0 after them: loops over a multiple of 16 numbers have no slow rest."""
+    n, J = begin.shape
+    wide = np.zeros((n, J + -J % 16))
+    wide[:, :J] = begin
+    return wide
+
+
+@compiled
 def simulate_inputs(A, B, V, node, begin, out):
     """Simulate state ``node`` of a network under each of J inputs by itself, into ``out`` (N, J).
 
@@ -102,16 +111,16 @@ def simulate_inputs(A, B, V, node, begin, out):
     """
     n, J = B.shape
     N = V.shape[0]
-    x, after = begin.copy(), begin.copy()
+    x, after = _padded(begin), _padded(begin)
     for k in range(N):
         x, after = after, x
-        out[k] = x[node]
+        out[k] = x[node, :J]
         _propagate(A, x, after)
         for i in range(n):
             row, effect, given = after[i], B[i], V[k]
             for j in range(J):
                 row[j] += effect[j] * given[j]
-    return InputStates(x, after)
+    return InputStates(x[:, :J].copy(), after[:, :J].copy())
 
 
 @compiled
@@ -124,8 +133,8 @@ def filter_series(A, gains, node, S, origins, begin):
     m = A.shape[0]
     N, J = S.shape
     states = np.empty((len(origins), m, J))
-    x, after, error = begin.copy(), begin.copy(), np.empty(J)
-    at = 0
+    x, after = _padded(begin), _padded(begin)
+    error, at = np.zeros(x.shape[1]), 0
     for k in range(N):
         x, after = after, x
         if gains[k, node] != 0.0:
@@ -134,13 +143,13 @@ def filter_series(A, gains, node, S, origins, begin):
                 error[j] = measured[j] - expected[j]
             for i in range(m):
                 row, gain = x[i], gains[k, i]
-                for j in range(J):
+                for j in range(len(error)):
                     row[j] += gain * error[j]
         while at < len(origins) and origins[at] == k:
-            states[at] = x
+            states[at] = x[:, :J]
             at += 1
         _propagate(A, x, after)
-    return FilteredSeries(states, x, after)
+    return FilteredSeries(states, x[:, :J].copy(), after[:, :J].copy())
 
 
 @compiled

@@ -46,19 +46,20 @@ def _low_pass(series, decay, start):
 
 
 @compiled
-def iterate_lags(begin, coefs, driven, lowest, highest):
+def iterate_lags(begin, coefs, driven, first, n_leads, lowest, highest):
     """Values (n, n_leads) of n autoregressions after ``begin`` (n, n_lags), held within [lowest, highest].
 
-    The change over a step is ``driven`` (n, n_leads) plus ``coefs`` (n, n_lags) times the last values, the oldest
-    first.
+    The change over a step is a row of ``driven`` (N,), from row ``first`` (n,) on, plus ``coefs`` (n, n_lags) times the
+    last values, the oldest first.  After its end the last row of ``driven`` holds.
     """
-    n, n_leads = driven.shape
-    n_lags = begin.shape[1]
+    n, n_lags = begin.shape
     # a column for each, so that the innermost loop runs on several at once
     values, effects = np.empty((n_lags + n_leads, n)), coefs.T.copy()
-    values[:n_lags], values[n_lags:] = begin.T, driven.T
+    values[:n_lags] = begin.T
     for lead in range(n_leads):
         value, last = values[n_lags + lead], values[n_lags + lead - 1]
+        for i in range(n):
+            value[i] = driven[min(first[i] + lead, len(driven) - 1)]
         for lag in range(n_lags):
             effect, before = effects[lag], values[lead + lag]
             for i in range(n):

@@ -264,7 +264,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             if len(left_out.rows) == len(pairs.rows):
                 continue
             if self._has_multi_step:
-                coef = self._fit.without(view, begin, end)
+                coef = self._fit.without(view, begin, end, left_out)
             else:
                 coef = self._moments.with_pairs(left_out, sign=-1).ridge(self.alpha_, self._prior)
             out[mine] = self.iterate(view, origins[mine], n_leads, coef[None, :])

@@ -61,7 +61,7 @@ class Pairs(NamedTuple):
 
     D: np.ndarray  # (m, p) columns of row k
     d: np.ndarray  # (m,) temperature step T[k + 1] - T[k] [K]
-    rows: np.ndarray  # (m,) number of row k
+    rows: np.ndarray  # (m,) number of row k, increasing
 
     def squares(self, coef: np.ndarray) -> float:
         """Sum of squared errors of coefficients (p,) [K2]."""
@@ -69,7 +69,7 @@ class Pairs(NamedTuple):
 
     def between(self, begin: int, end: int) -> Pairs:
         """The pairs whose row k lies in [begin, end)."""
-        inside = (self.rows >= begin) & (self.rows < end)
+        inside = slice(*np.searchsorted(self.rows, (begin, end)))
         return Pairs(self.D[inside], self.d[inside], self.rows[inside])
 
 
@@ -244,8 +244,8 @@ class ARXDesign:
         here = rows - view.first
         steps = view.T[here + 1] - view.T[here]
         use = self.half_known(view, rows) & np.isfinite(steps)
-        D = np.hstack([self.windows(view, rows)[use], view.exogenous[here[use]]])
-        return Pairs(D, steps[use], rows[use])
+        rows, here = rows[use], here[use]
+        return Pairs(np.hstack([self.windows(view, rows), view.exogenous[here]]), steps[use], rows)
 
     def half_known(self, view: ARXData, rows: np.ndarray) -> np.ndarray:
         """Whether at least half of the temperatures up to each row are known, (n_rows,)."""
@@ -269,18 +269,20 @@ class ARXDesign:
         self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True
     ) -> np.ndarray:
         """See :meth:`ARXRegressor.iterate`; not ``clipped``: without the limits to what is forecast."""
-        rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
         lag_coefs, drive = coefs[:, : self.n_lags] / self.T_scale, coefs[:, self.n_lags :] / self.T_scale
         if len(coefs) == 1:
-            first, end = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
-            driven = (view.exogenous[first:end] @ drive[0])[rows - first]
+            first = int(origins.min(initial=view.end))
+            ahead = slice(first - view.first, int(origins.max(initial=first)) + n_leads - view.first)
+            driven, at = view.exogenous[ahead] @ drive[0], origins - first
             lag_coefs = np.repeat(lag_coefs, len(origins), axis=0)
         else:
-            driven = np.stack([view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)])
+            rows = np.minimum(origins[:, None] + np.arange(n_leads), view.end - 1) - view.first
+            each = [view.exogenous[r] @ c for r, c in zip(rows, drive, strict=True)]
+            driven, at = np.concatenate(each), n_leads * np.arange(len(origins))
         bounds = self.T_range if clipped else (-np.inf, np.inf)
         low, high = ((bound - self.T_mean) / self.T_scale for bound in bounds)
-        begin, each = (np.ascontiguousarray(v[:, ::-1]) for v in (self.windows(view, origins), lag_coefs))
-        return iterate_lags(begin, each, driven, low, high) * self.T_scale + self.T_mean
+        begin, lags = (np.ascontiguousarray(v[:, ::-1]) for v in (self.windows(view, origins), lag_coefs))
+        return iterate_lags(begin, lags, driven, at, n_leads, low, high) * self.T_scale + self.T_mean
 
     def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
         """(n_leads,) temperature [K] after 1, 2 ... steps of a unit of an input over one step, by coefficients (p,)."""

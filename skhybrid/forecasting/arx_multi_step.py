@@ -129,9 +129,9 @@ class MultiStepProblem:
     def _impulse(self, coef: np.ndarray) -> np.ndarray:
         """(H,) effect of a change of a temperature step on the temperature at its end and at each row after it."""
         lags = coef[None, : self.design.n_lags][:, ::-1] / self.design.T_scale
-        begin, still = np.zeros_like(lags), np.zeros((1, int(self.leads[-1]) - 1))
+        begin, still, at = np.zeros_like(lags), np.zeros(1), np.zeros(1, dtype=np.int64)
         begin[0, -1] = 1.0
-        return np.append(1.0, iterate_lags(begin, lags, still, -np.inf, np.inf))
+        return np.append(1.0, iterate_lags(begin, lags, still, at, int(self.leads[-1]) - 1, -np.inf, np.inf))
 
     def penalty(self, penalties: Penalties) -> np.ndarray:
         """(p,) the penalty on each coefficient; none on the constant."""
@@ -159,16 +159,17 @@ class MultiStepFit(NamedTuple):
         """Weight of the one-step sums."""
         return self.penalties.one_step * self.ratio
 
-    def without(self, view: ARXData, begin: int, end: int) -> np.ndarray:
-        """Coefficients (p,) one step from the solution, without forecasts and pairs that meet rows [begin, end)."""
+    def without(self, view: ARXData, begin: int, end: int, pairs: Pairs) -> np.ndarray:
+        """Coefficients (p,) one step from the solution, without forecasts that meet rows [begin, end) and ``pairs``."""
         reach = int(self.problem.leads[-1])
         origins = self.problem.origins(view.first, view.end)
         meeting = origins[(origins >= begin - reach) & (origins < end)]
         targets = self.problem.targets(view, meeting, (view.first, view.end))
         meant = self.problem.moments(view, self.problem.forecasts(view, self.coef, targets))
         left = self.moments.plus(meant, -1.0)
-        pairs = self.pairs.with_pairs(self.problem.design.pairs(view, begin, end), sign=-1)
-        return left.plus(pairs, self.one_step).solution(self.problem.penalty(self.penalties))
+        return left.plus(self.pairs.with_pairs(pairs, sign=-1), self.one_step).solution(
+            self.problem.penalty(self.penalties)
+        )
 
     def improved(self, view: ARXData, end: int, penalties: Penalties, n_steps: int = _STEPS) -> MultiStepFit:
         """After damped Gauss-Newton steps with these penalties on errors with targets up to row ``end``."""
@@ -284,27 +285,26 @@ def fit_multi_step(
 
     ``penalties`` may be given, or ``alpha`` alone; a ``prior`` takes their place.
     """
-    problem = MultiStepProblem.of_training(design, table, n_leads)
+    problem, pairs = MultiStepProblem.of_training(design, table, n_leads), design.pairs(view)
     if prior is not None:
-        fit = _under_prior(problem, table.step, view, prior)
+        fit = _under_prior(problem, table.step, view, pairs, prior)
     else:
         if not isinstance(penalties, Penalties):
-            penalties = _choose_penalties(problem, view, n_leads, penalties, refits)
-        fit = _one_step_start(problem, view, view.end).improved(view, view.end - 1, penalties)
-    pairs = design.pairs(view)
+            penalties = _choose_penalties(problem, view, pairs, n_leads, penalties, refits)
+        fit = _one_step_start(problem, view, pairs, view.end).improved(view, view.end - 1, penalties)
     noise = _training_squares(fit, view, pairs) / problem.unit / max(len(pairs.d), 1)
     return fit._replace(noise=noise)
 
 
 def _choose_penalties(
-    problem: MultiStepProblem, view: ARXData, n_leads: int, alpha: float | None, refits: bool
+    problem: MultiStepProblem, view: ARXData, pairs: Pairs, n_leads: int, alpha: float | None, refits: bool
 ) -> Penalties:
     """The penalties that forecast the last third best, the usual ones for a short table; ``alpha`` may be given."""
     best = _USUAL if alpha is None else _USUAL._replace(alpha=float(alpha))
     split = (2 * view.end) // 3
     if view.end - split <= n_leads:  # no forecast from the last third ends within it
         return best
-    first = _one_step_start(problem, view, split).improved(view, split - 1, best)
+    first = _one_step_start(problem, view, pairs.between(0, split - 1), split).improved(view, split - 1, best)
     least = _later_squares(first, view, split, n_leads, refits)
     for name, values in _CHOICES.items():
         if name == "alpha" and alpha is not None:
@@ -317,10 +317,12 @@ def _choose_penalties(
     return best
 
 
-def _under_prior(problem: MultiStepProblem, step: pd.Timedelta, view: ARXData, prior: ARXPrior) -> MultiStepFit:
+def _under_prior(
+    problem: MultiStepProblem, step: pd.Timedelta, view: ARXData, pairs: Pairs, prior: ARXPrior
+) -> MultiStepFit:
     """The fit under a prior, whose size and strength are found from the errors by its mean, and again by the fit."""
     penalties = Penalties(0.0, 0.0, _USUAL.one_step)
-    pairs, made = problem.design.pairs(view), problem.training_forecasts(view, prior.usual(problem.design), view.end)
+    made = problem.training_forecasts(view, prior.usual(problem.design), view.end)
     ratio = made.squares / max(pairs.squares(made.coef), 1e-12)
     fit = MultiStepFit(problem, made.coef, problem.moments(view, made), Moments.of(pairs), penalties, ratio)
     for n_steps in (2, _STEPS):
@@ -334,9 +336,8 @@ def _training_squares(fit: MultiStepFit, view: ARXData, pairs: Pairs) -> float:
     return fit.problem.training_forecasts(view, fit.coef, view.end).squares + fit.one_step * pairs.squares(fit.coef)
 
 
-def _one_step_start(problem: MultiStepProblem, view: ARXData, end: int) -> MultiStepFit:
-    """The one-step solution of the rows before ``end``."""
-    pairs = problem.design.pairs(view, 0, end - 1)
+def _one_step_start(problem: MultiStepProblem, view: ARXData, pairs: Pairs, end: int) -> MultiStepFit:
+    """The one-step solution of the rows before ``end``, whose ``pairs`` are given."""
     sums = Moments.of(pairs)
     made = problem.training_forecasts(view, sums.solution(problem.penalty(_USUAL)), end)
     one_step = pairs.squares(made.coef)

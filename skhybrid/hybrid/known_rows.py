@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -64,16 +65,17 @@ class KnownRows:
             return table
         return append_tables(last_rows(self.tables, n_rows), table.rows(slice(table.n_history, None)))
 
-    def input_before(self, role: str, n_after: int, n_rows: int) -> np.ndarray:
-        """(n_rows,) values of an input before the last ``n_after`` rows, fewer where there are fewer."""
-        parts = [np.empty(0)]
+    def inputs_before(self, roles: Iterable[str], n_after: int, n_rows: int) -> dict[str, np.ndarray]:
+        """(n_rows,) values of each input before the last ``n_after`` rows, fewer where there are fewer."""
+        parts: list[tuple[ZoneTable, slice]] = []
         for table in reversed(self.tables):
             if n_rows <= 0:
                 break
             end = max(table.n_rows - n_after, 0)
-            parts.append(table.inputs[role][max(end - n_rows, 0) : end])
-            n_after, n_rows = max(n_after - table.n_rows, 0), n_rows - len(parts[-1])
-        return np.concatenate(parts[::-1])
+            begin = max(end - n_rows, 0)
+            parts.insert(0, (table, slice(begin, end)))
+            n_after, n_rows = max(n_after - table.n_rows, 0), n_rows - (end - begin)
+        return {role: np.concatenate([np.empty(0), *(t.inputs[role][rows] for t, rows in parts)]) for role in roles}
 
     def whole(self) -> ZoneTable:
         return concatenate_tables(self.tables)

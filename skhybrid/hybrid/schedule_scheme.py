@@ -173,7 +173,8 @@ class ScheduleScheme(Scheme):
         """A blend that is not beyond any of the origins, the rows that it reads, and by how many rows origins move."""
         blend, moved = self._trained, self.rows.n_rows - table.n_history
         if table.n_history and origins.min(initial=table.n_rows) + moved >= blend.row:
-            return blend.fork(), self._last_rows(blend.row - self._n_back, since_history(table)), moved
+            n_back = self._n_back(blend.row, int(origins.max(initial=0)) + moved)
+            return blend.fork(), self._last_rows(blend.row - n_back, since_history(table)), moved
         rows, moved = self._numbered(table)
         return RollingBlend(self._members, self._record, rows, self.adapt), rows, moved
 
@@ -279,23 +280,26 @@ class ScheduleScheme(Scheme):
     def _at_last(self, future: ZoneTable, T_za: float | None) -> tuple[RollingBlend, list[Any]]:
         """The blend at the last known row, or at the measured one after it, and the rows that it reads."""
         blend = self._running.get(self.adapt, self._trained)
-        goes_on = T_za is not None or blend.row < self.rows.n_rows - 1
-        n_back = self._n_back if goes_on else _LOOKS_BACK
+        last = self.rows.n_rows - 1
+        n_back = self._n_back(blend.row, last + (T_za is not None))
         rows = self._last_rows(blend.row - n_back, with_temperature(future, T_za))
         views = blend.views(rows)
-        if blend.row < self.rows.n_rows - 1:
+        if blend.row < last:
             blend = blend.fork()
-            blend.advance(views, self.rows.n_rows - 1)
+            blend.advance(views, last)
             self._running[self.adapt] = blend
         if T_za is not None:  # a row that is not kept
             blend = blend.fork()
-            blend.advance(views, self.rows.n_rows)
+            blend.advance(views, last + 1)
         return blend, views
 
-    @property
-    def _n_back(self) -> int:
-        """Rows before its last one that a blend reads to go on: ARX learns whole days, from forecasts into them."""
-        return int(self._record.sample.leads[-1]) + self._record.rows_per_day + _LOOKS_BACK
+    def _n_back(self, row: int, last: int) -> int:
+        """Rows before ``row`` that a blend reads to go on to ``last``, from forecasts into the rows between."""
+        if last <= row:
+            return _LOOKS_BACK
+        per_day, first = self._record.rows_per_day, self.rows.training.n_rows - 1
+        learns = (last - first) // per_day > (row - first) // per_day  # a whole day, at its end
+        return int(self._record.sample.leads[-1]) + per_day * learns + _LOOKS_BACK
 
     @property
     def planned_boundaries(self) -> tuple[str, ...]:
@@ -347,7 +351,7 @@ class ScheduleScheme(Scheme):
         while not np.isfinite(table.history["T_za"][0]) and n_rows < n_known:
             n_rows = min(2 * n_rows, n_known)
             table = last_rows(tables, n_rows + ahead.n_rows)
-        before = {role: self.rows.input_before(role, n_rows, n_filtered) for role in table.inputs}
+        before = self.rows.inputs_before(table.inputs, n_rows, n_filtered)
         begin, first, T = self.rows.training.n_rows, n_known - n_rows, table.history["T_za"]
         return NumberedTable(table, T, begin, True, first, lambda: self._joined(tables)[:2], before)
 

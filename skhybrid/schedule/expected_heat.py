@@ -8,6 +8,7 @@ from what is known ahead (weather, calendar) and at the origin.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,19 +32,20 @@ _KNOWN_AHEAD = ("q_sol", "gain_", "ua")  # beginnings of the names of channels t
 def block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Sums of products (J, J) of each block of days, and of the forecasts that touch none of its days.
 
-    ``E`` (O L, J) are rows of the forecasts of a sample, ``blocks`` (O,) the block of each origin.
+    ``E`` (O L, J) are rows of the forecasts of a sample, ``blocks`` (O,) the block of each origin, in their order.
     """
     by_origin = E.reshape(len(blocks), -1, E.shape[1])
 
-    def gram_of(chosen: np.ndarray) -> np.ndarray:
-        return gram(by_origin[chosen].reshape(-1, E.shape[1]))
+    def gram_between(begin: int, end: int) -> np.ndarray:
+        return gram(by_origin[begin:end].reshape(-1, E.shape[1]))
 
-    grams = [gram_of(blocks == b) for b in range(int(blocks.max()) + 1)]
-    total = np.sum(grams, axis=0)
-    begins = sample.origins[np.searchsorted(blocks, np.arange(len(grams)))]
-    longest = int(sample.leads[-1])
+    edges = np.searchsorted(blocks, np.arange(blocks.max() + 2)).tolist()
     # forecasts from just before a block have their targets in it
-    into = [gram_of((blocks < b) & (sample.origins + longest > begin)) for b, begin in enumerate(begins)]
+    longest = int(sample.leads[-1])
+    meeting = np.searchsorted(sample.origins, sample.origins[edges[:-1]] - longest, side="right").tolist()
+    grams = [gram_between(*ends) for ends in pairwise(edges)]
+    total = np.sum(grams, axis=0)
+    into = [gram_between(first, begin) for first, begin in zip(meeting, edges, strict=False)]
     return [(own, total - own - before) for own, before in zip(grams, into, strict=True)]
 
 

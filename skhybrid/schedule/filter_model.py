@@ -71,34 +71,36 @@ class FilterModel:
         """(m,) row that measures the filter's state."""
         return np.eye(len(self.network.nodes) + 1)[self.zone]
 
-    def matrices(self, psi: np.ndarray) -> Matrices:
-        """Matrices at the logarithms ``psi`` (p,) of the parameters."""
-        A, B, dA, dB = self._discrete(psi)
-        n, p, k = len(A), len(psi), len(self.builder.parameters)
+    def matrices(self, psi: np.ndarray, slopes: bool = True) -> Matrices:
+        """Matrices at the logarithms ``psi`` (p,) of the parameters; without ``slopes`` derivatives by none of them."""
+        A, B, dA, dB = self._discrete(psi, slopes)
+        n, p, k = len(A), dA.shape[-1], len(self.builder.parameters)
         sigma_x, sigma_g, tau, _ = np.exp(psi)[k:]
         gain = B.shape[1] - n + self.network.nodes.index(self.network.disturbed_nodes[0])
         phi = np.exp(-self.step / tau)
-        dphi = phi * self.step / tau
         F, dF = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1, p))
         F[:n, :n], F[:n, n], F[n, n] = A, B[:, gain], phi
-        dF[:n, :n], dF[:n, n], dF[n, n, k + 2] = dA, dB[:, gain], dphi
+        dF[:n, :n], dF[:n, n] = dA, dB[:, gain]
         walk, drive = sigma_x**2 * self.step, sigma_g**2 * (1.0 - phi**2)
         Q, dQ = np.diag(np.append(np.full(n, walk), drive)), np.zeros((n + 1, n + 1, p))
-        node = np.arange(n)
-        dQ[node, node, k] = 2.0 * walk
-        dQ[n, n, k + 1] = 2.0 * drive
-        dQ[n, n, k + 2] = -2.0 * sigma_g**2 * phi * dphi
+        if slopes:
+            dphi, node = phi * self.step / tau, np.arange(n)
+            dF[n, n, k + 2] = dphi
+            dQ[node, node, k] = 2.0 * walk
+            dQ[n, n, k + 1] = 2.0 * drive
+            dQ[n, n, k + 2] = -2.0 * sigma_g**2 * phi * dphi
         P0 = np.diag(np.append(np.full(n, _NODE_START**2), self.heat_scale**2))
         P0[:n, :n] += _COMMON_START**2
         return Matrices(A, B, dA, dB, F, Q, dF, dQ, P0)
 
-    def _discrete(self, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _discrete(self, psi: np.ndarray, slopes: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """A, B, dA, dB of the network over one step, with the derivatives by psi in the last axis."""
         k = len(self.builder.parameters)
         theta = np.exp(psi)[:k]
-        c = self.builder.matrices(theta[None])
-        d = discretize(c.A[0], c.B[0], c.dA[0], c.dB[0], c.capacitance[0], self.step)
-        dA, dB = np.zeros((*d.A.shape, len(psi))), np.zeros((*d.B.shape, len(psi)))
-        dA[..., :k] = np.moveaxis(d.dA * theta[:, None, None], 0, -1)
-        dB[..., :k] = np.moveaxis(d.dB * theta[:, None, None], 0, -1)
+        c, own = self.builder.matrices(theta[None]), slice(k if slopes else 0)
+        d = discretize(c.A[0], c.B[0], c.dA[0, own], c.dB[0, own], c.capacitance[0], self.step)
+        p, unit = len(psi) * slopes, theta[own, None, None]
+        dA, dB = np.zeros((*d.A.shape, p)), np.zeros((*d.B.shape, p))
+        dA[..., own] = np.moveaxis(d.dA * unit, 0, -1)
+        dB[..., own] = np.moveaxis(d.dB * unit, 0, -1)
         return d.A, d.B, dA, dB

@@ -13,7 +13,7 @@ from .._time import rows_per_day, spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_channels, make_plan, with_contrast
-from .constrained_ridge import Solution, solve_coefficients
+from .constrained_ridge import Solution, gram, solve_coefficients
 from .expected_heat import block_grams, heat_surprise
 from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
@@ -50,7 +50,7 @@ class LeadFit:
     solution: Solution  # coefficients of the channels, the emitter's last
     gram: np.ndarray  # (J + 1, J + 1) of the weighted training forecasts and of the pull
     blocks: np.ndarray  # (O,) int, block of days of each origin
-    left_out: np.ndarray  # (O, L) errors [K] of training forecasts, their block left out; NaN where not measured
+    left_out: np.ndarray  # (O, L, 1 once saved) errors [K] of training forecasts without their block; NaN: not measured
     reference: float  # temperature from which deviations count [degC]
     undetermined: tuple[str, ...] = ()  # plant roles of whose effect the training says next to nothing
     meters: tuple[tuple[str, tuple[float, float]], ...] = ()  # roles of measured heat, with its least and most [kW]
@@ -113,8 +113,8 @@ class LeadFit:
         )
 
     def without_rows(self) -> LeadFit:
-        """Copy without the training rows, to be saved; ``with_rows`` of the same segment restores it, bit by bit."""
-        return self.with_rows(self.segment.between(0, 0))
+        """Copy to be saved, of whose left-out errors only the first lead is read; ``with_rows`` restores its rows."""
+        return replace(self.with_rows(self.segment.between(0, 0)), left_out=self.left_out[:, :1].copy())
 
 
 def fit_leads(
@@ -177,8 +177,8 @@ def fit_leads(
 def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
     """A pull that lets the usual response go where forecasts with delivered heat speak against it."""
     few, free = scored._replace(surprise=None).every(4), pull._replace(usual=False)
-    problem = _initial_problem(model, few, _best_of_grid(model, few, _SCALES, free), free)
-    best = minimise(problem, problem.evaluate(problem.centre), max_steps=10)
+    problem, start = _start(model, few, _best_of_grid(model, few, _SCALES, free), free)
+    best = minimise(problem, start, max_steps=10)
     problem = replace(problem, pull=pull)
     held = minimise(problem, problem.evaluate(best.psi), max_steps=10)
     return pull if held.loss - best.loss < _WORSE * best.loss + _WORSE_BY_CHANCE else free
@@ -216,8 +216,8 @@ def _fit_at_scale(
     if sample.stride > 1 and pull is None:  # a gain needs all leads
         part, search = scored.every(1, sample.main_leads), partial(minimise, least_gain=_ROUGH_GAIN)
     model = FilterModel.of(scored.segment.plan.network, step, heat_scale)
-    problem = _initial_problem(model, part, _best_of_grid(model, scored, scales, pull), pull)
-    best = search(problem, problem.evaluate(problem.centre), max_steps=10)
+    problem, start = _start(model, part, _best_of_grid(model, scored, scales, pull), pull)
+    best = search(problem, start, max_steps=10)
     problem = replace(problem, shrinkage=_best_shrinkage(problem, best, blocks))
     best = search(problem, problem.solved(best.psi, best.gram, best.designs), max_steps=4)
     precision = np.interp(sample.leads, part.sample.leads, problem.precision)
@@ -234,8 +234,7 @@ def _with_contrasts(
     segment = segment._replace(plan=plan, channels=make_channels(plan, table))
     # schedules and blend learn from delivered heat, which tells more than expected heat
     problem = replace(problem, forecasts=(scored._replace(segment=segment, surprise=None),))
-    best = problem.evaluate(best.psi)
-    left_out = _left_out_errors(problem, best, blocks)
+    best, left_out = _evaluated_by_blocks(problem, best.psi, blocks)
     measured = ((role, table.inputs[role]) for role, _ in plan.known if role.startswith("Q_"))
     meters = tuple((role, (float(heat.min()), float(heat.max()))) for role, heat in measured)
     made = LeadFit(problem, best.psi, best.solution, best.gram, blocks, left_out, reference, meters=meters)
@@ -272,16 +271,20 @@ def _fit_under(
     return _with_contrasts(problem, best, blocks, table, reference)[0]
 
 
-def _initial_problem(
-    model: FilterModel, scored: ScoredForecasts, start: np.ndarray, pull: GainPull | None
-) -> LeadProblem:
-    """Problem around a point, each lead weighted by the inverse variance of its errors there."""
-    return weighted(LeadProblem(model, (scored,), start, np.ones(len(scored.sample.leads)), pull=pull))
+def _start(
+    model: FilterModel, scored: ScoredForecasts, psi: np.ndarray, pull: GainPull | None
+) -> tuple[LeadProblem, Evaluation]:
+    """Problem around a point, each lead weighted by the inverse variance of its errors there, and its evaluation."""
+    problem = LeadProblem(model, (scored,), psi, np.ones(len(scored.sample.leads)), pull=pull)
+    at = problem.evaluate(psi)
+    problem, (E,) = weighted(problem, at), at.designs
+    E *= np.tile(np.sqrt(problem.precision), len(scored.sample.origins))[:, None]
+    return problem, problem.solved(psi, gram(E) + problem.pull_gram(psi), (E,))
 
 
-def weighted(problem: LeadProblem) -> LeadProblem:
-    """A problem with each lead weighted by the inverse variance of its errors at the centre of the prior."""
-    squares, known = _squares_by_lead(problem, problem.evaluate(problem.centre))
+def weighted(problem: LeadProblem, at: Evaluation) -> LeadProblem:
+    """A problem with each lead weighted by the inverse variance of its errors at a point."""
+    squares, known = _squares_by_lead(problem, at)
     variance = np.where(known > 0, squares / np.maximum(known, 1), 1.0)
     return replace(problem, precision=1.0 / np.maximum(variance, _LEAST_ERROR**2))
 
@@ -367,16 +370,19 @@ def _best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) ->
     return min((best._replace(day_type=d) for d in _DAY_TYPES), key=error)
 
 
-def _left_out_errors(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> np.ndarray:
-    """(O, L) errors [K] of forecasts whose block of days was left out; NaN where there is no measurement."""
-    scored, E = problem.scored, at.designs[0]
+def _evaluated_by_blocks(problem: LeadProblem, psi: np.ndarray, blocks: np.ndarray) -> tuple[Evaluation, np.ndarray]:
+    """Evaluation, and (O, L) errors [K] of forecasts whose block of days was left out; NaN where not measured."""
+    scored = problem.scored
     errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
     if not _can_leave_out(blocks):
-        return errors
-    root, by_origin = problem.root_weights(scored), E.reshape(*errors.shape, -1)
-    for b, (_, others) in enumerate(block_grams(E, scored.sample, blocks)):
-        errors[blocks == b] = _forecast_errors(root[blocks == b], by_origin[blocks == b], problem.solve(others).coef)
-    return errors
+        return problem.evaluate(psi), errors
+    E, root = problem.design(psi, scored), problem.root_weights(scored)
+    grams, by_origin = block_grams(E, scored.sample, blocks), E.reshape(*errors.shape, -1)
+    for b, (_, others) in enumerate(grams):
+        own = slice(*np.searchsorted(blocks, [b, b + 1]))
+        errors[own] = _forecast_errors(root[own], by_origin[own], problem.solve(others).coef)
+    products = np.sum([own for own, _ in grams], axis=0) + problem.pull_gram(psi)
+    return problem.solved(psi, products, (E,)), errors
 
 
 def _forecast_errors(root: np.ndarray, design: np.ndarray, coef: np.ndarray) -> np.ndarray:

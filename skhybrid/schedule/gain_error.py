@@ -60,7 +60,8 @@ def days_to_determine(fit: LeadFit, role: str) -> tuple[int, float]:
     if stage is None:  # what blocks of days say beyond the curvature, later days say, too
         more *= float((step_gain_error(fit, row) / np.sqrt(_variance(H, slope)))[0])
     excited = fit.with_rows(_randomly_heated(fit, stage, coef))
-    excited = replace(excited, problem=weighted(excited.problem))  # each lead counts by how well it is forecast
+    at = excited.problem.evaluate(excited.problem.centre)
+    excited = replace(excited, problem=weighted(excited.problem, at))  # each lead counts by how well it is forecast
     per_day = gram(_slopes(excited, coef, free)[0]) * _DAY / (step * fit.segment.n_rows)
     errors = {days: more * float(np.sqrt(_variance(H + days * per_day, slope)[0])) for days in _DAYS}
     return next((found for found in errors.items() if found[1] < LITTLE_ERROR), (_DAYS[-1], errors[_DAYS[-1]]))
@@ -86,7 +87,7 @@ def _randomly_heated(fit: LeadFit, stage: int | None, coef: np.ndarray) -> Segme
 
 def _temperature_change(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.ndarray:
     """(N,) change of the temperature [K] under additional heat [kW]."""
-    model, M = fit.model, fit.model.matrices(fit.psi)
+    model, M = fit.model, fit.model.matrices(fit.psi, slopes=False)
     if delayed and fit.plan.emitter:
         heat = heat + fit.coef[-1] * emitter_series(heat, model.step, np.exp(fit.psi[-1]))
     forcing = np.outer(heat, M.of_heat[:, fit.plan.heated])

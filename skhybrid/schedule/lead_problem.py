@@ -128,7 +128,8 @@ class LeadProblem:
 
     def solve(self, products: np.ndarray) -> Solution:
         """Coefficients under penalty and prior by sums of products (J + 1, J + 1)."""
-        return solve_coefficients(products + self.prior_gram(), self.penalty, self.positive)
+        whole = products if self.prior is None else products + self.prior_gram()
+        return solve_coefficients(whole, self.penalty, self.positive)
 
     def root_weights(self, scored: ScoredForecasts) -> np.ndarray:
         """(O, L) square roots of the weights; 0 where the target is missing or beyond the segment."""
@@ -203,7 +204,7 @@ class LeadProblem:
         target = self.design(at.psi, self.scored._replace(segment=bare))
         changed = np.append(gone, np.arange(n, E.shape[1]))
         change = np.hstack([-E[:, gone], target - E[:, n:]])
-        products, cross = at.gram.copy(), E.T @ change
+        products, cross = at.gram.copy(), (change.T @ E).T  # faster than E.T @ change
         products[:, changed] += cross
         products[changed] += cross.T
         products[np.ix_(changed, changed)] += change.T @ change
@@ -221,7 +222,7 @@ class LeadProblem:
             J = (root[..., None] * de).reshape(-1, len(g))
             H = H + gram(J)
             g = g + J.T @ (root * e).ravel()
-            cross += (J.T @ E).T[free]  # faster than E.T @ J
+            cross += (J.T @ E).T[free]
         if self.pull is not None:
             coef = at.solution.coef
             E = self.pull.design(self.model, at.psi, self.segment)

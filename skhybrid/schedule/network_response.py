@@ -84,4 +84,5 @@ class NetworkResponse:
 
 
 def _at_rest(fit: LeadFit, psi: np.ndarray, coef: np.ndarray) -> OriginState:
-    return OriginState(psi, fit.model.matrices(psi), coef, np.zeros(len(fit.plan.network.nodes)), 0.0, 0.0)
+    nodes = np.zeros(len(fit.plan.network.nodes))
+    return OriginState(psi, fit.model.matrices(psi, slopes=False), coef, nodes, 0.0, 0.0)

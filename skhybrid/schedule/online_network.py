@@ -34,7 +34,7 @@ class OpenForecasts:
 
     def __init__(self, problem: LeadProblem, leads: np.ndarray, matrices: Matrices) -> None:
         self._problem, self._leads = problem, leads
-        self._lead_rows, _ = lead_rows(matrices.F, matrices.dF[..., :0], problem.model.zone, leads)
+        self._lead_rows, _ = lead_rows(matrices.F, matrices.dF, problem.model.zone, leads)
         self._first = 0  # row at which the kept series begin
         self._series, self._seen = np.empty((0, 0)), np.empty(0, dtype=bool)
         self._origins, self._weight = np.empty(0, dtype=np.int64), np.empty(0)
@@ -178,7 +178,7 @@ class OnlineNetwork:
         ``ahead`` are the ``n_known`` rows that follow, or the last row where there are none; the last of them is held.
         """
         M, leads = self._filter.matrices, np.arange(1, n_leads + 1)
-        P, _ = lead_rows(M.F, M.dF[..., :0], self._fit.model.zone, leads)
+        P, _ = lead_rows(M.F, M.dF, self._fit.model.zone, leads)
         rows = np.minimum(leads - 1, n_known - 1)
         filtered = self._filter.filtered @ np.column_stack([-coefs, np.ones(len(coefs))]).T
         paths = self._simulate(ahead, n_known, coefs)[:, rows] + (P @ filtered).T

@@ -70,7 +70,7 @@ class ResponseFilter:
 
     def __init__(self, model: FilterModel, psi: np.ndarray, plan: ChannelPlan, node: np.ndarray) -> None:
         self.model, self.psi, self.plan = model, psi, plan
-        M = self.matrices = model.matrices(psi)
+        M = self.matrices = model.matrices(psi, slopes=False)
         n, unit = len(M.A), M.of_heat
         # inputs are simulated in three groups: channels, emitter, known inputs
         self._effects = (
@@ -102,9 +102,8 @@ class ResponseFilter:
         ]
         self._last, self._next = [last for last, _ in states], [after for _, after in states]
         S[:, J] = segment.y - known.sum(axis=1)
-        none = M.dF[..., :0]  # no derivatives
         gains, _, self._variance = filter_gains(
-            M.F, M.Q, self.model.output, NOISE**2, self._variance, none, none, segment.seen
+            M.F, M.Q, self.model.output, NOISE**2, self._variance, M.dF, M.dQ, segment.seen
         )
         at_origins, self.filtered, self._predicted = filter_series(M.F, gains, zone, S, origins, self._predicted)
         return Responses(M, S, at_origins)
@@ -132,7 +131,7 @@ def simulate_responses(model: FilterModel, psi: np.ndarray, segment: Segment, or
 def error_columns(model: FilterModel, responses: Responses, sample: ForecastSample, root: np.ndarray) -> np.ndarray:
     """(O L, J + 1) errors of each channel and of the measurement less known inputs, by root weights ``root`` (O, L)."""
     M = responses.matrices
-    P, _ = lead_rows(M.F, M.dF[..., :0], model.zone, sample.leads)
+    P, _ = lead_rows(M.F, M.dF, model.zone, sample.leads)
     return lead_errors(responses.series, responses.states, P, sample.origins, sample.leads, root)
 
 
