@@ -84,7 +84,15 @@ def frame():
         ("Wärmemengenzähler (GJ)", "Q_heat", "GJ"),
         ("Kältezähler", "Q_cool", None),
         ("Cooling energy", "Q_cool", None),
-        ("Heat counter [m3]", "u_heat", None),
+        ("Heat counter [m3]", None, None),
+        ("Boiler gas (m³)", None, None),
+        ("HW meter kBtu", None, "kBtu"),
+        ("VAV-1 Eff Clg Stpt", "T_cool_set", None),
+        ("VAV-1 HtgSpt", "T_heat_set", None),
+        ("EFFCLG-SP", "T_cool_set", None),
+        ("Clg Setpt", "T_cool_set", None),
+        ("ZN-T", "T_za", None),
+        ("setting.power", None, None),
         ("T° ambiante", "T_za", None),
         ("Température ambiante extérieure", "T_oa", None),
         ("Compteur de chaleur", "Q_heat", None),
@@ -103,6 +111,22 @@ def test_names_in_the_languages_of_buildings(name, role, unit):
 def test_a_name_without_a_quantity_says_so():
     for name in ("outdoor", "woonkamer"):
         assert guess_role(name).reason == "its name says where it measures, but not what"
+
+
+def test_the_set_point_in_force_counts():
+    names = ("Occ Htg Stpt", "Night heating setpoint", "Htg Stpt", "Eff Htg Stpt")
+    for n in (2, 3, 4):
+        roles = {name: guess.role for name, guess in assign_roles(dict.fromkeys(names[:n])).items()}
+        assert roles == dict.fromkeys(names[:n]) | {names[max(n - 1, 2) if n > 2 else 0]: "T_heat_set"}
+
+
+@pytest.mark.parametrize(("last", "is_heat"), [("on", False), ("0.7", True)])
+def test_a_column_of_on_and_off_is_no_heat(tmp_path, last, is_heat):
+    rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{'on' if h > 11 else 'off'}\n" for h in range(24))
+    (tmp_path / "log.csv").write_text(f"time,room temp,Heating power\n{rows}2024-01-02 00:00,20,{last}\n")
+    report = LogReport(read_log(tmp_path / "log.csv"))
+    assert ("Q_heat" in report.roles) == is_heat
+    assert ("give u_heat or u_cool" in report.columns.loc["Heating power", "reason"]) == (not is_heat)
 
 
 def test_a_role_has_one_column():
@@ -484,6 +508,9 @@ def test_power_that_cannot_be_is_asked_about(frame):
     switch = (heat["Heating [kW]"] > heat["Heating [kW]"].mean()).astype(float)
     found = [f.text for f in LogReport(heat.assign(**{"Heating [kW]": switch})).findings if f.where == "Heating [kW]"]
     assert found == ["is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool."]
+    fraction = frame.rename(columns={valve: "Heating valve %"}).assign(**{"Heating valve %": frame[valve] / 100.0})
+    found = [f.text for f in LogReport(fraction).findings if f.where == "Heating valve %"]
+    assert found == ["reaches 0.6 % only: is it a fraction? Then give '-' as its unit."]
     never = LogReport(heat.assign(**{"Heating [kW]": 2.0}))
     assert "the effect of Q_heat: it never changed." in never.cannot
 

@@ -25,6 +25,7 @@ _INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those 
 _COLDER = 5.0  # a room is not that much colder than it ever is outdoors, and moves more, at once [K]
 _MORE_MOVED = 1.5  # range of the room's temperature relative to that outdoors
 _AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
+_ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 
 
@@ -130,13 +131,15 @@ def sensor_findings(
 
 
 def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
-    """Remarks on what never changes, heating that is always negative, switches as heat, and W that are called kW."""
+    """Remarks on what never changes or hardly runs, heating that is always negative, switches, and W called kW."""
     low, high = float(known.min()), float(known.max())
     if known.index.max() - known.index.min() >= _UNCHANGED and low == high != 0.0:
         yield Finding("warning", name, f"is {low:.4g} in all rows: does the sensor or meter work?")
     elif role.startswith("Q_heat") and low < 0.0 >= high:
         text = f"heat into the room is positive, but this is never: give [scale] {role} = -1 if its sign is reversed"
         yield Finding("warning", name, f"{text}, or Q_cool if it is cooling.")
+    elif role.startswith("u_") and 0.0 < high <= _ONE_PERCENT:
+        yield Finding("warning", name, f"reaches {100 * high:.2g} % only: is it a fraction? Then give '-' as its unit.")
     elif role.startswith("Q_") and low == 0.0 and high == 1.0 and known.nunique() == 2:
         yield Finding("warning", name, "is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool.")
     elif role.startswith("Q_") and is_in_watts(known.to_numpy(dtype=np.float64), None):

@@ -284,10 +284,14 @@ class LogReport:
         return None, factor
 
     def _of_known_scale(self, channels: list[Channel], given: set[str]) -> list[Channel]:
-        """The channels without stages that only a name suggests, and values of no known scale deny."""
+        """The channels without switches as heat, and stages of no known scale, that only a name suggests."""
         kept = []
         for c in channels:
-            if c.role.startswith("u_") and c.unit is None and c.role in self._assumed and c.role not in given:
+            is_switch = c.name in self.raw.switches and self.raw.frame[c.name].dropna().isin((0.0, 1.0)).all()
+            if c.role.startswith("Q_") and is_switch and c.role not in given:
+                self._assumed.pop(c.role, None)
+                self._guesses[c.name] = Guess(None, 0, "it is on or off; give u_heat or u_cool if it is the plant's")
+            elif c.role.startswith("u_") and c.unit is None and c.role in self._assumed and c.role not in given:
                 self._guesses[c.name] = Guess(None, 0, self._assumed.pop(c.role))
             else:
                 kept.append(c)

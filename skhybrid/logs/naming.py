@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..preprocessing._units import UNITS
-from .unit_names import ENERGY, unit_or_energy, unit_text
+from .unit_names import ENERGY, is_foreign, unit_or_energy, unit_text
 
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _ROOM = (
-    r"\b(zone|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
+    r"\b(zone|zn|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
     r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion"
 )
 _OUT = (
@@ -21,15 +21,17 @@ _OUT = (
     r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient"
 )
 _SET = (
-    r"\b(set|sp|soll|stp|target|wanted|desired|setting)\b|set ?point|set ?temp|sollwert|solltemp|consigne|consigna|"
-    r"gewenst|streef|setpunt|instel"
+    r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
+    r"consigna|gewenst|streef|setpunt|instel"
 )
-_SET_POINT = r"set ?point|\bsp\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
+_SET_POINT = r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
+_IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
+_OF_A_MODE = r"\b(un)?occ\b|night|standby|stand by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
 _HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
-    r"\bhtg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
+    r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
 )
-_COOL = r"cool|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|\bclg|\bchwv?\b"
+_COOL = r"cool|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|clg|\bchwv?\b"
 _TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
@@ -94,6 +96,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if _STANDARD.fullmatch(name):
         return Guess(name, 10, NAMED_BY_ROLE)
     words = plain(name)
+    if unit is None and is_foreign(stated := unit_text(name) or ""):
+        return Guess(None, 0, f"no model reads {stated}")
     if re.search(_OTHER, words):
         return Guess(None, 0, "no model reads such a quantity")
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (_HEAT, _COOL, _SET))
@@ -102,7 +106,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if of == "temperature":
         if wanted:
             if heat or cool:
-                return Guess("T_cool_set" if cool else "T_heat_set", 3, "its name is that of a set-point")
+                role = "T_cool_set" if cool else "T_heat_set"
+                return Guess(role, 3 + _preference(words), "its name is that of a set-point")
             return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
         room, out = bool(re.search(_ROOM, words)), bool(re.search(_OUT, words))
         if out and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
@@ -113,11 +118,13 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if of == "irradiance":
         return Guess("q_sol", 3, "its name or unit is that of irradiance")
     electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
-    if of == "power" and (heat or cool or electric or re.search(_POWER, words)):
+    if of == "power" and not wanted and (heat or cool or electric or re.search(_POWER, words)):
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way
         reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
         return Guess(role, 2, reason + " (electricity?)" * electric, electric)
+    if of == "power" and unit is not None:
+        return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
@@ -125,6 +132,11 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if re.search(_ROOM, words) or re.search(_OUT, words):
         return Guess(None, 0, "its name says where it measures, but not what")
     return Guess(None, 0, "its name says nothing of a role")
+
+
+def _preference(words: str) -> int:
+    """Whether a set-point is the one in force (1), or that of a mode or a limit (-1), which may be out of force."""
+    return bool(re.search(_IN_FORCE, words)) - bool(re.search(_OF_A_MODE, words))
 
 
 def _kind(words: str, unit: str | None) -> str | None:

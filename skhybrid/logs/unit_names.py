@@ -27,10 +27,12 @@ ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 
 COUNTERS = {f"{unit} counter": factor for unit, factor in ENERGY.items()}
 _ENERGIES = {name.lower(): name for name in ENERGY}
 #: units that a unit line may hold and no channel is converted from
+_FOREIGN = "ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|ccf|l/s|l/h|l/min|cfm|m/s|km/h|mph|mm|%rh|rh"
 _OTHERS = (
-    "mw|ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|l/s|l/h|l/min|cfm|a|ma|v|mv|volts|hz|rpm|m/s|km/h|mph|mm|"
-    "s|sec|min|h|hr|%rh|rh|ts|rn|smp|avg|tot|std|max|none|units?|einheit|bool|enum|on/off|0/1"
+    f"{_FOREIGN}|mw|a|ma|v|mv|volts|hz|rpm|s|sec|min|h|hr|ts|rn|smp|avg|tot|std|max|none|units?|einheit|bool|enum|"
+    "on/off|0/1"
 )
+_IS_FOREIGN = re.compile(rf"(?:{_FOREIGN})\Z", re.IGNORECASE)
 _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
@@ -63,6 +65,11 @@ def unit_text(name: str) -> str | None:
 def is_unit(text: str) -> bool:
     """Whether a cell of a unit line is a unit."""
     return unit_or_energy(text) is not None or bool(_OTHER.match(_plain(text)))
+
+
+def is_foreign(text: str) -> bool:
+    """Whether a text is the unit of a quantity that no model reads, such as m3 or hPa."""
+    return bool(_IS_FOREIGN.match(_plain(text)))
 
 
 def _plain(text: str) -> str:
