@@ -163,6 +163,36 @@ def test_autumn_hour_of_a_log_that_runs_backwards(write):
     assert any("stamps go back 1 time" in note and "timezone=" in note for note in bare.notes)
 
 
+@pytest.mark.parametrize(
+    ("form", "zone"),
+    [("%d-%b-%y %I:%M:%S %p %Z", "America/Chicago"), ("%Y-%m-%d %H:%M:%S %Z", "Europe/London"),
+     ("%d.%m.%Y %H:%M %Z", "Europe/Berlin")],
+)  # fmt: skip
+@pytest.mark.parametrize("hours", [-1, 1])  # the order of the rows
+def test_stamps_that_end_with_the_name_of_their_zone(write, form, zone, hours):
+    """As Niagara writes them; the name tells the two passes of the autumn hour apart, also where rows are missing."""
+    truth = pd.date_range("2024-03-29", "2024-11-07", freq="15min", tz=zone)
+    truth = truth[(truth < truth[-400]) | (np.arange(len(truth)) % 3 == 0)][::hours]
+    names = {"CEST": "MESZ", "CET": "MEZ"}
+    rows = [f"{' '.join(names.get(w, w) for w in t.strftime(form).split())};{k}" for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["Timestamp;T", *rows])), timezone=zone)
+    assert (log.frame.index == truth.sort_values()).all()
+    assert log.frame["T"].tolist() == list(range(len(truth)))[::hours]
+
+
+def test_a_date_on_the_first_row_of_each_day(write, monkeypatch):
+    """As merged cells of a spreadsheet leave it; the rest of a log was left out."""
+    truth = pd.date_range("2024-02-27", periods=300, freq="15min")
+    dates = pd.Series(truth.strftime("%d/%m/%Y")).where(truth.strftime("%H:%M") == "00:00", "")
+    rows = "".join(f"{day},{t:%H:%M},{k}\n" for k, (day, t) in enumerate(zip(dates, truth, strict=True)))
+    for n in (10**6, 50):
+        monkeypatch.setattr("skhybrid.logs.readers.delimited.rows_of_piece", lambda _, n=n: n)
+        log = read_log(write("Date,Time,T\n" + rows + "Average,,20\n"))
+        assert (log.frame.index == truth).all()
+        assert log.frame["T"].tolist() == list(range(300))
+    assert any("without a date taken as of the date above" in note for note in log.notes)
+
+
 def test_direction_of_a_log_is_seen_with_its_own_order_of_day_and_month(write):
     truth = pd.date_range("2024-10-05", "2024-11-04", freq="1h", tz="Europe/Berlin")  # with months first: May to April
     rows = [f"{t:%d.%m.%Y %H:%M};{k}" for k, t in enumerate(truth)]
@@ -391,7 +421,12 @@ HEAD = "time,T,x\n"
         ),
         (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
         (HEAD + "2024-01-01 00:00,1,2\n\n\n2024-01-01 99:00,1,2\n", {}, "row 5 of 'log.csv'"),
-        (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, "'log.csv' has time stamps with a zone by name; give an offset"),
+        (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, r"'log.csv' has time stamps with a zone by name \(CET\)"),
+        (
+            HEAD + "2024-01-01 00:00 CET,1,2\n2024-01-01 01:00 CEST,1,2\n",
+            {"timezone": "Europe/Berlin"},
+            "row 3 of 'log.csv': '2024-01-01 01:00 CEST' is in CEST, but Europe/Berlin has CET then; give",
+        ),
         (
             HEAD + "2024-01-01 00:00,1,2\n2024-01-01 99:00,1,2\n",
             {},

@@ -6,12 +6,14 @@ import re
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from .._warnings import several
 from .cell_numbers import NumberColumn
+from .named_zones import in_named_zones, without_names, zone_names
 from .naming import unit_in_name
 from .raw_log import RawLog
 from .stamp_cells import joined_cells, read_stamps
@@ -145,10 +147,25 @@ def unit_columns(names: Iterable[Hashable]) -> list[str]:
 
 def _with_stamps(pieces: Pieces) -> Iterator[pd.DataFrame]:
     """The rows of each piece that have a time stamp, numbered so that messages name their line of the file."""
-    begin = pieces.first_line - 2
-    for piece in pieces.frames:
-        yield _with_stamp(piece.set_axis(range(begin, begin + len(piece)), axis=0), pieces)
+    begin, date = pieces.first_line - 2, None
+    for rows in pieces.frames:
+        piece = rows.set_axis(range(begin, begin + len(rows)), axis=0)
+        if len(pieces.stamps) == 2 and len(piece):
+            piece, date = _with_dates(piece, pieces, date)
+        yield _with_stamp(piece, pieces)
         begin += len(piece)
+
+
+def _with_dates(piece: pd.DataFrame, pieces: Pieces, date: Any) -> tuple[pd.DataFrame, Any]:
+    """The rows with the date above them where they have a time alone, and the last date; merged cells leave such."""
+    day, time = pieces.stamps
+    blank = piece[day].isna() | (piece[day].astype(str).str.strip() == "")
+    alone = blank & piece[time].astype(str).str.contains(r"\d:\d")
+    dates = piece[day].where(~blank).ffill()
+    dates = dates if date is None else dates.fillna(date)
+    if alone.any():
+        pieces.notes.append(f"{several(int(alone.sum()), 'row')} without a date taken as of the date above")
+    return piece.assign(**{day: piece[day].where(~alone, dates)}), dates.iloc[-1]
 
 
 def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
@@ -174,8 +191,12 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
     if cells.dtype == object and not isinstance(first := cells.iloc[0], str) and hasattr(first, "year"):
         mixed = any(getattr(one, "tzinfo", None) is not None for one in (first, cells.iloc[-1]))
         cells = pd.Series(pd.to_datetime(cells, utc=mixed), index=cells.index)
-    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
+    names = zone_names(cells)
+    plain = cells if names is None else without_names(cells)
+    stamps, notes = read_stamps(plain, choice.dayfirst, pieces.where)
     pieces.notes.extend(notes)
+    if names is not None:
+        stamps = in_named_zones(stamps, names, choice.timezone, cells, pieces.where)
     return cells, stamps
 
 
