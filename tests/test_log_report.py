@@ -255,6 +255,21 @@ def test_a_column_with_fewer_rows_than_others_has_a_step_of_its_own(frame):
     assert run.frame["u_heat"].dropna().unique().tolist() == [0.5]
 
 
+@pytest.mark.parametrize(("part", "words"), [(0.1, "tenths of a degree"), (0.01, "hundredths of a degree")])
+def test_whole_numbers_of_parts_of_a_degree(frame, part, words):
+    """As Modbus and Zigbee write them: 205 was read as degF, and 260 as K."""
+    room, outdoor = frame.columns[:2]
+    names = {room: "room temp", outdoor: "outdoor temp"}
+    log = frame.rename(columns=names)[list(names.values())].assign(**{"heating set-point": 21.0})
+    report = LogReport((log / part).round())
+    assert report.columns["scale"].tolist() == [part, part, part]
+    np.testing.assert_allclose(report.frame, log, atol=part)
+    assert any(f"are those of {words}" in finding.text for finding in report.findings)
+    assert f"[scale]\nT_za = {part}\nT_oa = {part}\nT_heat_set = {part}\n" in propose_settings("log.csv", report)
+    degrees = LogReport((log / part).round().assign(**{"outdoor temp": log["outdoor temp"]}))  # of a weather service
+    np.testing.assert_allclose(degrees.frame["T_oa"], log["outdoor temp"])
+
+
 def test_outdoor_temperature_of_a_cold_log_is_in_the_unit_of_the_room(frame):
     room = 68.0 + np.sin(np.arange(960) / 9)
     cold = pd.DataFrame({"Room Temp": room, "Outdoor Temp": 20.0 + 15.0 * np.sin(np.arange(960) / 30)}, frame.index)

@@ -162,7 +162,7 @@ def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
     """The channels with the unit of set-points that have none of their own, by their values."""
     found = []
     for channel in channels:
-        if channel.unit is None and channel.role.startswith((*SETPOINT_ROLES, SETPOINT)):
+        if channel.unit is None and channel.scale == 1.0 and channel.role.startswith((*SETPOINT_ROLES, SETPOINT)):
             median = raw.frame[channel.name].median()
             unit = "K" if median > _KELVIN else "degF" if median > _FAHRENHEIT else None
             channel = channel._replace(unit=unit)
