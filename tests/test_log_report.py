@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,8 @@ from skhybrid.logs.log_findings import (
 )
 from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
 from skhybrid.logs.standstills import standstills, without_standstills
-from skhybrid.study import propose_settings
+from skhybrid.study import propose_settings, read_settings
+from skhybrid.study import read_log as read_study_log
 
 
 @pytest.fixture
@@ -588,6 +590,31 @@ def test_a_row_far_from_all_others_is_named():
         assert f"1 row from {stamp} 00:00:00 on" in found.text
     halves = index[:100].append(index[:100] + pd.Timedelta("400D"))
     assert [one.level for one in gap_findings(gaps_of(halves, pd.Timedelta("1h")), halves)] == ["note"]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "told"),
+    [
+        (lambda index: index.normalize(), True),  # the hour is in a column of its own
+        (lambda index: index.where(index.hour < 12, index - pd.Timedelta("12h")), True),  # neither AM nor PM
+        (lambda index: index[::2].repeat(2), True),  # two rooms
+        (lambda index: index.tz_localize(None), False),
+        (lambda index: index[0] + pd.to_timedelta(np.arange(960) // 6, "min"), False),  # ten seconds, cut to minutes
+    ],
+)
+def test_many_rows_with_the_stamp_of_another_one(frame, tmp_path, stamps, told):
+    log = frame.set_axis(stamps(frame.index), axis=0)
+    report = LogReport(log)
+    errors = [f.text for f in report.findings if f.level == "error"]
+    assert ["rows have the stamp of another row and other values" in text for text in errors] == (
+        [True] if told else []
+    )
+    log.rename_axis("time").to_csv(tmp_path / "log.csv")
+    (tmp_path / "zone.toml").write_text(propose_settings("log.csv", report), encoding="utf-8")
+    with pytest.raises(ValueError, match="Give each row a stamp of its own") if told else nullcontext():
+        read_study_log(tmp_path / "log.csv", read_settings(tmp_path / "zone.toml"))
+    again = LogReport(pd.concat([log, log]))
+    assert told or "error" not in {f.level for f in again.findings}
 
 
 def test_a_counter_that_is_set_to_zero_is_named():

@@ -419,6 +419,11 @@ HEAD = "time,T,x\n"
             {},
             "line 1 of 'log.csv' names 3 columns, but the rows have 5 cells",
         ),
+        (
+            HEAD + 3 * "2024-01-01 00:00,1,2\n" + "time,x,T\n2024-01-01 01:00,2,1\n",
+            {},
+            "line 5 of 'log.csv' names the columns anew, and 'x' at another place; split the file there",
+        ),
         (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
         (HEAD + "2024-01-01 00:00,1,2\n\n\n2024-01-01 99:00,1,2\n", {}, "row 5 of 'log.csv'"),
         (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, r"'log.csv' has time stamps with a zone by name \(CET\)"),

@@ -17,7 +17,7 @@ from .named_zones import in_named_zones, without_names, zone_names
 from .naming import unit_in_name
 from .raw_log import RawLog
 from .stamp_cells import joined_cells, read_stamps
-from .stamps import in_zone, localize
+from .stamps import in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
@@ -176,10 +176,24 @@ def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
         known &= cells.astype(str).str.contains(r"\d", regex=True)
     if known.all():
         return piece
+    _refuse_other_header(piece[~known], pieces.where)
     filled = piece[~known].replace(r"^\s*$", np.nan, regex=True).notna().any(axis=1)
     if filled.any():
         pieces.notes.append(f"{several(int(filled.sum()), 'row')} without a time stamp left out")
     return piece[known]
+
+
+def _refuse_other_header(rows: pd.DataFrame, where: str) -> None:
+    """Refuse a row that names columns of the table at other places, as where exports were put one below the other."""
+    names = list(map(str, rows.columns))
+    for row, cells in zip(rows.index, rows.to_numpy(dtype=object), strict=True):
+        found = [str(cell).strip() for cell in cells]
+        moved = [cell for name, cell in zip(names, found, strict=True) if cell != name and cell in names]
+        if moved:
+            raise ValueError(
+                f"line {line(row)} of {where} names the columns anew, and {moved[0]!r} at another place; split the "
+                "file there, or put the columns in one order."
+            )
 
 
 def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Series, pd.DatetimeIndex]:

@@ -120,4 +120,5 @@ def counter_of(raw: RawLog, channel: Channel) -> pd.Series | None:
 def row_hours(values: pd.Series) -> float:
     """Usual distance of two values [h]; other columns of the log may have more of them."""
     between = hours_between(values.dropna())
+    between = between[between > 0.0]
     return float(np.median(between)) if len(between) else 1.0

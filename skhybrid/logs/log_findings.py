@@ -19,6 +19,7 @@ _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so 
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
 _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
 _ABSENT = 0.02  # share of rows without a value, from which on it is named
+_CLASHING = 0.1  # share of rows with the stamp of another one that no change of clocks brings
 _LONELY = 0.01  # rows far from all others, relative to these, whose stamps may be wrong
 _MOST_NAMED = 5  # findings of one kind that are listed
 _INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those of a room [degC]
@@ -61,6 +62,25 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
     if label is None:
         text = "the log does not say whether a stamp begins (left) or ends (right) the interval of its means"
         yield Finding("note", "clock", f"{text}; {guessed_label(index, step)} is assumed.")
+
+
+def clash(frame: pd.DataFrame) -> str | None:
+    """A sentence where many rows have the stamp of another one and other values; None where few have.
+
+    Stamps that are cut to minutes, among rows that come faster, are no clash.
+    """
+    index = pd.DatetimeIndex(frame.index)
+    again, stamps = index.duplicated(), index.unique().sort_values()
+    if again.mean() <= _CLASHING or len(stamps) < 2 or (stamps[1:] - stamps[:-1]).min() <= pd.Timedelta("1min"):
+        return None
+    later, first = frame[again], frame[~again].loc[index[again]]
+    other = (later.to_numpy() != first.to_numpy()) & later.notna().to_numpy() & first.notna().to_numpy()
+    rows = np.flatnonzero(other.any(axis=1))
+    if len(rows) <= _CLASHING * len(frame):
+        return None
+    text = f"{len(rows)} of {len(frame)} rows have the stamp of another row and other values"
+    asked = "is the time of day, AM or PM, or the name of the room in another column?"
+    return f"{text}, first {later.index[rows[0]]}: {asked} Give each row a stamp of its own, and each room its columns."
 
 
 def is_local(index: pd.DatetimeIndex) -> bool:

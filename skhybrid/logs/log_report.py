@@ -20,6 +20,7 @@ from .counters import is_counter
 from .even_steps import regularize, usual_step
 from .log_findings import (
     Finding,
+    clash,
     clock_findings,
     counter_findings,
     gap_findings,
@@ -291,6 +292,8 @@ class LogReport:
 
     def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
         found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
+        if (text := clash(self.frame)) is not None:
+            found.append(Finding("error", "clock", text))
         found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
         for channel in channels:
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
