@@ -368,6 +368,23 @@ def test_wide_log_of_changes(write):
         read_log(write(text), held=["fen"])
 
 
+@pytest.mark.parametrize("repeats", [False, True])
+def test_wide_log_with_blank_cells_where_nothing_changed(write, repeats):
+    """Nothing in it is repeated; where something is, a blank cell is a failure."""
+    stamps = pd.date_range("2024-01-01", periods=400, freq="15min")
+    hour = np.arange(400) / 4.0
+    table = pd.DataFrame(
+        {"room": 20.0 + np.sin(hour / 4.0), "sun": 300.0 * np.sin(hour / 3.8).clip(0.0)}, stamps
+    ).round(1)
+    blank = table.eq(table.shift())
+    text = (
+        table.mask(blank).assign(outdoor=np.round(hour, 2), fan=1.0 if repeats else np.nan).rename_axis("time").to_csv()
+    )
+    log = read_log(write(text))
+    assert blank.mean().min() > 0.2
+    assert log.held == (set() if repeats else {"room", "sun", "outdoor", "fan"})
+
+
 def test_a_switch_among_temperatures_has_no_value(write):
     """The sensor is off; for a stage off is 0."""
     rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{h % 2}\n" for h in range(20))

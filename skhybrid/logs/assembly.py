@@ -25,6 +25,7 @@ _SPARSE = 10.0  # times the shortest usual interval of the others, from which on
 _EVEN_OF_SPARSE = 0.75  # fewer than this share are even, or it has
 _FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few values a day; daily readings are samples
 _REPEATS, _OFTEN, _SKIPPED = 0.01, 10, 0.2  # equal neighbours; long intervals: their number, their share of the time
+_DENSE = 0.8  # share of the rows of a wide table, from which on a channel is sampled with them
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 _CELLS = 1 << 19  # cells of a piece
@@ -302,8 +303,11 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
     """Channels whose values come at uneven times, as in a log of changes; with ``sparse_only``, only sparse columns.
 
     Among channels with many values, one with a few a day is held too: a schedule changes its set-point at even times.
+    In a wide table whose cells are blank where nothing changed, no channel repeats a value, and all are held.
     So is one of a long table that never repeats a value and often skips some: it is polled and written on change.
     """
+    if sparse_only and _has_changes_only(frame):
+        return list(map(str, frame))
     ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
     spacings: dict[Hashable, np.ndarray] = {
         name: np.diff(np.unique(ticks[frame[name].notna().to_numpy()])) for name in frame
@@ -312,7 +316,7 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
     found = []
     for name, spacing in spacings.items():
         known = frame[name].notna().to_numpy()
-        if sparse_only and known.mean() > 0.8:
+        if sparse_only and known.mean() > _DENSE:
             continue
         if len(spacing) < 3:
             found += [str(name)] if known.any() and len(ticks) > 10 else []
@@ -324,6 +328,13 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
         if even < _EVEN or polled or (sparse and (even < _EVEN_OF_SPARSE or _FEW_A_DAY[0] < usual < _FEW_A_DAY[1])):
             found.append(str(name))
     return found
+
+
+def _has_changes_only(frame: pd.DataFrame) -> bool:
+    """Whether no channel of a wide table ever repeats a value, and two or more are often blank."""
+    values = [frame[name].dropna().to_numpy() for name in frame]
+    sparse = sum(_OFTEN < len(known) <= _DENSE * len(frame) for known in values)
+    return sparse > 1 and all((np.diff(known) == 0.0).mean() < _REPEATS for known in values if len(known) > _OFTEN)
 
 
 def _is_change_of_polled(values: np.ndarray, spacing: np.ndarray, usual: float) -> bool:
