@@ -15,6 +15,7 @@ from .._warnings import percent
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
+from ..logs.naming import UNPLACED
 from ..logs.open_meteo import is_open_meteo_csv
 from ..logs.zone_csv import to_left_label
 from ..study.data import inputs_of, read_log
@@ -137,7 +138,11 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int
         own = {role: column for role, column in settings.columns.items() if column in raw.frame}
         units = {role: unit for role, unit in settings.units.items() if role in own}
         scale = {role: factor for role, factor in settings.scale.items() if role in own}
-        frame = LogReport(raw, own, units, scale).frame
+        report = LogReport(raw, own, units, scale)
+        unplaced = report.columns.index[report.columns["reason"] == UNPLACED]
+        if "T_oa" not in report.roles and len(unplaced) == 1:  # weather has no other temperature
+            report = LogReport(raw, own | {"T_oa": str(unplaced[0])}, units, scale)
+        frame = report.frame
         if own and settings.label == "right":
             frame = to_left_label(frame, [role for role, column in own.items() if column in raw.held])
     index = pd.DatetimeIndex(frame.index)
