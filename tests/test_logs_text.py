@@ -395,6 +395,15 @@ def test_a_switch_among_temperatures_has_no_value(write):
     assert "'room': 2 cells such as 'True' read as 1 or 0, and as missing in a temperature" in log.notes
 
 
+def test_words_that_say_when_a_plant_heats(write):
+    rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{'Heating' if h > 9 else 'Idle'}\n" for h in range(20))
+    log = read_log(write("time,room,status\n" + rows))
+    assert log.frame["status"].tolist() == 10 * [0.0] + 10 * [1.0]
+    both = read_log(write("time,room,status\n" + rows + "2024-01-01 20:00,22,Cooling\n"))
+    (note,) = [note for note in both.notes if "left out" in note]
+    assert note.endswith("; if it says when the plant ran, write columns of 1 and 0 for heating and cooling")
+
+
 def test_a_temperature_of_true_and_false_alone_has_no_value(write):
     """They are switches in any file, also where pandas reads the whole column as booleans."""
     rows = "".join(f"2024-01-01 {h:02d}:00,{h % 2 == 1},{h % 2 == 0}\n" for h in range(20))

@@ -243,7 +243,9 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
     for name, channel in channels.items():
         word, n = channel.odd
         if channel.is_text:
-            pieces.notes.append(f"{name!r} is left out, since it holds text such as {word!r}")
+            hint = "; if it says when the plant ran, write columns of 1 and 0 for heating and cooling"
+            text = f"{name!r} is left out, since it holds text such as {word!r}"
+            pieces.notes.append(text + hint * channel.tells_plant)
         elif channel.n_numbers or not name.startswith("column "):
             kept[name] = channel
             if n:
