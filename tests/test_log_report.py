@@ -89,6 +89,8 @@ def frame():
         ("Heat counter [m3]", None, None),
         ("Boiler gas (m³)", None, None),
         ("HW meter kBtu", None, "kBtu"),
+        ("Globalstrahlung [J/cm²]", "q_sol", "J/cm2"),
+        ("GHI Wh/m2", "q_sol", "Wh/m2"),
         ("VAV-1 Eff Clg Stpt", "T_cool_set", None),
         ("VAV-1 HtgSpt", "T_heat_set", None),
         ("EFFCLG-SP", "T_cool_set", None),
@@ -233,6 +235,26 @@ def test_a_meter_that_hardly_moves_is_a_counter(frame):
     assert report.frame["Q_heat"].sum() == pytest.approx(4 * 4.0)  # four times 1 kWh in a quarter of an hour
     starts = np.where(np.arange(960) > 950, 2.0, 0.0)  # heat per row of a plant that starts at the end
     assert LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": starts})).frame["Q_heat"].iloc[-1] == pytest.approx(8.0)
+
+
+def test_irradiation_of_each_row_becomes_irradiance(frame):
+    """J/cm2 of a weather service, and Wh/m2, were read as W/m2."""
+    room, outdoor, sun = frame.columns[:3]
+    truth = frame[sun] / 1000.0
+    for unit, factor in (("Wh/m²", 250.0), ("J/cm2", 90.0), ("MJ/m2", 0.9)):
+        report = LogReport(frame[[room, outdoor]].assign(**{f"Global radiation [{unit}]": factor * truth}))
+        np.testing.assert_allclose(report.frame["q_sol"], truth)
+        assert f'q_sol = "{unit.replace("²", "2")}"' in propose_settings("log.csv", report)
+
+
+def test_set_points_of_a_plant_that_is_off(frame, tmp_path):
+    """0 degC would be a set-point to cool to; the word off is none."""
+    log = frame.iloc[:, :2].assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, 0.0, 24.0)})
+    found = [f for f in LogReport(log).findings if f.where == "T_cool_set"]
+    assert found[0][::2] == ("warning", "is 0 degC in 280 rows: if the plant is off then, leave them empty.")
+    log.assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, "Off", "24")}).to_csv(tmp_path / "log.csv")
+    words = LogReport(read_log(tmp_path / "log.csv"))
+    assert words.frame["T_cool_set"].isna().sum() == 280
 
 
 def test_a_counter_stays_one_in_rows_that_do_not_show_it(frame):

@@ -255,8 +255,14 @@ def swap_findings(name: str, room: pd.Series, outdoor: pd.Series) -> Iterator[Fi
 
 
 def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
-    """A remark on the set-points of each zone that heat to more than they cool to; ``frame`` has roles as columns."""
+    """Remarks on set-points of 0 degC, and on those that heat to more than they cool to; columns are roles."""
     heat, cool = SETPOINT_ROLES
+    for role in (role for role in frame if str(role).startswith(SETPOINT_ROLES)):
+        n = int((frame[role] == 0.0).sum())
+        if n and frame[role].max() > 0.0:
+            yield Finding(
+                "warning", str(role), f"is 0 degC in {several(n, 'row')}: if the plant is off then, leave them empty."
+            )
     zones = [str(role).removeprefix(heat) for role in frame if str(role).startswith(heat)]
     for low, high in ((heat + zone, cool + zone) for zone in zones if cool + zone in frame):
         crossed = frame.index[frame[low] > frame[high]]

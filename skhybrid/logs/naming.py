@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..preprocessing._units import UNITS
-from .unit_names import ENERGY, is_foreign, unit_or_energy, unit_text
+from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_text
 
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
@@ -142,6 +142,8 @@ def _preference(words: str) -> int:
 def _kind(words: str, unit: str | None) -> str | None:
     if unit in ENERGY or (unit in UNITS and UNITS[unit].kind == "power"):
         return "power"
+    if unit in IRRADIATION:
+        return "irradiance"
     if unit in UNITS and UNITS[unit].kind != "fraction":
         return UNITS[unit].kind
     if re.search(_SUN, words) and not re.search(_TEMPERATURE, words):
