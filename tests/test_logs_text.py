@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import read_log
 from skhybrid.logs.cell_numbers import NumberColumn
 from skhybrid.logs.conversion import channels_of, to_roles
@@ -152,6 +153,17 @@ def test_order_of_day_and_month_shows_in_the_log(write):
     assert read_log(write("time,x\n" + days[1]), dayfirst=False).frame.index[0] == pd.Timestamp("2024-02-02")
 
 
+def test_dates_with_the_year_first_have_no_other_order(write):
+    stamps = pd.date_range("2024-02-08", periods=200, freq="1h")
+    path = write(pd.DataFrame({"T_za": 20.0}, stamps.rename("time")).to_csv())
+    assert (read_log(path, dayfirst=True).frame.index == stamps).all()
+    assert (read_zone_csv(path, dayfirst=True).index == stamps).all()
+    rows = "".join(f"{t if t.day <= 12 else t.strftime('%d/%m/%Y %H:%M')},20\n" for t in stamps)  # as Excel leaves them
+    with pytest.raises(ValueError, match="Excel exchanges day and month where it can") as caught:
+        read_log(write("time,T_za\n" + rows))
+    assert "such as '2024-02-08 00:00:00' and '13/02/2024 00:00'" in str(caught.value)
+
+
 def test_autumn_hour_of_a_log_that_runs_backwards(write):
     truth = pd.date_range("2023-10-28 12:00", "2023-10-29 12:00", freq="15min", tz="Europe/Amsterdam")
     rows = [f"{t:%Y-%m-%d %H:%M},{k}" for k, t in enumerate(truth)]
@@ -178,6 +190,19 @@ def test_stamps_that_end_with_the_name_of_their_zone(write, form, zone, hours):
     log = read_log(write("\n".join(["Timestamp;T", *rows])), timezone=zone)
     assert (log.frame.index == truth.sort_values()).all()
     assert log.frame["T"].tolist() == list(range(len(truth)))[::hours]
+
+
+@pytest.mark.parametrize(
+    ("name", "offset"),
+    [("Timestamp (UTC)", 0), ("time_utc", 0), ("Zeit [UTC+1]", 1), ("Date GMT-06:00", -6), ("time_local (UTC+1)", None),
+     ("Time", None)],
+)  # fmt: skip
+def test_an_offset_in_the_name_of_the_stamps(write, name, offset):
+    """They were taken as local, hours off."""
+    log = read_log(write(f"{name},T\n2024-01-01 12:00,1\n2024-01-01 13:00,2\n"), timezone="Europe/Berlin")
+    hour = 12 if offset is None else 12 - offset + 1
+    assert log.frame.index[0] == pd.Timestamp(f"2024-01-01 {hour}:00", tz="Europe/Berlin")
+    assert any("stamps are UTC" in note for note in log.notes) == (offset is not None)
 
 
 def test_a_date_on_the_first_row_of_each_day(write, monkeypatch):

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._table import listed
 from .._warnings import several
 from .cell_numbers import NumberColumn
-from .named_zones import in_named_zones, without_names, zone_names
+from .named_zones import in_named_zones, offset_in_name, without_names, zone_names
 from .naming import unit_in_name
 from .raw_log import RawLog
 from .stamp_cells import joined_cells, read_stamps
@@ -212,6 +213,9 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
     pieces.notes.extend(notes)
     if names is not None:
         stamps = in_named_zones(stamps, names, choice.timezone, cells, pieces.where)
+    elif stamps.tz is None and (offset := offset_in_name(pieces.stamps)) is not None:
+        pieces.notes.append(f"stamps are UTC{offset.removeprefix('UTC')}, as {listed(pieces.stamps)} says")
+        stamps = stamps.tz_localize(offset)
     return cells, stamps
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -10,8 +11,18 @@ import pandas as pd
 from .stamps import cell, line, zone_of
 
 _NAME = r"(?:\d|\d\s*[AaPp]\.?[Mm]\.?)\s*([A-Z]{3,5})$"
+_OFFSET = r"(?i)(?<![a-z])(?:utc|gmt)(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?(?![a-z])"
 _UTC = {"UTC", "GMT"}  # names that say an offset by themselves
 _GERMAN = {"MEZ": "CET", "MESZ": "CEST"}
+
+
+def offset_in_name(columns: Sequence[str]) -> str | None:
+    """The offset from UTC that the names of the columns of stamps state, such as ``Time (UTC+1)``; None where none."""
+    found = re.search(_OFFSET, " ".join(columns))
+    if found is None or re.search(r"(?i)local", " ".join(columns)):
+        return None
+    sign, hours, minutes = found.groups()
+    return "UTC" if sign is None else f"{sign}{int(hours):02d}:{minutes or '00'}"
 
 
 def zone_names(cells: pd.Series) -> pd.Series | None:
