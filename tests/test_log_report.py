@@ -86,6 +86,7 @@ def frame():
         ("Wärmemengenzähler (GJ)", "Q_heat", "GJ"),
         ("Kältezähler", "Q_cool", None),
         ("Cooling energy", "Q_cool", None),
+        ("Cold energy today", "Q_cool", None),
         ("Heat counter [m3]", None, None),
         ("Boiler gas (m³)", None, None),
         ("HW meter kBtu", None, "kBtu"),

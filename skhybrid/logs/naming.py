@@ -31,7 +31,7 @@ _HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
 )
-_COOL = r"cool|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|clg|\bchwv?\b"
+_COOL = r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|clg|\bchwv?\b"
 _TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
