@@ -86,6 +86,7 @@ def frame():
         ("Wärmemengenzähler (GJ)", "Q_heat", "GJ"),
         ("Kältezähler", "Q_cool", None),
         ("Cooling energy", "Q_cool", None),
+        ("HVAC Heat Rate", "Q_hvac", None),
         ("Cold energy today", "Q_cool", None),
         ("Heat counter [m3]", None, None),
         ("Boiler gas (m³)", None, None),
@@ -199,6 +200,18 @@ def test_a_stage_beyond_every_known_scale_is_not_used(frame):
     known = {"T_za": frame.columns[0], "u_heat": "Heizung Ventil"}
     assert LogReport(odd, known, scale={"u_heat": 1 / 255}).frame["u_heat"].max() == 1.0
     assert LogReport(odd, known).findings[0].level == "error"  # not scaled by its largest value
+
+
+def test_values_below_zero_are_those_of_no_stage(frame):
+    valve = frame.columns[3]
+    log = frame.rename(columns={valve: "Heating"}).assign(Heating=frame[valve] - 20.0)
+    report = LogReport(log)
+    assert "u_heat" not in report.roles
+    assert report.columns.loc["Heating", "reason"] == (
+        "values from -15 to 40 are those of no stage; give Q_heat and its unit if it is heat"
+    )
+    offset = log.assign(Heating=frame[valve] - 5.2)  # of a sensor at rest
+    assert LogReport(offset).roles["u_heat"] == "Heating"
 
 
 def test_a_meter_without_a_unit_is_a_counter(frame):

@@ -23,7 +23,7 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     if not len(known) or (role.startswith("u_") and factor != 1.0):
         return None, factor, ""
     if role.startswith("u_"):
-        return _of_stage(float(known.max()), role, factor)
+        return _of_stage(float(known.min()), float(known.max()), role, factor)
     if role.startswith("T_"):
         return _of_temperature(known, role, factor)
     low, high = float(known.min()), float(known.max())
@@ -35,8 +35,11 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"
 
 
-def _of_stage(high: float, role: str, factor: float) -> tuple[str | None, float, str]:
+def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:
     top = next((step for step in _STAGE_STEPS if high <= step), None)
+    if low < range_of(role).lowest * max(1.0, high):
+        why = f"values from {low:g} to {high:g} are those of no stage; give Q_{role[2:]} and its unit if it is heat"
+        return None, factor, why
     if top == 1.0:
         return None, factor, ""
     if top is None:

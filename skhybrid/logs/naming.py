@@ -152,7 +152,7 @@ def _kind(words: str, unit: str | None) -> str | None:
         return "stage"
     if re.search(_TEMPERATURE, words) or re.search(_SET_POINT, words):
         return "temperature"
-    return "power" if re.search(r"\bkw\b|power|leistung|vermogen|puissance", words) else None
+    return "power" if re.search(r"\bkw\b|power|heat rate|leistung|vermogen|puissance", words) else None
 
 
 def assign_roles(
