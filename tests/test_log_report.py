@@ -87,6 +87,17 @@ def frame():
         ("Kältezähler", "Q_cool", None),
         ("Cooling energy", "Q_cool", None),
         ("HVAC Heat Rate", "Q_hvac", None),
+        ("Room Temp Offset", None, None),
+        ("Heating Alarm", None, None),
+        ("Heating degree days", None, None),
+        ("PV Power [kW]", None, "kW"),
+        ("Total power", None, None),
+        ("Household consumption [kWh]", None, "kWh"),
+        ("Heat pump compressor [Hz]", "u_heat", None),
+        ("Compressor stage", "u_cool", None),
+        ("climate.kitchen.heating", "u_heat", None),
+        ("Heat/cool valve", None, None),
+        ("Heat/cool setpoint", "T_heat_set", None),
         ("Cold energy today", "Q_cool", None),
         ("Heat counter [m3]", None, None),
         ("Boiler gas (m³)", None, None),
@@ -119,8 +130,13 @@ def test_a_name_without_a_quantity_says_so():
         assert guess_role(name).reason == "its name says where it measures, but not what"
 
 
-def test_the_set_point_in_force_counts():
+def test_the_set_point_in_force_and_the_whole_sun_count():
     names = ("Occ Htg Stpt", "Night heating setpoint", "Htg Stpt", "Eff Htg Stpt")
+    for better, other in (
+        ("GHI W/m2", "DNI W/m2"), ("shortwave_radiation", "diffuse_radiation"), ("Zone temp", "Zone floor temp"),
+        ("Außentemperatur", "Außentemperatur gedämpft"),
+    ):  # fmt: skip
+        assert [guess.role is None for guess in assign_roles({other: None, better: None}).values()] == [True, False]
     for n in (2, 3, 4):
         roles = {name: guess.role for name, guess in assign_roles(dict.fromkeys(names[:n])).items()}
         assert roles == dict.fromkeys(names[:n]) | {names[max(n - 1, 2) if n > 2 else 0]: "T_heat_set"}

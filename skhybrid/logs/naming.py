@@ -31,26 +31,35 @@ _HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
 )
-_COOL = r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|clg|\bchwv?\b"
+_COOL = (
+    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati|chill|(?<!heat pump )(?<!heatpump )compressor|froid|refrig|"
+    r"raffresc|\bac\b|air ?con|clg|\bchwv?\b"
+)
 _TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
 )
+#: not the temperature of the air now, or not that of all the sun, where there are several
+_OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
+_PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
-_POWER = r"power|leistung|vermogen|puissance|potenza|thermal|hvac|energy|energie|delivered|heat meter|warmtemeter|load"
+_PLANT = r"hvac|thermal|delivered|\bload\b|\b(pac|wp|hp)\b"  # of heat, where no word says whether it heats or cools
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
 _ELECTRICITY = (
     r"elec|strom(?!ung)|stroom|heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor|"
-    r"\b(pac|wp|hp)\b|consumption|verbrauch|plug|socket"
+    r"\b(pac|wp|hp|ac)\b|air ?con|consumption|verbrauch|plug|socket"
 )
 _DELIVERED = r"thermal|thermique|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
 #: what no model reads
 _OTHER = (
     r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
     r"\bfan\b|(?<!heat)(?<!heat )pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
-    r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap"
+    r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
+    r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
+    r"\bpv\b|photovolt|solar (power|energy|prod|yield)|inverter|\bgrid\b|\bev\b|charger|dishwash|washing|dryer|freezer|"
+    r"fridge|\bcpu\b"
 )
 
 #: the reason where a column has the name of its role, whose unit it then has
@@ -104,27 +113,19 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
-        if wanted:
-            if heat or cool:
-                role = "T_cool_set" if cool else "T_heat_set"
-                return Guess(role, 3 + _preference(words), "its name is that of a set-point")
-            return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
-        room, out = bool(re.search(_ROOM, words)), bool(re.search(_OUT, words))
-        if out and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
-            return Guess("T_oa", 3, "its name is that of the outdoor temperature")
-        if room:
-            return Guess("T_za", 3, "its name is that of a room's temperature")
-        return Guess(None, 1, UNPLACED)
+        return _set_point(words, heat, cool) if wanted else _temperature(words)
     if of == "irradiance":
-        return Guess("q_sol", 3, "its name or unit is that of irradiance")
+        return Guess("q_sol", 3 - bool(re.search(_PART_OF_SUN, words)), "its name or unit is that of irradiance")
     electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
-    if of == "power" and not wanted and (heat or cool or electric or re.search(_POWER, words)):
+    if of == "power" and not wanted and (heat or cool or re.search(_PLANT, words)):
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way
         reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
         return Guess(role, 2, reason + " (electricity?)" * electric, electric)
-    if of == "power" and unit is not None:
+    if of == "power":
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
+    if of in ("stage", None) and heat and cool:
+        return Guess(None, 0, "its name says that it heats and that it cools; give u_heat, u_cool or Q_hvac")
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
@@ -132,6 +133,23 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if re.search(_ROOM, words) or re.search(_OUT, words):
         return Guess(None, 0, "its name says where it measures, but not what")
     return Guess(None, 0, "its name says nothing of a role")
+
+
+def _temperature(words: str) -> Guess:
+    """The role of a temperature that is measured."""
+    certainty = 3 - bool(re.search(_OTHER_THAN_AIR, words))
+    if re.search(_OUT, words) and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
+        return Guess("T_oa", certainty, "its name is that of the outdoor temperature")
+    if re.search(_ROOM, words):
+        return Guess("T_za", certainty, "its name is that of a room's temperature")
+    return Guess(None, 1, UNPLACED)
+
+
+def _set_point(words: str, heat: bool, cool: bool) -> Guess:
+    """The role of a set-point."""
+    if heat == cool:
+        return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
+    return Guess("T_cool_set" if cool else "T_heat_set", 3 + _preference(words), "its name is that of a set-point")
 
 
 def _preference(words: str) -> int:
