@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.logs import LogReport
-from skhybrid.logs.counters import counter_jumps, power_of_counter
+from skhybrid.logs.counters import counter_jumps, is_counter, power_of_counter
 
 N = 960
 
@@ -120,3 +120,39 @@ def test_the_report_names_the_counter_and_the_stamp(plant, unit, factor):
         "replaced, or did a reading fail?"
     )
     assert report.frame["Q_heat"].max() == pytest.approx(6.0)
+
+
+def _of_the_day(rows_per_day):
+    energy = np.where(np.arange(40 * rows_per_day) % 7 < 3, 1.0, 0.0)
+    readings = counter(energy, step=pd.Timedelta("1D") / rows_per_day)
+    return readings - readings.groupby(readings.index.date).transform("first")
+
+
+def _with_failed():
+    readings = counter(np.where(np.arange(N) % 50 == 49, 1.0, 0.0), 800.0)
+    readings.iloc[[100, 333, 555, 801]] = 0.0
+    return readings
+
+
+@pytest.mark.parametrize(
+    ("readings", "expected"),
+    [
+        (_of_the_day(24), True),
+        (_of_the_day(96), True),
+        (_with_failed(), True),
+        (counter(np.ones(N)).where(np.arange(N) < 500, counter(np.ones(N)) - 500.0), True),
+        (pd.Series(np.where(np.arange(N) % 200 < 15, 2.5, 0.0), counter(np.ones(N)).index), False),  # kW, few runs
+        (pd.Series(np.minimum(np.arange(N) % 120, 15) * (np.arange(N) % 120 < 40), counter(np.ones(N)).index), False),
+        (pd.Series((np.arange(N) % 400 < 200) * 1.0, counter(np.ones(N)).index), False),  # a switch
+    ],
+)
+def test_what_is_a_counter(readings, expected):
+    """One that is set to zero at midnight is a counter; a plant that seldom runs, or ramps up and stops, is none."""
+    assert is_counter(readings) is expected
+
+
+def test_rows_that_occur_twice_lose_no_power(plant):
+    readings = counter(plant, 500.0)
+    power = power_of_counter(pd.concat([readings, readings.iloc[100:110]]).sort_index(kind="stable"))
+    assert np.isnan(power).sum() == 1
+    assert np.nansum(power_of_counter(readings)) == pytest.approx(np.nansum(np.delete(power, range(101, 121, 2))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,8 @@ from skhybrid.logs.log_findings import (
 )
 from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
 from skhybrid.logs.standstills import standstills, without_standstills
-from skhybrid.study import propose_settings
+from skhybrid.study import propose_settings, read_settings
+from skhybrid.study import read_log as read_study_log
 
 
 @pytest.fixture
@@ -84,7 +86,30 @@ def frame():
         ("Wärmemengenzähler (GJ)", "Q_heat", "GJ"),
         ("Kältezähler", "Q_cool", None),
         ("Cooling energy", "Q_cool", None),
-        ("Heat counter [m3]", "u_heat", None),
+        ("HVAC Heat Rate", "Q_hvac", None),
+        ("Room Temp Offset", None, None),
+        ("Heating Alarm", None, None),
+        ("Heating degree days", None, None),
+        ("PV Power [kW]", None, "kW"),
+        ("Total power", None, None),
+        ("Household consumption [kWh]", None, "kWh"),
+        ("Heat pump compressor [Hz]", "u_heat", None),
+        ("Compressor stage", "u_cool", None),
+        ("climate.kitchen.heating", "u_heat", None),
+        ("Heat/cool valve", None, None),
+        ("Heat/cool setpoint", "T_heat_set", None),
+        ("Cold energy today", "Q_cool", None),
+        ("Heat counter [m3]", None, None),
+        ("Boiler gas (m³)", None, None),
+        ("HW meter kBtu", None, "kBtu"),
+        ("Globalstrahlung [J/cm²]", "q_sol", "J/cm2"),
+        ("GHI Wh/m2", "q_sol", "Wh/m2"),
+        ("VAV-1 Eff Clg Stpt", "T_cool_set", None),
+        ("VAV-1 HtgSpt", "T_heat_set", None),
+        ("EFFCLG-SP", "T_cool_set", None),
+        ("Clg Setpt", "T_cool_set", None),
+        ("ZN-T", "T_za", None),
+        ("setting.power", None, None),
         ("T° ambiante", "T_za", None),
         ("Température ambiante extérieure", "T_oa", None),
         ("Compteur de chaleur", "Q_heat", None),
@@ -103,6 +128,27 @@ def test_names_in_the_languages_of_buildings(name, role, unit):
 def test_a_name_without_a_quantity_says_so():
     for name in ("outdoor", "woonkamer"):
         assert guess_role(name).reason == "its name says where it measures, but not what"
+
+
+def test_the_set_point_in_force_and_the_whole_sun_count():
+    names = ("Occ Htg Stpt", "Night heating setpoint", "Htg Stpt", "Eff Htg Stpt")
+    for better, other in (
+        ("GHI W/m2", "DNI W/m2"), ("shortwave_radiation", "diffuse_radiation"), ("Zone temp", "Zone floor temp"),
+        ("Außentemperatur", "Außentemperatur gedämpft"),
+    ):  # fmt: skip
+        assert [guess.role is None for guess in assign_roles({other: None, better: None}).values()] == [True, False]
+    for n in (2, 3, 4):
+        roles = {name: guess.role for name, guess in assign_roles(dict.fromkeys(names[:n])).items()}
+        assert roles == dict.fromkeys(names[:n]) | {names[max(n - 1, 2) if n > 2 else 0]: "T_heat_set"}
+
+
+@pytest.mark.parametrize(("last", "is_heat"), [("on", False), ("0.7", True)])
+def test_a_column_of_on_and_off_is_no_heat(tmp_path, last, is_heat):
+    rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{'on' if h > 11 else 'off'}\n" for h in range(24))
+    (tmp_path / "log.csv").write_text(f"time,room temp,Heating power\n{rows}2024-01-02 00:00,20,{last}\n")
+    report = LogReport(read_log(tmp_path / "log.csv"))
+    assert ("Q_heat" in report.roles) == is_heat
+    assert ("give u_heat or u_cool" in report.columns.loc["Heating power", "reason"]) == (not is_heat)
 
 
 def test_a_role_has_one_column():
@@ -172,6 +218,18 @@ def test_a_stage_beyond_every_known_scale_is_not_used(frame):
     assert LogReport(odd, known).findings[0].level == "error"  # not scaled by its largest value
 
 
+def test_values_below_zero_are_those_of_no_stage(frame):
+    valve = frame.columns[3]
+    log = frame.rename(columns={valve: "Heating"}).assign(Heating=frame[valve] - 20.0)
+    report = LogReport(log)
+    assert "u_heat" not in report.roles
+    assert report.columns.loc["Heating", "reason"] == (
+        "values from -15 to 40 are those of no stage; give Q_heat and its unit if it is heat"
+    )
+    offset = log.assign(Heating=frame[valve] - 5.2)  # of a sensor at rest
+    assert LogReport(offset).roles["u_heat"] == "Heating"
+
+
 def test_a_meter_without_a_unit_is_a_counter(frame):
     meter = 1200.0 + np.arange(960) // 2
     report = LogReport(frame.iloc[:, :2].assign(Wärmezähler=meter))
@@ -209,6 +267,26 @@ def test_a_meter_that_hardly_moves_is_a_counter(frame):
     assert LogReport(frame.iloc[:, :2].assign(**{"Heat (kWh)": starts})).frame["Q_heat"].iloc[-1] == pytest.approx(8.0)
 
 
+def test_irradiation_of_each_row_becomes_irradiance(frame):
+    """J/cm2 of a weather service, and Wh/m2, were read as W/m2."""
+    room, outdoor, sun = frame.columns[:3]
+    truth = frame[sun] / 1000.0
+    for unit, factor in (("Wh/m²", 250.0), ("J/cm2", 90.0), ("MJ/m2", 0.9)):
+        report = LogReport(frame[[room, outdoor]].assign(**{f"Global radiation [{unit}]": factor * truth}))
+        np.testing.assert_allclose(report.frame["q_sol"], truth)
+        assert f'q_sol = "{unit.replace("²", "2")}"' in propose_settings("log.csv", report)
+
+
+def test_set_points_of_a_plant_that_is_off(frame, tmp_path):
+    """0 degC would be a set-point to cool to; the word off is none."""
+    log = frame.iloc[:, :2].assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, 0.0, 24.0)})
+    found = [f for f in LogReport(log).findings if f.where == "T_cool_set"]
+    assert found[0][::2] == ("warning", "is 0 degC in 280 rows: if the plant is off then, leave them empty.")
+    log.assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, "Off", "24")}).to_csv(tmp_path / "log.csv")
+    words = LogReport(read_log(tmp_path / "log.csv"))
+    assert words.frame["T_cool_set"].isna().sum() == 280
+
+
 def test_a_counter_stays_one_in_rows_that_do_not_show_it(frame):
     """A proposal names it, so that the meaning of a column does not change with the rows at hand."""
     meter = pd.Series(17000.0 + np.arange(960.0), index=frame.index, name="Heat (kWh)")
@@ -229,6 +307,21 @@ def test_a_column_with_fewer_rows_than_others_has_a_step_of_its_own(frame):
     assert report.excitation.loc["Q_heat", "hours run"] == pytest.approx(240.0)
     run = LogReport(frame.iloc[:, :2].assign(**{"Heat Stage 1 (min)": 10.0 * hourly}))
     assert run.frame["u_heat"].dropna().unique().tolist() == [0.5]
+
+
+@pytest.mark.parametrize(("part", "words"), [(0.1, "tenths of a degree"), (0.01, "hundredths of a degree")])
+def test_whole_numbers_of_parts_of_a_degree(frame, part, words):
+    """As Modbus and Zigbee write them: 205 was read as degF, and 260 as K."""
+    room, outdoor = frame.columns[:2]
+    names = {room: "room temp", outdoor: "outdoor temp"}
+    log = frame.rename(columns=names)[list(names.values())].assign(**{"heating set-point": 21.0})
+    report = LogReport((log / part).round())
+    assert report.columns["scale"].tolist() == [part, part, part]
+    np.testing.assert_allclose(report.frame, log, atol=part)
+    assert any(f"are those of {words}" in finding.text for finding in report.findings)
+    assert f"[scale]\nT_za = {part}\nT_oa = {part}\nT_heat_set = {part}\n" in propose_settings("log.csv", report)
+    degrees = LogReport((log / part).round().assign(**{"outdoor temp": log["outdoor temp"]}))  # of a weather service
+    np.testing.assert_allclose(degrees.frame["T_oa"], log["outdoor temp"])
 
 
 def test_outdoor_temperature_of_a_cold_log_is_in_the_unit_of_the_room(frame):
@@ -503,6 +596,9 @@ def test_power_that_cannot_be_is_asked_about(frame):
     switch = (heat["Heating [kW]"] > heat["Heating [kW]"].mean()).astype(float)
     found = [f.text for f in LogReport(heat.assign(**{"Heating [kW]": switch})).findings if f.where == "Heating [kW]"]
     assert found == ["is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool."]
+    fraction = frame.rename(columns={valve: "Heating valve %"}).assign(**{"Heating valve %": frame[valve] / 100.0})
+    found = [f.text for f in LogReport(fraction).findings if f.where == "Heating valve %"]
+    assert found == ["reaches 0.6 % only: is it a fraction? Then give '-' as its unit."]
     never = LogReport(heat.assign(**{"Heating [kW]": 2.0}))
     assert "the effect of Q_heat: it never changed." in never.cannot
 
@@ -565,6 +661,31 @@ def test_a_row_far_from_all_others_is_named():
         assert f"1 row from {stamp} 00:00:00 on" in found.text
     halves = index[:100].append(index[:100] + pd.Timedelta("400D"))
     assert [one.level for one in gap_findings(gaps_of(halves, pd.Timedelta("1h")), halves)] == ["note"]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "told"),
+    [
+        (lambda index: index.normalize(), True),  # the hour is in a column of its own
+        (lambda index: index.where(index.hour < 12, index - pd.Timedelta("12h")), True),  # neither AM nor PM
+        (lambda index: index[::2].repeat(2), True),  # two rooms
+        (lambda index: index.tz_localize(None), False),
+        (lambda index: index[0] + pd.to_timedelta(np.arange(960) // 6, "min"), False),  # ten seconds, cut to minutes
+    ],
+)
+def test_many_rows_with_the_stamp_of_another_one(frame, tmp_path, stamps, told):
+    log = frame.set_axis(stamps(frame.index), axis=0)
+    report = LogReport(log)
+    errors = [f.text for f in report.findings if f.level == "error"]
+    assert ["rows have the stamp of another row and other values" in text for text in errors] == (
+        [True] if told else []
+    )
+    log.rename_axis("time").to_csv(tmp_path / "log.csv")
+    (tmp_path / "zone.toml").write_text(propose_settings("log.csv", report), encoding="utf-8")
+    with pytest.raises(ValueError, match="Give each row a stamp of its own") if told else nullcontext():
+        read_study_log(tmp_path / "log.csv", read_settings(tmp_path / "zone.toml"))
+    again = LogReport(pd.concat([log, log]))
+    assert told or "error" not in {f.level for f in again.findings}
 
 
 def test_a_counter_that_is_set_to_zero_is_named():

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.logs.counters import power_of_counter
 from skhybrid.logs.readers import entity_states, home_assistant, influx
 
 SAMPLES = Path(__file__).parent / "log_samples"
@@ -281,6 +282,21 @@ def test_a_history_read_in_pieces_is_the_same(monkeypatch):
     whole = home_assistant.read(HISTORY)
     monkeypatch.setattr(home_assistant, "_PIECE", 4)
     pd.testing.assert_frame_equal(home_assistant.read(HISTORY).frame, whole.frame)
+
+
+@pytest.mark.parametrize("every", [5, 15])
+def test_a_counter_rises_evenly_between_its_readings(every):
+    """Held by the minute, the heat of a quarter of an hour came in one minute."""
+    power = np.where(np.arange(2 * 1440) % 480 < 240, 6.0, 0.0)  # four hours on, four off
+    readings = np.append(100.0, 100.0 + np.cumsum(power / 60.0))[::every]
+    changed = np.append(True, np.diff(readings) > 0.0)
+    stamps, grid = T0 + 60.0 * every * np.flatnonzero(changed), T0 + 60.0 * np.arange(2 * 1440)
+    held = pd.Series(entity_states.hold(stamps, readings[changed], grid), entity_states.utc_index(grid, None))
+    np.testing.assert_allclose(power_of_counter(held)[:-1], power[:-1], atol=1e-6)
+    reset = np.where(stamps > T0 + 86400.0, readings[changed] - 124.0, readings[changed])
+    held = entity_states.hold(stamps, reset, grid)
+    assert (np.diff(held) < 0.0).sum() == 1
+    assert held[grid <= T0 + 86000.0].min() == 100.0
 
 
 def test_a_grid_too_large_to_hold_is_refused(monkeypatch):

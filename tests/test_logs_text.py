@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import read_log
 from skhybrid.logs.cell_numbers import NumberColumn
 from skhybrid.logs.conversion import channels_of, to_roles
@@ -152,6 +153,17 @@ def test_order_of_day_and_month_shows_in_the_log(write):
     assert read_log(write("time,x\n" + days[1]), dayfirst=False).frame.index[0] == pd.Timestamp("2024-02-02")
 
 
+def test_dates_with_the_year_first_have_no_other_order(write):
+    stamps = pd.date_range("2024-02-08", periods=200, freq="1h")
+    path = write(pd.DataFrame({"T_za": 20.0}, stamps.rename("time")).to_csv())
+    assert (read_log(path, dayfirst=True).frame.index == stamps).all()
+    assert (read_zone_csv(path, dayfirst=True).index == stamps).all()
+    rows = "".join(f"{t if t.day <= 12 else t.strftime('%d/%m/%Y %H:%M')},20\n" for t in stamps)  # as Excel leaves them
+    with pytest.raises(ValueError, match="Excel exchanges day and month where it can") as caught:
+        read_log(write("time,T_za\n" + rows))
+    assert "such as '2024-02-08 00:00:00' and '13/02/2024 00:00'" in str(caught.value)
+
+
 def test_autumn_hour_of_a_log_that_runs_backwards(write):
     truth = pd.date_range("2023-10-28 12:00", "2023-10-29 12:00", freq="15min", tz="Europe/Amsterdam")
     rows = [f"{t:%Y-%m-%d %H:%M},{k}" for k, t in enumerate(truth)]
@@ -161,6 +173,49 @@ def test_autumn_hour_of_a_log_that_runs_backwards(write):
     bare = read_log(write("\n".join(["time,T", *rows])))
     assert bare.frame.index.is_monotonic_increasing
     assert any("stamps go back 1 time" in note and "timezone=" in note for note in bare.notes)
+
+
+@pytest.mark.parametrize(
+    ("form", "zone"),
+    [("%d-%b-%y %I:%M:%S %p %Z", "America/Chicago"), ("%Y-%m-%d %H:%M:%S %Z", "Europe/London"),
+     ("%d.%m.%Y %H:%M %Z", "Europe/Berlin")],
+)  # fmt: skip
+@pytest.mark.parametrize("hours", [-1, 1])  # the order of the rows
+def test_stamps_that_end_with_the_name_of_their_zone(write, form, zone, hours):
+    """As Niagara writes them; the name tells the two passes of the autumn hour apart, also where rows are missing."""
+    truth = pd.date_range("2024-03-29", "2024-11-07", freq="15min", tz=zone)
+    truth = truth[(truth < truth[-400]) | (np.arange(len(truth)) % 3 == 0)][::hours]
+    names = {"CEST": "MESZ", "CET": "MEZ"}
+    rows = [f"{' '.join(names.get(w, w) for w in t.strftime(form).split())};{k}" for k, t in enumerate(truth)]
+    log = read_log(write("\n".join(["Timestamp;T", *rows])), timezone=zone)
+    assert (log.frame.index == truth.sort_values()).all()
+    assert log.frame["T"].tolist() == list(range(len(truth)))[::hours]
+
+
+@pytest.mark.parametrize(
+    ("name", "offset"),
+    [("Timestamp (UTC)", 0), ("time_utc", 0), ("Zeit [UTC+1]", 1), ("Date GMT-06:00", -6), ("time_local (UTC+1)", None),
+     ("Time", None)],
+)  # fmt: skip
+def test_an_offset_in_the_name_of_the_stamps(write, name, offset):
+    """They were taken as local, hours off."""
+    log = read_log(write(f"{name},T\n2024-01-01 12:00,1\n2024-01-01 13:00,2\n"), timezone="Europe/Berlin")
+    hour = 12 if offset is None else 12 - offset + 1
+    assert log.frame.index[0] == pd.Timestamp(f"2024-01-01 {hour}:00", tz="Europe/Berlin")
+    assert any("stamps are UTC" in note for note in log.notes) == (offset is not None)
+
+
+def test_a_date_on_the_first_row_of_each_day(write, monkeypatch):
+    """As merged cells of a spreadsheet leave it; the rest of a log was left out."""
+    truth = pd.date_range("2024-02-27", periods=300, freq="15min")
+    dates = pd.Series(truth.strftime("%d/%m/%Y")).where(truth.strftime("%H:%M") == "00:00", "")
+    rows = "".join(f"{day},{t:%H:%M},{k}\n" for k, (day, t) in enumerate(zip(dates, truth, strict=True)))
+    for n in (10**6, 50):
+        monkeypatch.setattr("skhybrid.logs.readers.delimited.rows_of_piece", lambda _, n=n: n)
+        log = read_log(write("Date,Time,T\n" + rows + "Average,,20\n"))
+        assert (log.frame.index == truth).all()
+        assert log.frame["T"].tolist() == list(range(300))
+    assert any("without a date taken as of the date above" in note for note in log.notes)
 
 
 def test_direction_of_a_log_is_seen_with_its_own_order_of_day_and_month(write):
@@ -338,6 +393,23 @@ def test_wide_log_of_changes(write):
         read_log(write(text), held=["fen"])
 
 
+@pytest.mark.parametrize("repeats", [False, True])
+def test_wide_log_with_blank_cells_where_nothing_changed(write, repeats):
+    """Nothing in it is repeated; where something is, a blank cell is a failure."""
+    stamps = pd.date_range("2024-01-01", periods=400, freq="15min")
+    hour = np.arange(400) / 4.0
+    table = pd.DataFrame(
+        {"room": 20.0 + np.sin(hour / 4.0), "sun": 300.0 * np.sin(hour / 3.8).clip(0.0)}, stamps
+    ).round(1)
+    blank = table.eq(table.shift())
+    text = (
+        table.mask(blank).assign(outdoor=np.round(hour, 2), fan=1.0 if repeats else np.nan).rename_axis("time").to_csv()
+    )
+    log = read_log(write(text))
+    assert blank.mean().min() > 0.2
+    assert log.held == (set() if repeats else {"room", "sun", "outdoor", "fan"})
+
+
 def test_a_switch_among_temperatures_has_no_value(write):
     """The sensor is off; for a stage off is 0."""
     rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{h % 2}\n" for h in range(20))
@@ -346,6 +418,15 @@ def test_a_switch_among_temperatures_has_no_value(write):
     assert found["T_za"].isna().tolist() == 20 * [False] + 2 * [True]
     assert found["u_heat"].iloc[-2:].tolist() == [0.0, 1.0]
     assert "'room': 2 cells such as 'True' read as 1 or 0, and as missing in a temperature" in log.notes
+
+
+def test_words_that_say_when_a_plant_heats(write):
+    rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{'Heating' if h > 9 else 'Idle'}\n" for h in range(20))
+    log = read_log(write("time,room,status\n" + rows))
+    assert log.frame["status"].tolist() == 10 * [0.0] + 10 * [1.0]
+    both = read_log(write("time,room,status\n" + rows + "2024-01-01 20:00,22,Cooling\n"))
+    (note,) = [note for note in both.notes if "left out" in note]
+    assert note.endswith("; if it says when the plant ran, write columns of 1 and 0 for heating and cooling")
 
 
 def test_a_temperature_of_true_and_false_alone_has_no_value(write):
@@ -389,9 +470,19 @@ HEAD = "time,T,x\n"
             {},
             "line 1 of 'log.csv' names 3 columns, but the rows have 5 cells",
         ),
+        (
+            HEAD + 3 * "2024-01-01 00:00,1,2\n" + "time,x,T\n2024-01-01 01:00,2,1\n",
+            {},
+            "line 5 of 'log.csv' names the columns anew, and 'x' at another place; split the file there",
+        ),
         (HEAD + "2024-01-01,a,b\n", {}, "has no column of numbers beside its time stamps"),
         (HEAD + "2024-01-01 00:00,1,2\n\n\n2024-01-01 99:00,1,2\n", {}, "row 5 of 'log.csv'"),
-        (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, "'log.csv' has time stamps with a zone by name; give an offset"),
+        (HEAD + "2024-01-01 00:00 CET,1,2\n", {}, r"'log.csv' has time stamps with a zone by name \(CET\)"),
+        (
+            HEAD + "2024-01-01 00:00 CET,1,2\n2024-01-01 01:00 CEST,1,2\n",
+            {"timezone": "Europe/Berlin"},
+            "row 3 of 'log.csv': '2024-01-01 01:00 CEST' is in CEST, but Europe/Berlin has CET then; give",
+        ),
         (
             HEAD + "2024-01-01 00:00,1,2\n2024-01-01 99:00,1,2\n",
             {},

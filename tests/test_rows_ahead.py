@@ -89,6 +89,28 @@ def test_weather_that_jumps_from_that_of_the_log_is_told(frame, zone, tmp_path):
     assert not any("jumps" in text for text in day_ahead(zone, frame[:N], path, SCHEDULE).remarks)
 
 
+@pytest.mark.parametrize("names", [("temp", "ghi"), ("Temperatur", "Globalstrahlung")])
+def test_the_only_temperature_of_a_weather_file_is_that_of_outdoors(frame, zone, tmp_path, names):
+    plain = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "plain.csv"), SCHEDULE)
+    path = tomorrow(frame, tmp_path / "w.csv", dict(zip(("T_oa", "q_sol"), names, strict=True)))
+    assert_same(day_ahead(zone, frame[:N], path, SCHEDULE), plain)
+    rows = pd.read_csv(path, index_col=0)
+    rows.assign(temp2=20.0).rename(columns={"temp2": "temp of what"}).to_csv(path)
+    with pytest.raises(ValueError, match="T_oa is not known for the rows ahead"):
+        day_ahead(zone, frame[:N], path, SCHEDULE)
+
+
+@pytest.mark.parametrize(("hours", "told"), [(0, False), (1, False), (2, True), (-6, True)])
+def test_weather_with_another_clock_is_told_by_its_sun(frame, zone, tmp_path, hours, told):
+    rows = frame[["T_oa", "q_sol"]][N - 1 - DAY : N + 2 * DAY].rename_axis("time")
+    path = tmp_path / "w.csv"
+    rows.set_axis(rows.index + pd.Timedelta(hours=hours)).to_csv(path)
+    remarks = day_ahead(zone, frame[:N], path, SCHEDULE).remarks
+    assert (
+        any("of the sun ahead shines at hours of the day at which the log has none" in text for text in remarks) == told
+    )
+
+
 def test_limits_of_the_plant_reach_the_room(frame, zone, tmp_path):
     path = tomorrow(frame, tmp_path / "w.csv")
     free = day_ahead(zone, frame[:N], path, SCHEDULE).frame

@@ -1,4 +1,4 @@
-"""Weather of a forecast from CSV, EPW and Open-Meteo's JSON, and its values on the steps of a forecast."""
+"""Weather of a forecast from CSV, EPW and Open-Meteo's files, and its values on the steps of a forecast."""
 
 from __future__ import annotations
 
@@ -45,6 +45,32 @@ def test_open_meteo_stamps_have_one_offset_and_its_zone_changes_the_clock():
     index = read_weather(SAMPLE).index
     assert (index[1:] - index[:-1] == pd.Timedelta("1h")).all()
     assert index[26] == pd.Timestamp("2024-03-31 03:00", tz="Europe/Berlin")  # 02:00 at the fixed offset
+
+
+def _as_csv(answer: dict) -> str:
+    """The CSV of Open-Meteo's page."""
+    names = ("latitude", "longitude", "elevation", "utc_offset_seconds", "timezone")
+    place = ",".join(str(answer.get(name, 0.0)) for name in names)
+    units, hourly = answer["hourly_units"], answer["hourly"]
+    head = ",".join("time" if name == "time" else f"{name} ({units[name]})" for name in hourly)
+    rows = [
+        ",".join("NaN" if cell is None else str(cell) for cell in row) for row in zip(*hourly.values(), strict=True)
+    ]
+    return f"{','.join(names)},timezone_abbreviation\n{place},X\n\n{head}\n" + "\n".join(rows) + "\n"
+
+
+def test_the_csv_of_open_meteo_is_its_json(tmp_path):
+    """Its stamps have the offset of its second line, and its radiation is of the hour before."""
+    found = read_weather(_written(tmp_path, _as_csv(ANSWER), "open-meteo-52.50N13.42E38m.csv"))
+    pd.testing.assert_frame_equal(found, read_weather(SAMPLE))
+    times = [str(pd.Timestamp(t) - pd.Timedelta(hours=1))[:16].replace(" ", "T") for t in ANSWER["hourly"]["time"]]
+    greenwich = _hourly(time=times) | {"utc_offset_seconds": 0, "timezone": "GMT"}
+    found = read_weather(_written(tmp_path, _as_csv(greenwich), "utc.csv"))
+    pd.testing.assert_frame_equal(found.tz_convert("Europe/Berlin"), read_weather(SAMPLE))
+    with pytest.raises(ValueError, match="it has 2 places; request the forecast of one place"):
+        read_weather(_written(tmp_path, _as_csv(ANSWER).replace("X\n", "X\n1.0,2.0,3,0,GMT,X\n"), "two.csv"))
+    with pytest.raises(ValueError, match=r"'none\.csv' is not a forecast of Open-Meteo with hourly values"):
+        read_weather(_written(tmp_path, _as_csv(ANSWER).partition("\n\n")[0], "none.csv"))
 
 
 def test_units_and_unix_time(tmp_path):

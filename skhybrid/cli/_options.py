@@ -33,7 +33,7 @@ SETPOINT = click.option(
 WEATHER = click.option(
     "--weather",
     type=click.Path(path_type=Path),
-    help="Weather to come: CSV (with set-points, if it has them), EPW, or Open-Meteo's forecast JSON.",
+    help="Weather to come: CSV (with set-points, if it has them), EPW, or Open-Meteo's JSON or CSV.",
 )
 #: options that name files, in words
 _FILES = {"log": "the log", "source": "the source", "weather": "the weather"}

@@ -1,4 +1,4 @@
-"""Readers of weather for a forecast: CSV, EPW and Open-Meteo's JSON; and its values on the steps of a forecast."""
+"""Readers of weather for a forecast: CSV, EPW and Open-Meteo's files; and its values on the steps of a forecast."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from .._ranges import check_range
 from .._table import listed
+from ..logs.open_meteo import answer_of_csv, is_open_meteo_csv
 from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
@@ -42,13 +43,14 @@ def read_weather(
     year: int | None = None,
     **options: Any,
 ) -> pd.DataFrame:
-    """Read weather for a forecast from a CSV, an EPW or Open-Meteo's forecast (JSON).
+    """Read weather for a forecast from a CSV, an EPW or Open-Meteo's forecast (JSON or CSV).
 
     Parameters
     ----------
     path : path-like
-        ``.epw``; ``.json`` as Open-Meteo's API returns it, with hourly ``temperature_2m`` and ``shortwave_radiation``
-        or ``cloud_cover``; anything else is a CSV for :func:`read_zone_csv`, with columns named ``T_oa`` and ``q_sol``.
+        ``.epw``; ``.json`` as Open-Meteo's API returns it, or the CSV of its page, with hourly ``temperature_2m`` and
+        ``shortwave_radiation`` or ``cloud_cover``; anything else is a CSV for :func:`read_zone_csv`, with columns named
+        ``T_oa`` and ``q_sol``.
     latitude, longitude : float, optional
         Site [degrees]; by default as the JSON gives it.
     window_azimuth : float, optional
@@ -90,7 +92,7 @@ def read_weather(
             weather["q_sol"] = weather["ghi"]
         weather.attrs["notes"] = []
         return weather[["T_oa", "q_sol"]]
-    if file.suffix.lower() == ".json":
+    if file.suffix.lower() == ".json" or is_open_meteo_csv(file):
         return _read_open_meteo(file, latitude, longitude, window_azimuth, window_tilt)
     if window_azimuth is not None:
         raise ValueError(f"window_azimuth= is of no use with the CSV {file.name!r}, whose q_sol is taken as it is.")
@@ -198,7 +200,8 @@ def _read_open_meteo(
 
 def _answer(file: Path, where: str) -> Mapping[str, Any]:
     try:
-        answer = json.loads(file.read_text(encoding="utf-8-sig"))
+        text = file.read_text(encoding="utf-8-sig")
+        answer = answer_of_csv(text) if is_open_meteo_csv(file) else json.loads(text)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{where} is not a complete JSON file ({error}); download it again.") from error
     if isinstance(answer, list):

@@ -6,16 +6,19 @@ import re
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from .._table import listed
 from .._warnings import several
 from .cell_numbers import NumberColumn
+from .named_zones import in_named_zones, offset_in_name, without_names, zone_names
 from .naming import unit_in_name
 from .raw_log import RawLog
 from .stamp_cells import joined_cells, read_stamps
-from .stamps import in_zone, localize
+from .stamps import in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
@@ -23,6 +26,7 @@ _SPARSE = 10.0  # times the shortest usual interval of the others, from which on
 _EVEN_OF_SPARSE = 0.75  # fewer than this share are even, or it has
 _FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few values a day; daily readings are samples
 _REPEATS, _OFTEN, _SKIPPED = 0.01, 10, 0.2  # equal neighbours; long intervals: their number, their share of the time
+_DENSE = 0.8  # share of the rows of a wide table, from which on a channel is sampled with them
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 _CELLS = 1 << 19  # cells of a piece
@@ -145,10 +149,25 @@ def unit_columns(names: Iterable[Hashable]) -> list[str]:
 
 def _with_stamps(pieces: Pieces) -> Iterator[pd.DataFrame]:
     """The rows of each piece that have a time stamp, numbered so that messages name their line of the file."""
-    begin = pieces.first_line - 2
-    for piece in pieces.frames:
-        yield _with_stamp(piece.set_axis(range(begin, begin + len(piece)), axis=0), pieces)
+    begin, date = pieces.first_line - 2, None
+    for rows in pieces.frames:
+        piece = rows.set_axis(range(begin, begin + len(rows)), axis=0)
+        if len(pieces.stamps) == 2 and len(piece):
+            piece, date = _with_dates(piece, pieces, date)
+        yield _with_stamp(piece, pieces)
         begin += len(piece)
+
+
+def _with_dates(piece: pd.DataFrame, pieces: Pieces, date: Any) -> tuple[pd.DataFrame, Any]:
+    """The rows with the date above them where they have a time alone, and the last date; merged cells leave such."""
+    day, time = pieces.stamps
+    blank = piece[day].isna() | (piece[day].astype(str).str.strip() == "")
+    alone = blank & piece[time].astype(str).str.contains(r"\d:\d")
+    dates = piece[day].where(~blank).ffill()
+    dates = dates if date is None else dates.fillna(date)
+    if alone.any():
+        pieces.notes.append(f"{several(int(alone.sum()), 'row')} without a date taken as of the date above")
+    return piece.assign(**{day: piece[day].where(~alone, dates)}), dates.iloc[-1]
 
 
 def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
@@ -159,10 +178,24 @@ def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
         known &= cells.astype(str).str.contains(r"\d", regex=True)
     if known.all():
         return piece
+    _refuse_other_header(piece[~known], pieces.where)
     filled = piece[~known].replace(r"^\s*$", np.nan, regex=True).notna().any(axis=1)
     if filled.any():
         pieces.notes.append(f"{several(int(filled.sum()), 'row')} without a time stamp left out")
     return piece[known]
+
+
+def _refuse_other_header(rows: pd.DataFrame, where: str) -> None:
+    """Refuse a row that names columns of the table at other places, as where exports were put one below the other."""
+    names = list(map(str, rows.columns))
+    for row, cells in zip(rows.index, rows.to_numpy(dtype=object), strict=True):
+        found = [str(cell).strip() for cell in cells]
+        moved = [cell for name, cell in zip(names, found, strict=True) if cell != name and cell in names]
+        if moved:
+            raise ValueError(
+                f"line {line(row)} of {where} names the columns anew, and {moved[0]!r} at another place; split the "
+                "file there, or put the columns in one order."
+            )
 
 
 def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Series, pd.DatetimeIndex]:
@@ -174,8 +207,15 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
     if cells.dtype == object and not isinstance(first := cells.iloc[0], str) and hasattr(first, "year"):
         mixed = any(getattr(one, "tzinfo", None) is not None for one in (first, cells.iloc[-1]))
         cells = pd.Series(pd.to_datetime(cells, utc=mixed), index=cells.index)
-    stamps, notes = read_stamps(cells, choice.dayfirst, pieces.where)
+    names = zone_names(cells)
+    plain = cells if names is None else without_names(cells)
+    stamps, notes = read_stamps(plain, choice.dayfirst, pieces.where)
     pieces.notes.extend(notes)
+    if names is not None:
+        stamps = in_named_zones(stamps, names, choice.timezone, cells, pieces.where)
+    elif stamps.tz is None and (offset := offset_in_name(pieces.stamps)) is not None:
+        pieces.notes.append(f"stamps are UTC{offset.removeprefix('UTC')}, as {listed(pieces.stamps)} says")
+        stamps = stamps.tz_localize(offset)
     return cells, stamps
 
 
@@ -207,7 +247,9 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
     for name, channel in channels.items():
         word, n = channel.odd
         if channel.is_text:
-            pieces.notes.append(f"{name!r} is left out, since it holds text such as {word!r}")
+            hint = "; if it says when the plant ran, write columns of 1 and 0 for heating and cooling"
+            text = f"{name!r} is left out, since it holds text such as {word!r}"
+            pieces.notes.append(text + hint * channel.tells_plant)
         elif channel.n_numbers or not name.startswith("column "):
             kept[name] = channel
             if n:
@@ -267,8 +309,11 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
     """Channels whose values come at uneven times, as in a log of changes; with ``sparse_only``, only sparse columns.
 
     Among channels with many values, one with a few a day is held too: a schedule changes its set-point at even times.
+    In a wide table whose cells are blank where nothing changed, no channel repeats a value, and all are held.
     So is one of a long table that never repeats a value and often skips some: it is polled and written on change.
     """
+    if sparse_only and _has_changes_only(frame):
+        return list(map(str, frame))
     ticks = pd.DatetimeIndex(frame.index).as_unit("ns").asi8
     spacings: dict[Hashable, np.ndarray] = {
         name: np.diff(np.unique(ticks[frame[name].notna().to_numpy()])) for name in frame
@@ -277,7 +322,7 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
     found = []
     for name, spacing in spacings.items():
         known = frame[name].notna().to_numpy()
-        if sparse_only and known.mean() > 0.8:
+        if sparse_only and known.mean() > _DENSE:
             continue
         if len(spacing) < 3:
             found += [str(name)] if known.any() and len(ticks) > 10 else []
@@ -289,6 +334,13 @@ def held_channels(frame: pd.DataFrame, sparse_only: bool) -> list[str]:
         if even < _EVEN or polled or (sparse and (even < _EVEN_OF_SPARSE or _FEW_A_DAY[0] < usual < _FEW_A_DAY[1])):
             found.append(str(name))
     return found
+
+
+def _has_changes_only(frame: pd.DataFrame) -> bool:
+    """Whether no channel of a wide table ever repeats a value, and two or more are often blank."""
+    values = [frame[name].dropna().to_numpy() for name in frame]
+    sparse = sum(_OFTEN < len(known) <= _DENSE * len(frame) for known in values)
+    return sparse > 1 and all((np.diff(known) == 0.0).mean() < _REPEATS for known in values if len(known) > _OFTEN)
 
 
 def _is_change_of_polled(values: np.ndarray, spacing: np.ndarray, usual: float) -> bool:

@@ -12,10 +12,10 @@ import pandas as pd
 from .unit_names import unit_named
 
 _SWITCHES = dict.fromkeys(
-    ("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche"), 1.0
+    ("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche", "heating"), 1.0
 )
 _SWITCHES |= dict.fromkeys(
-    ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt"), 0.0
+    ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt", "idle"), 0.0
 )
 _ERRORS = re.compile(
     r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
@@ -93,6 +93,11 @@ class NumberColumn:
     def odd(self) -> tuple[str, int]:
         """The most frequent word that is not a number, and the number of cells that hold words."""
         return (self.words.most_common(1)[0][0], self.words.total()) if self.words else ("", 0)
+
+    @property
+    def tells_plant(self) -> bool:
+        """Whether a column of words seems to say when a plant heats and cools."""
+        return self.switch.lower() == "heating" or any(word.lower() in ("heating", "cooling") for word in self.words)
 
     @property
     def is_text(self) -> bool:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import is_instant, listed, role_of
+from .._table import listed, role_of
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
 from .raw_log import RawLog
-from .unit_names import COUNTERS, ENERGY
+from .unit_names import COUNTERS, ENERGY, IRRADIATION
 
 #: times that a plant ran in each row, in seconds
 TIMES = {"s": 1.0, "min": 60.0}
@@ -68,13 +68,13 @@ def channels_of(
 
 def fitting_unit(unit: str | None, role: str) -> str | None:
     """The unit, where it can be that of the role: only a power is logged as an energy, only a stage as a time."""
-    prefix = "Q_" if is_energy(unit) else "u_" if unit in TIMES else ""
+    prefix = "q_sol" if unit in IRRADIATION else "Q_" if is_energy(unit) else "u_" if unit in TIMES else ""
     return unit if role.startswith(prefix) else None
 
 
 def is_energy(unit: str | None) -> bool:
     """Whether values in a unit become powers by the rows around them."""
-    return unit in ENERGY or unit in COUNTERS
+    return unit in ENERGY or unit in COUNTERS or unit in IRRADIATION
 
 
 def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
@@ -88,13 +88,13 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
 
 def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
-    if is_instant(channel.role) and channel.name in raw.switches:
+    if channel.role.startswith("T_") and channel.name in raw.switches:
         series = series.where(~series.isin((0.0, 1.0)))
     values = series.to_numpy(dtype=np.float64)
     if (counter := counter_of(raw, channel)) is not None:
         values = power_of_counter(counter)
-    elif channel.role.startswith("Q_") and unit in ENERGY:
-        values = ENERGY[unit] * values / row_hours(series)
+    elif (of_row := (ENERGY if channel.role.startswith("Q_") else IRRADIATION).get(str(unit))) is not None:
+        values = of_row * values / row_hours(series)
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
@@ -120,4 +120,5 @@ def counter_of(raw: RawLog, channel: Channel) -> pd.Series | None:
 def row_hours(values: pd.Series) -> float:
     """Usual distance of two values [h]; other columns of the log may have more of them."""
     between = hours_between(values.dropna())
+    between = between[between > 0.0]
     return float(np.median(between)) if len(between) else 1.0

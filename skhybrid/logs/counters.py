@@ -7,7 +7,12 @@ import pandas as pd
 
 from .._ranges import range_of
 
-_FEW_RESETS = 0.01  # share of a counter's readings that fall at most, when it is reset or replaced
+_FEW_RESETS = 0.03  # falls of a counter at most, relative to its rises, when it is reset or replaced, and
+_RESETS = 2  # so many more, where it rises seldom, not counting
+_SHORT_DIP = 3  # failed readings in a row, after which it goes on
+_DAILY = pd.Timedelta("75min").value  # a counter of the day falls at the same time, but for daylight saving,
+_MORE_RISES = 3.0  # rises more often than it falls by this factor at least, and
+_LEFT = 0.2  # keeps at most this share of its reading
 _SLOW = 0.1  # rise of a counter, relative to its readings, that an energy per row cannot have without ever falling
 _FAR_ABOVE = 20.0  # a rise this many times above all others is a replaced meter
 _BACK_ABOVE = 2.0  # and one this many times above them, that makes up for a fall, ends a failed reading
@@ -17,13 +22,27 @@ _LONGEST_DIP = 1000  # failed readings in a row
 
 
 def is_counter(values: pd.Series) -> bool:
-    """Whether readings only rise, but for a few resets, as those of a meter do."""
-    readings = values.dropna().to_numpy(dtype=np.float64)
+    """Whether readings only rise, but for a few resets, or one at the same time of each day, as those of a meter do."""
+    known = values.dropna()
+    readings = known.to_numpy(dtype=np.float64)
     steps = np.diff(readings)
-    if len(steps) <= 20 or not (steps > 0).any():
+    rises, falls = int((steps > 0).sum()), int((steps < 0).sum())
+    if len(steps) <= 20 or not rises:
         return False
-    slow = (steps >= 0).all() and readings[-1] - readings[0] < _SLOW * readings[0]
-    return bool(slow or ((steps > 0).sum() > 10 and (steps < 0).mean() <= _FEW_RESETS))
+    slow = not falls and readings[-1] - readings[0] < _SLOW * readings[0]
+    if slow or rises <= 10 or rises < _MORE_RISES * falls:
+        return bool(slow)
+    short = sum(back - fall <= _SHORT_DIP for fall, back in _dips(readings))
+    return falls - short <= _RESETS + _FEW_RESETS * rises or _is_set_to_zero_daily(known)
+
+
+def _is_set_to_zero_daily(known: pd.Series) -> bool:
+    """Whether readings fall to about zero, and always at about the same time of the day."""
+    readings, day = known.to_numpy(dtype=np.float64), pd.Timedelta("1D").value
+    at = np.flatnonzero(np.diff(readings) < 0.0) + 1
+    ticks = pd.DatetimeIndex(known.index).as_unit("ns").asi8[at]
+    apart = (ticks - ticks[0] + day // 2) % day - day // 2
+    return bool(np.ptp(apart) <= _DAILY and (readings[at] <= _LEFT * readings[at - 1]).all())
 
 
 def power_of_counter(readings: pd.Series) -> np.ndarray:
@@ -32,13 +51,14 @@ def power_of_counter(readings: pd.Series) -> np.ndarray:
     What :func:`counter_jumps` finds is missing, as are falls: the counter was set to zero, or replaced.
     """
     known = readings.dropna()
+    known = known[~known.index.duplicated()]
     failed, replaced = _jumps(known)
     known, replaced = known[~failed], replaced[~failed]
     used = np.append(np.diff(known.to_numpy(dtype=np.float64)), np.nan)
     hours = np.append(hours_between(known), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         power = pd.Series(np.where((used < 0.0) | replaced, np.nan, used / hours), index=known.index)
-    return power[~power.index.duplicated()].reindex(readings.index).to_numpy()
+    return power.reindex(readings.index).to_numpy()
 
 
 def counter_jumps(readings: pd.Series) -> pd.DatetimeIndex:

@@ -19,6 +19,7 @@ _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so 
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
 _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
 _ABSENT = 0.02  # share of rows without a value, from which on it is named
+_CLASHING = 0.1  # share of rows with the stamp of another one that no change of clocks brings
 _LONELY = 0.01  # rows far from all others, relative to these, whose stamps may be wrong
 _MOST_NAMED = 5  # findings of one kind that are listed
 _INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those of a room [degC]
@@ -27,6 +28,7 @@ _MORE_MOVED = 1.5  # range of the room's temperature relative to that outdoors
 _AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
 _HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so that no heating is needed [K]
 _RUNS, _MOST_RUN = 0.1, 0.4  # heat, relative to its peaks, and share of such hours in which a heater may give more
+_ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 
 
@@ -62,6 +64,25 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
     if label is None:
         text = "the log does not say whether a stamp begins (left) or ends (right) the interval of its means"
         yield Finding("note", "clock", f"{text}; {guessed_label(index, step)} is assumed.")
+
+
+def clash(frame: pd.DataFrame) -> str | None:
+    """A sentence where many rows have the stamp of another one and other values; None where few have.
+
+    Stamps that are cut to minutes, among rows that come faster, are no clash.
+    """
+    index = pd.DatetimeIndex(frame.index)
+    again, stamps = index.duplicated(), index.unique().sort_values()
+    if again.mean() <= _CLASHING or len(stamps) < 2 or (stamps[1:] - stamps[:-1]).min() <= pd.Timedelta("1min"):
+        return None
+    later, first = frame[again], frame[~again].loc[index[again]]
+    other = (later.to_numpy() != first.to_numpy()) & later.notna().to_numpy() & first.notna().to_numpy()
+    rows = np.flatnonzero(other.any(axis=1))
+    if len(rows) <= _CLASHING * len(frame):
+        return None
+    text = f"{len(rows)} of {len(frame)} rows have the stamp of another row and other values"
+    asked = "is the time of day, AM or PM, or the name of the room in another column?"
+    return f"{text}, first {later.index[rows[0]]}: {asked} Give each row a stamp of its own, and each room its columns."
 
 
 def is_local(index: pd.DatetimeIndex) -> bool:
@@ -132,13 +153,15 @@ def sensor_findings(
 
 
 def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
-    """Remarks on what never changes, heating that is always negative, switches as heat, and W that are called kW."""
+    """Remarks on what never changes or hardly runs, heating that is always negative, switches, and W called kW."""
     low, high = float(known.min()), float(known.max())
     if known.index.max() - known.index.min() >= _UNCHANGED and low == high != 0.0:
         yield Finding("warning", name, f"is {low:.4g} in all rows: does the sensor or meter work?")
     elif role.startswith("Q_heat") and low < 0.0 >= high:
         text = f"heat into the room is positive, but this is never: give [scale] {role} = -1 if its sign is reversed"
         yield Finding("warning", name, f"{text}, or Q_cool if it is cooling.")
+    elif role.startswith("u_") and 0.0 < high <= _ONE_PERCENT:
+        yield Finding("warning", name, f"reaches {100 * high:.2g} % only: is it a fraction? Then give '-' as its unit.")
     elif role.startswith("Q_") and low == 0.0 and high == 1.0 and known.nunique() == 2:
         yield Finding("warning", name, "is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool.")
     elif role.startswith("Q_") and is_in_watts(known.to_numpy(dtype=np.float64), None):
@@ -234,8 +257,14 @@ def swap_findings(name: str, room: pd.Series, outdoor: pd.Series) -> Iterator[Fi
 
 
 def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
-    """A remark on the set-points of each zone that heat to more than they cool to; ``frame`` has roles as columns."""
+    """Remarks on set-points of 0 degC, and on those that heat to more than they cool to; columns are roles."""
     heat, cool = SETPOINT_ROLES
+    for role in (role for role in frame if str(role).startswith(SETPOINT_ROLES)):
+        n = int((frame[role] == 0.0).sum())
+        if n and frame[role].max() > 0.0:
+            yield Finding(
+                "warning", str(role), f"is 0 degC in {several(n, 'row')}: if the plant is off then, leave them empty."
+            )
     zones = [str(role).removeprefix(heat) for role in frame if str(role).startswith(heat)]
     for low, high in ((heat + zone, cool + zone) for zone in zones if cool + zone in frame):
         crossed = frame.index[frame[low] > frame[high]]

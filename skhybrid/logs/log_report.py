@@ -10,16 +10,17 @@ import numpy as np
 import pandas as pd
 
 from .._holidays import read_holidays
-from .._ranges import range_of
 from .._table import is_plant
 from .._time import spell, wall_clock
 from .._warnings import several
 from .abilities import abilities, excitation
+from .assumed_units import assumed_unit, outdoor_as_room
 from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
 from .log_findings import (
     Finding,
+    clash,
     clock_findings,
     cooling_findings,
     counter_findings,
@@ -41,7 +42,6 @@ from .zone_names import further_rooms, zone_guesses, zone_roles, zones_of
 
 _SHOWN_ROWS = 3
 _STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
-_STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
 
 
 class LogReport:
@@ -243,67 +243,31 @@ class LogReport:
         role = str(guess.role)
         unit, factor = units.get(role, fitting_unit(stated, role)), scale.get(role, raw.scale.get(name, 1.0))
         if unit is None:
-            unit, factor = self._assume(raw.frame[name], role, factor, guess.reason == NAMED_BY_ROLE)
+            unit, factor, why = assumed_unit(raw.frame[name], role, factor, guess.reason == NAMED_BY_ROLE)
+            self._assumed |= {role: why} if why else {}
         if unit in ENERGY and role not in units and role.startswith("Q_") and is_counter(raw.frame[name]):
             unit = f"{unit} counter"
         return Channel(role, name, unit, factor)
 
-    def _assume(self, values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float]:
-        """A unit and a factor from values, with a sentence on why; a role's own name stands for its unit."""
-        known = values.to_numpy(dtype=np.float64)
-        known = known[np.isfinite(known)]
-        if not len(known) or (role.startswith("u_") and factor != 1.0):
-            return None, factor
-        low, high = float(known.min()), float(known.max())
-        if role.startswith("u_"):
-            top = next((step for step in _STAGE_STEPS if high <= step), None)
-            if top == 1.0:
-                return None, factor
-            if top is None:
-                self._assumed[role] = (
-                    f"values reach {high:g}, beyond 100 %; give {role} and 1 / its full scale under [scale] if it is a "
-                    f"stage, or Q_{role[2:]} and its unit if it is heat"
-                )
-                return None, factor
-            self._assumed[role] = f"values reach {high:g}: percent is assumed, so kW have no certain scale"
-            return "percent", factor
-        if role.startswith("Q_") and is_counter(values):
-            self._assumed[role] = "values only rise: a counter in kWh is assumed"
-            return "kWh", factor
-        middle = float(np.median(known))
-        lasting = float(pd.Series(known).rolling(5, center=True, min_periods=1).median().max())  # no spike of a sensor
-        if role.startswith("T_") and (middle > 42.0 or (role == "T_oa" and lasting > range_of(role).usual_highest)):
-            unit = "K" if low > 200.0 else "degF"
-            self._assumed[role] = f"values from {low:.0f} to {high:.0f} are those of {unit}"
-            return unit, factor
-        if (role.startswith("q_sol") and high > 2.0) or (role.startswith("Q_") and np.abs(known).max() > 200.0):
-            unit = "W/m2" if role.startswith("q_sol") else "W"
-            self._assumed[role] = f"values reach {max(high, -low):.0f}: {unit} is assumed"
-            return unit, factor
-        if not is_contract and not role.startswith("T_"):
-            self._assumed[role] = f"no unit is stated: {contract_unit(role)} is assumed"
-        return None, factor
-
     def _of_known_scale(self, channels: list[Channel], given: set[str]) -> list[Channel]:
-        """The channels without stages that only a name suggests, and values of no known scale deny."""
+        """The channels without switches as heat, and stages of no known scale, that only a name suggests."""
         kept = []
         for c in channels:
-            if c.role.startswith("u_") and c.unit is None and c.role in self._assumed and c.role not in given:
+            is_switch = c.name in self.raw.switches and self.raw.frame[c.name].dropna().isin((0.0, 1.0)).all()
+            if c.role.startswith("Q_") and is_switch and c.role not in given:
+                self._assumed.pop(c.role, None)
+                self._guesses[c.name] = Guess(None, 0, "it is on or off; give u_heat or u_cool if it is the plant's")
+            elif c.role.startswith("u_") and c.unit is None and c.role in self._assumed and c.role not in given:
                 self._guesses[c.name] = Guess(None, 0, self._assumed.pop(c.role))
             else:
                 kept.append(c)
         return kept
 
     def _outdoor_as_room(self, channels: list[Channel]) -> list[Channel]:
-        """Take degF for the outdoor temperature too where rooms have it: on cold days values do not show the unit."""
-        rooms = [c.role for c in channels if c.unit == "degF" and c.role.split("_")[:2] == ["T", "za"]]
-        outdoor = next((c for c in channels if c.role == "T_oa" and c.unit is None), None)
-        if not rooms or outdoor is None:
-            return channels
-        if self._guesses[outdoor.name].reason == NAMED_BY_ROLE and not set(rooms) & set(self._assumed):
-            return channels  # its name stands for its unit
-        self._assumed["T_oa"] = "no unit is stated: degF is assumed, as of the room"
-        return [c._replace(unit="degF") if c is outdoor else c for c in channels]
+        own = {c.role for c in channels if self._guesses[c.name].reason == NAMED_BY_ROLE}
+        channels, why = outdoor_as_room(channels, self.raw.frame, self._assumed, own)
+        self._assumed |= {"T_oa": why} if why else {}
+        return channels
 
     def _is_unsure(self, channel: Channel) -> bool:
         return self._seems_electric(channel) or "scale" in self._assumed.get(channel.role, "")
@@ -329,6 +293,8 @@ class LogReport:
 
     def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
         found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
+        if (text := clash(self.frame)) is not None:
+            found.append(Finding("error", "clock", text))
         found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
         for channel in channels:
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..preprocessing._units import UNITS
-from .unit_names import ENERGY, unit_or_energy, unit_text
+from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_text
 
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _ROOM = (
-    r"\b(zone|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
+    r"\b(zone|zn|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
     r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion"
 )
 _OUT = (
@@ -21,34 +21,45 @@ _OUT = (
     r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient"
 )
 _SET = (
-    r"\b(set|sp|soll|stp|target|wanted|desired|setting)\b|set ?point|set ?temp|sollwert|solltemp|consigne|consigna|"
-    r"gewenst|streef|setpunt|instel"
+    r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
+    r"consigna|gewenst|streef|setpunt|instel"
 )
-_SET_POINT = r"set ?point|\bsp\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
+_SET_POINT = r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
+_IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
+_OF_A_MODE = r"\b(un)?occ\b|night|standby|stand by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
 _HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
-    r"\bhtg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
+    r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
 )
-_COOL = r"cool|kuhl|kuehl|kalte|kaelte|koel|climat|chill|compressor|froid|refrig|raffresc|\bac\b|\bclg|\bchwv?\b"
+_COOL = (
+    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati|chill|(?<!heat pump )(?<!heatpump )compressor|froid|refrig|"
+    r"raffresc|\bac\b|air ?con|clg|\bchwv?\b"
+)
 _TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
 )
+#: not the temperature of the air now, or not that of all the sun, where there are several
+_OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
+_PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
-_POWER = r"power|leistung|vermogen|puissance|potenza|thermal|hvac|energy|energie|delivered|heat meter|warmtemeter|load"
+_PLANT = r"hvac|thermal|delivered|\bload\b|\b(pac|wp|hp)\b"  # of heat, where no word says whether it heats or cools
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
 _ELECTRICITY = (
     r"elec|strom(?!ung)|stroom|heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor|"
-    r"\b(pac|wp|hp)\b|consumption|verbrauch|plug|socket"
+    r"\b(pac|wp|hp|ac)\b|air ?con|consumption|verbrauch|plug|socket"
 )
 _DELIVERED = r"thermal|thermique|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
 #: what no model reads
 _OTHER = (
     r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
     r"\bfan\b|(?<!heat)(?<!heat )pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
-    r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap"
+    r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
+    r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
+    r"\bpv\b|photovolt|solar (power|energy|prod|yield)|inverter|\bgrid\b|\bev\b|charger|dishwash|washing|dryer|freezer|"
+    r"fridge|\bcpu\b"
 )
 
 #: the reason where a column has the name of its role, whose unit it then has
@@ -94,30 +105,27 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if _STANDARD.fullmatch(name):
         return Guess(name, 10, NAMED_BY_ROLE)
     words = plain(name)
+    if unit is None and is_foreign(stated := unit_text(name) or ""):
+        return Guess(None, 0, f"no model reads {stated}")
     if re.search(_OTHER, words):
         return Guess(None, 0, "no model reads such a quantity")
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (_HEAT, _COOL, _SET))
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
-        if wanted:
-            if heat or cool:
-                return Guess("T_cool_set" if cool else "T_heat_set", 3, "its name is that of a set-point")
-            return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
-        room, out = bool(re.search(_ROOM, words)), bool(re.search(_OUT, words))
-        if out and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
-            return Guess("T_oa", 3, "its name is that of the outdoor temperature")
-        if room:
-            return Guess("T_za", 3, "its name is that of a room's temperature")
-        return Guess(None, 1, UNPLACED)
+        return _set_point(words, heat, cool) if wanted else _temperature(words)
     if of == "irradiance":
-        return Guess("q_sol", 3, "its name or unit is that of irradiance")
+        return Guess("q_sol", 3 - bool(re.search(_PART_OF_SUN, words)), "its name or unit is that of irradiance")
     electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
-    if of == "power" and (heat or cool or electric or re.search(_POWER, words)):
+    if of == "power" and not wanted and (heat or cool or re.search(_PLANT, words)):
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way
         reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
         return Guess(role, 2, reason + " (electricity?)" * electric, electric)
+    if of == "power":
+        return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
+    if of in ("stage", None) and heat and cool:
+        return Guess(None, 0, "its name says that it heats and that it cools; give u_heat, u_cool or Q_hvac")
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
@@ -127,9 +135,33 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     return Guess(None, 0, "its name says nothing of a role")
 
 
+def _temperature(words: str) -> Guess:
+    """The role of a temperature that is measured."""
+    certainty = 3 - bool(re.search(_OTHER_THAN_AIR, words))
+    if re.search(_OUT, words) and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
+        return Guess("T_oa", certainty, "its name is that of the outdoor temperature")
+    if re.search(_ROOM, words):
+        return Guess("T_za", certainty, "its name is that of a room's temperature")
+    return Guess(None, 1, UNPLACED)
+
+
+def _set_point(words: str, heat: bool, cool: bool) -> Guess:
+    """The role of a set-point."""
+    if heat == cool:
+        return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
+    return Guess("T_cool_set" if cool else "T_heat_set", 3 + _preference(words), "its name is that of a set-point")
+
+
+def _preference(words: str) -> int:
+    """Whether a set-point is the one in force (1), or that of a mode or a limit (-1), which may be out of force."""
+    return bool(re.search(_IN_FORCE, words)) - bool(re.search(_OF_A_MODE, words))
+
+
 def _kind(words: str, unit: str | None) -> str | None:
     if unit in ENERGY or (unit in UNITS and UNITS[unit].kind == "power"):
         return "power"
+    if unit in IRRADIATION:
+        return "irradiance"
     if unit in UNITS and UNITS[unit].kind != "fraction":
         return UNITS[unit].kind
     if re.search(_SUN, words) and not re.search(_TEMPERATURE, words):
@@ -138,7 +170,7 @@ def _kind(words: str, unit: str | None) -> str | None:
         return "stage"
     if re.search(_TEMPERATURE, words) or re.search(_SET_POINT, words):
         return "temperature"
-    return "power" if re.search(r"\bkw\b|power|leistung|vermogen|puissance", words) else None
+    return "power" if re.search(r"\bkw\b|power|heat rate|leistung|vermogen|puissance", words) else None
 
 
 def assign_roles(

@@ -13,6 +13,7 @@ YEARS = (1700, 2250)  # another year is a slip of the pen, and its nanoseconds o
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _BLOCK = 50_000  # rows
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
+_YEAR_FIRST = r"\d{4}[-/.]"
 _ZONE_BY_NAME = "has time stamps with a zone by name; give an offset from UTC, or none."
 
 
@@ -65,12 +66,20 @@ def numbered_dates(text: pd.Series) -> pd.DataFrame:
 
 
 def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
-    """Whether dates begin with the day, as one such as 31/01/2024 shows."""
+    """Whether dates begin with the day, as one such as 31/01/2024 shows; those that begin with the year do not."""
+    numbers = numbered_dates(text)
+    known = numbers[0].notna()
+    if not known.any():
+        return bool(dayfirst) and re.match(_YEAR_FIRST, text.iloc[0].strip()) is None
+    plain = text if known.all() else text.str.strip()
+    if not known.all() and (year_first := plain[plain.str.match(_YEAR_FIRST)]).size:
+        both = f"{cell(year_first.iloc[0])} and {cell(plain[plain.str.match(_NUMBERED)].iloc[0])}"
+        raise ValueError(
+            f"{where} has dates such as {both}; Excel exchanges day and month where it can, so export the log again, "
+            "with dates such as 2024-01-31."
+        )
     if dayfirst is not None:
         return bool(dayfirst)
-    numbers = numbered_dates(text)
-    if numbers[0].isna().all():
-        return False
     if (numbers[0] > 12).any():
         return True
     if (numbers[1] > 12).any():

@@ -25,16 +25,20 @@ _UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling 
 ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6, "GJ": 1e3 / 3.6}
 #: units of a counter [kWh], also where a few rows or a standing meter do not show that it is one
 COUNTERS = {f"{unit} counter": factor for unit, factor in ENERGY.items()}
-_ENERGIES = {name.lower(): name for name in ENERGY}
+#: units of the irradiation of each row [kWh/m2], which becomes irradiance likewise
+IRRADIATION = {"Wh/m2": 1e-3, "kWh/m2": 1.0, "J/cm2": 1.0 / 360.0, "kJ/m2": 1.0 / 3600.0, "MJ/m2": 1.0 / 3.6}
+_ENERGIES = {name.lower(): name for name in (*ENERGY, *IRRADIATION)}
 #: units that a unit line may hold and no channel is converted from
+_FOREIGN = "ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|ccf|l/s|l/h|l/min|cfm|m/s|km/h|mph|mm|%rh|rh"
 _OTHERS = (
-    "mw|ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|l/s|l/h|l/min|cfm|a|ma|v|mv|volts|hz|rpm|m/s|km/h|mph|mm|"
-    "s|sec|min|h|hr|%rh|rh|ts|rn|smp|avg|tot|std|max|none|units?|einheit|bool|enum|on/off|0/1"
+    f"{_FOREIGN}|mw|a|ma|v|mv|volts|hz|rpm|s|sec|min|h|hr|ts|rn|smp|avg|tot|std|max|none|units?|einheit|bool|enum|"
+    "on/off|0/1"
 )
+_IS_FOREIGN = re.compile(rf"(?:{_FOREIGN})\Z", re.IGNORECASE)
 _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
-    r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?W/m(?:2|²|\^2)|percent|pct|k?W|k?Btu/?h|Celsius|"
+    r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|k?Btu/?h|Celsius|"
     r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|kbtu)))\s*\Z"
 )
 _SYMBOLS = (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("⋅", ""), ("*", ""), ("⁻", "-"))
@@ -47,7 +51,7 @@ def unit_named(text: object) -> str | None:
 
 
 def unit_or_energy(text: object) -> str | None:
-    """The unit that a text spells, or one of :data:`ENERGY`; None for another."""
+    """The unit that a text spells, or one of :data:`ENERGY` or :data:`IRRADIATION`; None for another."""
     return unit_named(text) or _ENERGIES.get(_plain(str(text)).lower())
 
 
@@ -63,6 +67,11 @@ def unit_text(name: str) -> str | None:
 def is_unit(text: str) -> bool:
     """Whether a cell of a unit line is a unit."""
     return unit_or_energy(text) is not None or bool(_OTHER.match(_plain(text)))
+
+
+def is_foreign(text: str) -> bool:
+    """Whether a text is the unit of a quantity that no model reads, such as m3 or hPa."""
+    return bool(_IS_FOREIGN.match(_plain(text)))
 
 
 def _plain(text: str) -> str:

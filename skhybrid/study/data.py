@@ -15,7 +15,7 @@ from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import doubts_on_temperatures, unit_switch
+from ..logs.log_findings import clash, doubts_on_temperatures, unit_switch
 from ..logs.standstills import without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
@@ -88,6 +88,8 @@ def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.Dat
     """As :func:`read_log`, and the roles that are logged by change."""
     log = by_role(read_raw_log(path, settings), settings)
     frame = log.frame
+    if (text := clash(frame)) is not None:
+        raise ValueError(text)
     if settings.label == "right":
         frame = to_left_label(frame, log.without_label)
     frame, report = on_even_steps(frame, settings, log.held)
@@ -162,7 +164,7 @@ def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
     """The channels with the unit of set-points that have none of their own, by their values."""
     found = []
     for channel in channels:
-        if channel.unit is None and channel.role.startswith((*SETPOINT_ROLES, SETPOINT)):
+        if channel.unit is None and channel.scale == 1.0 and channel.role.startswith((*SETPOINT_ROLES, SETPOINT)):
             median = raw.frame[channel.name].median()
             unit = "K" if median > _KELVIN else "degF" if median > _FAHRENHEIT else None
             channel = channel._replace(unit=unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,10 +11,12 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant, listed
+from .._warnings import percent
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..logs.naming import UNPLACED, plain
+from ..logs.open_meteo import is_open_meteo_csv
 from ..logs.zone_csv import to_left_label
 from ..study.data import inputs_of, read_log
 from ..study.doubts import day_beyond
@@ -26,6 +29,9 @@ from .zone_model import ZoneModel
 
 _FIRST = 4  # rows on each side of the origin whose weather is compared
 _LARGEST_JUMP = 12.0  # of T_oa from these to those [K]
+_DARK = 0.01  # irradiance relative to its highest, below which an hour of the log is dark
+_LEAST_SEEN = pd.Timedelta("3D")  # history that shows when it is
+_IN_THE_DARK = 0.03  # share of the irradiance ahead that a change of season may bring to dark hours
 _OLD = pd.Timedelta("28D")  # age of what a model knows, from which on it should learn anew
 
 
@@ -58,7 +64,7 @@ def day_ahead(
     log : path-like, the log up to now, with rows of weather and plan after it where there are any
         Or its rows, as :func:`skhybrid.study.read_log` returns them.
     weather : path-like, optional
-        CSV, EPW or Open-Meteo's JSON of the rows ahead.
+        CSV, EPW, or Open-Meteo's JSON or CSV of the rows ahead.
     schedule : Schedule, or mapping of zone to Schedule, optional
         Set-points; by default those of the rows ahead in the log, then in the CSV, then of the settings.
 
@@ -124,7 +130,7 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int
 
     Columns of a CSV that have the names of the log's are read as the log is; others are found by names and values.
     """
-    if Path(path).suffix.lower() in (".epw", ".json"):
+    if Path(path).suffix.lower() in (".epw", ".json") or is_open_meteo_csv(path):
         frame = read_weather(path, year=year, **dict(settings.site))
     else:
         given = {} if settings.timezone is None else {"timezone": settings.timezone}
@@ -190,6 +196,33 @@ def _jump(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
     return float(abs(ahead["T_oa"].iloc[:_FIRST].mean() - history["T_oa"].iloc[-_FIRST:].mean()))
 
 
+def _weather_remarks(history: pd.DataFrame, ahead: pd.DataFrame) -> Iterator[str]:
+    """Remarks on weather ahead that is not about that of the log."""
+    jump = _jump(history, ahead)
+    if jump > _LARGEST_JUMP:
+        text = f"T_oa jumps by {jump:.0f} K from the end of the log to the weather ahead"
+        yield f"{text}; check the unit and the stamps of both"
+    share = _sun_at_night(history, ahead)
+    if share > _IN_THE_DARK:
+        text = f"{percent(share)} of the sun ahead shines at hours of the day at which the log has none"
+        yield f"{text}; check the time zone of the weather, and timezone = in the configuration"
+
+
+def _sun_at_night(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
+    """Share of the irradiance ahead in the hours of the day, which no change of clocks moves, that the log has dark."""
+    if "q_sol" not in history or "q_sol" not in ahead or history.index[-1] - history.index[0] < _LEAST_SEEN:
+        return 0.0
+    sun, coming = (frame["q_sol"].clip(lower=0.0) for frame in (history, ahead))
+    highest = sun.groupby(_hours(sun)).max()
+    dark = _hours(coming).isin(highest.index[highest <= _DARK * highest.max()])
+    return float(coming[dark].sum() / coming.sum()) if coming.sum() > 0.0 else 0.0
+
+
+def _hours(values: pd.Series) -> pd.Index:
+    index = pd.DatetimeIndex(values.index)
+    return (index if index.tz is None else index.tz_convert("UTC")).hour
+
+
 def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planned: bool) -> list[str]:
     """Remarks on this forecast for its user."""
     out = []
@@ -204,12 +237,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
             f"the log ends at {history.index[-1]}, before the last row that the model has seen ({known}): it has "
             "learned from what it forecasts"
         )
-    jump = _jump(history, ahead)
-    if jump > _LARGEST_JUMP:
-        out.append(
-            f"T_oa jumps by {jump:.0f} K from the end of the log to the weather ahead; check the unit and the stamps "
-            "of both"
-        )
+    out += _weather_remarks(history, ahead)
     if not planned and not zone.scaled:
         out.append(
             "no capacity of the plant is known, so its kW have no certain scale; give known = { Q_h = ... } in "

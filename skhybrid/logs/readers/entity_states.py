@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..counters import is_counter
 from ..stamps import zone_of
 
 #: states that are 1 or 0; any other state that is not a number is missing
 ON_OFF = {"on": 1.0, "off": 0.0, "open": 1.0, "closed": 0.0, "true": 1.0, "false": 0.0, "home": 1.0, "not_home": 0.0}
 MISSING = ("unavailable", "unknown", "none", "")
 MOST_CELLS = 60_000_000  # half a gigabyte
-_LISTED = 12
+_LISTED, _DAY = 12, 86400.0
 
 
 def states_to_numbers(states: Iterable[object]) -> tuple[np.ndarray, int]:
@@ -83,9 +84,24 @@ def even_grid(first: float, last: float, step: pd.Timedelta, n_channels: int, wh
 
 
 def hold(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """The value in force at each stamp of the grid: the last one at or before it, NaN where that one is missing."""
+    """The value in force at each stamp of the grid: the last one at or before it, NaN where that one is missing.
+
+    A counter rises evenly to its next reading, but for longer than it usually takes: held, all the heat of some
+    minutes would come in one.
+    """
+    if not len(stamps):
+        return np.full(len(grid), np.nan)
     last = np.searchsorted(stamps, grid, side="right") - 1
-    return np.where(last >= 0, values[last.clip(min=0)], np.nan) if len(stamps) else np.full(len(grid), np.nan)
+    held = np.where(last >= 0, values[last.clip(min=0)], np.nan)
+    known = np.isfinite(values)
+    at, readings = stamps[known], values[known]
+    # within a day a temperature may only rise too
+    if not known.any() or at[-1] - at[0] < _DAY or not is_counter(pd.Series(readings, utc_index(at, None))):
+        return held
+    rises, apart = np.diff(readings) > 0.0, np.diff(at)
+    begins = at[1:] - np.where(rises, np.minimum(apart, np.median(apart[rises])), 0.0)
+    corners, heights = np.insert(at, slice(1, None), begins), np.repeat(readings, 2)[:-1]
+    return np.where(np.isnan(held), np.nan, np.interp(grid, corners, heights))
 
 
 def utc_index(grid: np.ndarray, timezone: str | None) -> pd.DatetimeIndex:

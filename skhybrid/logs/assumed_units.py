@@ -1,0 +1,87 @@
+"""Units that a log does not state, by its values."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+import pandas as pd
+
+from .._ranges import range_of
+from .conversion import Channel, contract_unit
+from .counters import is_counter
+
+_STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
+_WARM = 42.0  # median of a temperature [degC] that is in another unit, or counts
+_PARTS = ((0.1, "tenths", 120.0, 255.0), (0.01, "hundredths", 1200.0, 3500.0))  # of a degree: the median of a room
+
+
+def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool) -> tuple[str | None, float, str]:
+    """A unit and a factor from values, with a sentence on why, or ""; a role's own name stands for its unit."""
+    known = values.to_numpy(dtype=np.float64)
+    known = known[np.isfinite(known)]
+    if not len(known) or (role.startswith("u_") and factor != 1.0):
+        return None, factor, ""
+    if role.startswith("u_"):
+        return _of_stage(float(known.min()), float(known.max()), role, factor)
+    if role.startswith("T_"):
+        return _of_temperature(known, role, factor)
+    low, high = float(known.min()), float(known.max())
+    if role.startswith("Q_") and is_counter(values):
+        return "kWh", factor, "values only rise: a counter in kWh is assumed"
+    if (role.startswith("q_sol") and high > 2.0) or (role.startswith("Q_") and np.abs(known).max() > 200.0):
+        unit = "W/m2" if role.startswith("q_sol") else "W"
+        return unit, factor, f"values reach {max(high, -low):.0f}: {unit} is assumed"
+    return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"
+
+
+def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:
+    top = next((step for step in _STAGE_STEPS if high <= step), None)
+    if low < range_of(role).lowest * max(1.0, high):
+        why = f"values from {low:g} to {high:g} are those of no stage; give Q_{role[2:]} and its unit if it is heat"
+        return None, factor, why
+    if top == 1.0:
+        return None, factor, ""
+    if top is None:
+        why = (
+            f"values reach {high:g}, beyond 100 %; give {role} and 1 / its full scale under [scale] if it is a "
+            f"stage, or Q_{role[2:]} and its unit if it is heat"
+        )
+        return None, factor, why
+    return "percent", factor, f"values reach {high:g}: percent is assumed, so kW have no certain scale"
+
+
+def _of_temperature(known: np.ndarray, role: str, factor: float) -> tuple[str | None, float, str]:
+    low, high, middle = float(known.min()), float(known.max()), float(np.median(known))
+    lasting = float(pd.Series(known).rolling(5, center=True, min_periods=1).median().max())  # no spike of a sensor
+    are = f"values from {low:.0f} to {high:.0f} are those of"
+    is_outdoor = role == "T_oa"
+    if not (middle > _WARM or (is_outdoor and lasting > range_of(role).usual_highest)):
+        return None, factor, ""
+    for part, name, least, most in _PARTS:
+        if factor == 1.0 and least <= middle <= most and not is_outdoor:
+            return None, part, f"{are} {name} of a degree"
+    return ("K" if low > 200.0 else "degF"), factor, f"{are} {'K' if low > 200.0 else 'degF'}"
+
+
+def outdoor_as_room(
+    channels: list[Channel], frame: pd.DataFrame, assumed: Mapping[str, str], own: Collection[str]
+) -> tuple[list[Channel], str]:
+    """Channels whose outdoor temperature is read as that of the rooms, and a sentence on why, or "".
+
+    On cold days values do not show degF, nor tenths of a degree where all are whole numbers.  ``own`` are roles that
+    have columns of their names, which stand for their units.
+    """
+    rooms = [c for c in channels if c.role.split("_")[:2] == ["T", "za"]]
+    outdoor = next((c for c in channels if c.role == "T_oa"), None)
+    if outdoor is None or not rooms:
+        return channels, ""
+    parts = [c.scale for c in rooms if c.role in assumed and c.scale != 1.0]
+    values, in_degF = frame[outdoor.name].dropna(), {c.role for c in rooms if c.unit == "degF"}
+    if parts and outdoor.scale == 1.0 and (outdoor.unit is None or "T_oa" in assumed) and (values % 1.0 == 0.0).all():
+        same, why = outdoor._replace(unit=None, scale=parts[0]), "whole numbers are taken as parts of a degree"
+    elif outdoor.unit is None and in_degF and ("T_oa" not in own or in_degF & set(assumed)):
+        same, why = outdoor._replace(unit="degF"), "no unit is stated: degF is assumed"
+    else:
+        return channels, ""
+    return [same if c is outdoor else c for c in channels], f"{why}, as of the room"
