@@ -94,10 +94,6 @@ def test_the_only_temperature_of_a_weather_file_is_that_of_outdoors(frame, zone,
     plain = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "plain.csv"), SCHEDULE)
     path = tomorrow(frame, tmp_path / "w.csv", dict(zip(("T_oa", "q_sol"), names, strict=True)))
     assert_same(day_ahead(zone, frame[:N], path, SCHEDULE), plain)
-    rows = pd.read_csv(path, index_col=0)
-    rows.assign(temp2=20.0).rename(columns={"temp2": "temp of what"}).to_csv(path)
-    with pytest.raises(ValueError, match="T_oa is not known for the rows ahead"):
-        day_ahead(zone, frame[:N], path, SCHEDULE)
 
 
 @pytest.mark.parametrize(("hours", "told"), [(0, False), (1, False), (2, True), (-6, True)])

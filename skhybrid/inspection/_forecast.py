@@ -79,11 +79,11 @@ class ForecastDisplay(Display):
         Parameters
         ----------
         frames : DataFrame or mapping of label to DataFrame
-            Back-tests with the columns origin, lead, time, y_true and y_pred, ``q_...`` for bands, and ``zone`` where
-            there are several.
+            Back-tests with the columns origin, time, y_true and y_pred, ``q_...`` for bands, and ``zone`` where there
+            are several.
         %(drawing)s
         """
-        return cls(_labelled(frames)).plot(ax, **kwargs)
+        return cls(_labelled(frames, ("origin", "time"))).plot(ax, **kwargs)
 
     def plot(
         self, ax: Any = None, *, start: Any = None, end: Any = None, unit: str = "degC", title: str | None = None
@@ -173,10 +173,11 @@ class LeadErrorDisplay(Display):
         Parameters
         ----------
         frames : DataFrame or mapping of label to DataFrame
-            Back-tests with the columns origin, lead, time, y_true and y_pred.
+            Back-tests with the columns lead, y_true and y_pred.
         %(drawing)s
         """
-        errors = {label: score_backtest(frame, by="lead")["rmse"] for label, frame in _labelled(frames).items()}
+        labelled = _labelled(frames, ("lead",))
+        errors = {label: score_backtest(frame, by="lead")["rmse"] for label, frame in labelled.items()}
         return cls(pd.DataFrame(errors)).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, *, title: str | None = None) -> LeadErrorDisplay:
@@ -297,14 +298,14 @@ class DayAheadDisplay(Display):
         legend(ax)
 
 
-def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame) -> Mapping[str, pd.DataFrame]:
-    """Return back-tests by label; a single one is labelled "forecast"."""
+def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame, needed: Sequence[str]) -> Mapping[str, pd.DataFrame]:
+    """Return back-tests by label, with the ``needed`` columns; a single one is labelled "forecast"."""
     found = frames_by_label(frames, "forecast", "frames", "skhybrid.model_selection.backtest")
     if not found or any(frame.empty for frame in found.values()):
         raise ValueError("there is no back-test to draw; pass at least one, with at least one origin.")
     for frame in found.values():
         float_columns(frame, ("y_true", "y_pred"), "the back-test")
-        if absent := [name for name in ("origin", "lead", "time") if name not in frame]:
+        if absent := [name for name in needed if name not in frame]:
             raise ValueError(f"the back-test has no column {absent[0]!r}; give one.")
     return found
 
