@@ -1,5 +1,7 @@
 """Studies of logs with set-points: scored as users forecast, with the weather and the set-points known alone."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +11,8 @@ from skhybrid.study import Settings, run_study, split_log
 from skhybrid.study.compared_models import HYBRID, YESTERDAY
 from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
-from skhybrid.study.outputs import format_result, write_outputs
+from skhybrid.study.outputs import format_result, write_outputs, write_page
+from skhybrid.study.report.figures import held_figure
 from skhybrid.study.setpoints_known import KNOWN
 from skhybrid.zone.zone_backtest import backtest_zone
 
@@ -123,3 +126,69 @@ def test_stages_without_a_capacity_are_scored_as_stages(log):
     assert held.unit == "-"
     assert held.load.abs().max() <= 1.0
     assert "kW" not in held.words
+
+
+def with_stages(known):
+    return {"name": "input", "n_starts": 1, "known": known}
+
+
+def test_a_card_shows_no_kw_where_the_load_is_stages(log, result, tmp_path):
+    settings = Settings(**{**settings_of(log).as_dict(), "estimator": with_stages({"Q_h": 6.0})})
+    held = backtest_zone(settings, split_log(log, settings)).setpoints_known
+    assert held.unit == "-"
+    assert "its stage by" in held.words
+    write_page(dataclasses.replace(result, setpoints_known=held), tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "stage RMSE [-]" in page
+    assert "error of the heating or cooling load (RMSE)" not in page
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "message"),
+    [
+        ("2023-10-25 08:00", np.nan, "T_heat_set is missing in 1 row"),
+        ("2023-10-25 08:00", 30.0, "T_heat_set is above T_cool_set"),
+    ],
+)
+def test_the_back_test_command_says_why_set_points_were_not_tested(log, at, value, message):
+    other = log.copy()
+    other.loc[at, "T_heat_set"] = value
+    settings = settings_of(other)
+    found = backtest_zone(settings, split_log(other, settings))
+    assert found.setpoints_known is None
+    assert any("only the set-points known were not tested" in one and message in one for one in found.remarks)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.nan, "T_heat_set is missing at 2023-10-30 08:00:00"),
+        (30.0, "T_heat_set is above T_cool_set at 2023-10-30 08:00:00"),
+    ],
+)
+def test_a_next_day_without_set_points_is_under_its_heat_and_a_remark_says_so(log, value, message):
+    other = log.copy()
+    other.loc["2023-10-30 08:00", "T_heat_set"] = value
+    settings = settings_of(other)
+    found = run_study(settings, split_log(other, settings))
+    assert found.setpoints_known is not None
+    assert "setpoint" in found.forecast
+    assert f"the next day is forecast under its known heat: {message}" in found.warnings
+
+
+def test_a_rule_that_knows_no_load_leaves_the_others_scored(log):
+    other = log.copy()
+    other.loc["2023-10-21 05:00":"2023-10-22 23:00", "T_oa"] = np.nan
+    given = {"train": {"end": "2023-10-15"}, "test": {"start": "2023-10-23", "end": "2023-10-28"}}
+    settings = Settings(**{**settings_of(other).as_dict(), **given})
+    held = backtest_zone(settings, split_log(other, settings)).setpoints_known
+    assert held.loads[LAST_WEEK].isna().all()
+    assert held.table["load_rmse"].drop([LAST_WEEK, YESTERDAY]).notna().all()
+    assert USUAL in held.words
+
+
+def test_the_interval_of_a_whole_load_is_not_drawn_around_a_part_of_it(result):
+    held = result.setpoints_known
+    for frame, n_bands in ((held.frame, 1), (held.frame.assign(Q_total_pred=0.0), 0)):
+        figure = held_figure(frame, held.load, held.loads[HYBRID], "kW")
+        assert len(figure.axes[1].collections) == n_bands
