@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.study import Settings, run_study, split_log
 from skhybrid.study.compared_models import HYBRID, YESTERDAY
@@ -14,7 +15,8 @@ from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.study.outputs import format_result, write_outputs, write_page
 from skhybrid.study.report.figures import held_figure
 from skhybrid.study.setpoints_known import KNOWN
-from skhybrid.zone.zone_backtest import backtest_zone
+from skhybrid.zone import zone_backtest
+from skhybrid.zone.zone_backtest import ZoneBacktest, backtest_zone
 
 TRAIN, TEST = {"end": "2023-10-22"}, {"start": "2023-10-23", "end": "2023-10-29"}
 
@@ -159,6 +161,21 @@ def test_the_back_test_command_says_why_set_points_were_not_tested(log, at, valu
     assert any("only the set-points known were not tested" in one and message in one for one in found.remarks)
 
 
+def test_the_back_test_command_writes_remarks_as_warnings(log, tmp_path, monkeypatch, capsys):
+    log.to_csv(tmp_path / "log.csv", index_label="time")
+    columns = "".join(f'{role} = "{role}"\n' for role in log)
+    spans = '[train]\nend = "2023-10-22"\n[test]\nstart = "2023-10-23"\n'
+    (tmp_path / "zone.toml").write_text(f'step = "1h"\n[columns]\n{columns}{spans}')
+    found = ZoneBacktest(
+        pd.DataFrame({"rmse": [0.3]}, [HYBRID]), pd.DataFrame(), None, (), "kW", None, ("no set-points",)
+    )
+    monkeypatch.setattr(zone_backtest, "backtest_zone", lambda *given: found)
+    command = ["backtest", str(tmp_path / "log.csv"), "--config", str(tmp_path / "zone.toml")]
+    assert main(command) == 0
+    assert "warning: no set-points" in capsys.readouterr().err
+    assert main([*command, "--strict"]) == 1
+
+
 @pytest.mark.parametrize(
     ("value", "message"),
     [
@@ -192,3 +209,20 @@ def test_the_interval_of_a_whole_load_is_not_drawn_around_a_part_of_it(result):
     for frame, n_bands in ((held.frame, 1), (held.frame.assign(Q_total_pred=0.0), 0)):
         figure = held_figure(frame, held.load, held.loads[HYBRID], "kW")
         assert len(figure.axes[1].collections) == n_bands
+
+
+def test_rows_ahead_without_set_points_are_the_next_day(log):
+    ahead = log.copy()
+    ahead.loc["2023-10-30":, ["T_za", "T_heat_set", "T_cool_set"]] = np.nan
+    data = split_log(ahead, settings_of(ahead))
+    assert not data.held_out
+    assert data.future.index[0] == pd.Timestamp("2023-10-30")
+    assert data.future["u_heat"].notna().all()
+
+
+def test_a_log_ends_with_its_set_points_where_the_room_was_measured_after_them(log):
+    other = log.copy()
+    other.loc["2023-10-30 12:00":, "T_heat_set"] = np.nan
+    data = split_log(other, settings_of(other))
+    assert data.held_out
+    assert data.future.index[-1] < pd.Timestamp("2023-10-30")
