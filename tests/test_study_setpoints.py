@@ -1,17 +1,22 @@
 """Studies of logs with set-points: scored as users forecast, with the weather and the set-points known alone."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.study import Settings, run_study, split_log
 from skhybrid.study.compared_models import HYBRID, YESTERDAY
 from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
-from skhybrid.study.outputs import format_result, write_outputs
+from skhybrid.study.outputs import format_result, write_outputs, write_page
+from skhybrid.study.report.figures import held_figure
 from skhybrid.study.setpoints_known import KNOWN
-from skhybrid.zone.zone_backtest import backtest_zone
+from skhybrid.zone import zone_backtest
+from skhybrid.zone.zone_backtest import ZoneBacktest, backtest_zone
 
 TRAIN, TEST = {"end": "2023-10-22"}, {"start": "2023-10-23", "end": "2023-10-29"}
 
@@ -123,3 +128,101 @@ def test_stages_without_a_capacity_are_scored_as_stages(log):
     assert held.unit == "-"
     assert held.load.abs().max() <= 1.0
     assert "kW" not in held.words
+
+
+def with_stages(known):
+    return {"name": "input", "n_starts": 1, "known": known}
+
+
+def test_a_card_shows_no_kw_where_the_load_is_stages(log, result, tmp_path):
+    settings = Settings(**{**settings_of(log).as_dict(), "estimator": with_stages({"Q_h": 6.0})})
+    held = backtest_zone(settings, split_log(log, settings)).setpoints_known
+    assert held.unit == "-"
+    assert "its stage by" in held.words
+    write_page(dataclasses.replace(result, setpoints_known=held), tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "stage RMSE [-]" in page
+    assert "error of the heating or cooling load (RMSE)" not in page
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "message"),
+    [
+        ("2023-10-25 08:00", np.nan, "T_heat_set is missing in 1 row"),
+        ("2023-10-25 08:00", 30.0, "T_heat_set is above T_cool_set"),
+    ],
+)
+def test_the_back_test_command_says_why_set_points_were_not_tested(log, at, value, message):
+    other = log.copy()
+    other.loc[at, "T_heat_set"] = value
+    settings = settings_of(other)
+    found = backtest_zone(settings, split_log(other, settings))
+    assert found.setpoints_known is None
+    assert any("only the set-points known were not tested" in one and message in one for one in found.remarks)
+
+
+def test_the_back_test_command_writes_remarks_as_warnings(log, tmp_path, monkeypatch, capsys):
+    log.to_csv(tmp_path / "log.csv", index_label="time")
+    columns = "".join(f'{role} = "{role}"\n' for role in log)
+    spans = '[train]\nend = "2023-10-22"\n[test]\nstart = "2023-10-23"\n'
+    (tmp_path / "zone.toml").write_text(f'step = "1h"\n[columns]\n{columns}{spans}')
+    found = ZoneBacktest(
+        pd.DataFrame({"rmse": [0.3]}, [HYBRID]), pd.DataFrame(), None, (), "kW", None, ("no set-points",)
+    )
+    monkeypatch.setattr(zone_backtest, "backtest_zone", lambda *given: found)
+    command = ["backtest", str(tmp_path / "log.csv"), "--config", str(tmp_path / "zone.toml")]
+    assert main(command) == 0
+    assert "warning: no set-points" in capsys.readouterr().err
+    assert main([*command, "--strict"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.nan, "T_heat_set is missing at 2023-10-30 08:00:00"),
+        (30.0, "T_heat_set is above T_cool_set at 2023-10-30 08:00:00"),
+    ],
+)
+def test_a_next_day_without_set_points_is_under_its_heat_and_a_remark_says_so(log, value, message):
+    other = log.copy()
+    other.loc["2023-10-30 08:00", "T_heat_set"] = value
+    settings = settings_of(other)
+    found = run_study(settings, split_log(other, settings))
+    assert found.setpoints_known is not None
+    assert "setpoint" in found.forecast
+    assert f"the next day is forecast under its known heat: {message}" in found.warnings
+
+
+def test_a_rule_that_knows_no_load_leaves_the_others_scored(log):
+    other = log.copy()
+    other.loc["2023-10-21 05:00":"2023-10-22 23:00", "T_oa"] = np.nan
+    given = {"train": {"end": "2023-10-15"}, "test": {"start": "2023-10-23", "end": "2023-10-28"}}
+    settings = Settings(**{**settings_of(other).as_dict(), **given})
+    held = backtest_zone(settings, split_log(other, settings)).setpoints_known
+    assert held.loads[LAST_WEEK].isna().all()
+    assert held.table["load_rmse"].drop([LAST_WEEK, YESTERDAY]).notna().all()
+    assert USUAL in held.words
+
+
+def test_the_interval_of_a_whole_load_is_not_drawn_around_a_part_of_it(result):
+    held = result.setpoints_known
+    for frame, n_bands in ((held.frame, 1), (held.frame.assign(Q_total_pred=0.0), 0)):
+        figure = held_figure(frame, held.load, held.loads[HYBRID], "kW")
+        assert len(figure.axes[1].collections) == n_bands
+
+
+def test_rows_ahead_without_set_points_are_the_next_day(log):
+    ahead = log.copy()
+    ahead.loc["2023-10-30":, ["T_za", "T_heat_set", "T_cool_set"]] = np.nan
+    data = split_log(ahead, settings_of(ahead))
+    assert not data.held_out
+    assert data.future.index[0] == pd.Timestamp("2023-10-30")
+    assert data.future["u_heat"].notna().all()
+
+
+def test_a_log_ends_with_its_set_points_where_the_room_was_measured_after_them(log):
+    other = log.copy()
+    other.loc["2023-10-30 12:00":, "T_heat_set"] = np.nan
+    data = split_log(other, settings_of(other))
+    assert data.held_out
+    assert data.future.index[-1] < pd.Timestamp("2023-10-30")

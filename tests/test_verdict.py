@@ -70,6 +70,24 @@ def test_the_hardest_rule_counts():
     assert judge("load", [easy, hard], n_origins=20).level == NOT
 
 
+def test_a_rule_without_error_is_the_hardest_one():
+    easy = compare_errors(_errors(0.5), _errors(4.0, seed=1), BLOCKS, "last week")
+    right = compare_errors(_errors(0.5), _errors(1.0) * 0.0, BLOCKS, "yesterday")
+    found = judge("load", [easy, right], n_origins=20)
+    assert found.level == NOT
+    assert "yesterday is better: its error is 0.00 times ours" in str(found)
+    few = compare_errors(_errors(0.5)[:24], _errors(1.0)[:24] * 0.0, BLOCKS[:24], "yesterday")
+    assert judge("load", [few], n_origins=1).level == CARE
+    assert "nothing to compare" in str(judge("load", [compare_errors(*[_errors(0.0)] * 2, BLOCKS, "")], n_origins=20))
+
+
+def test_a_rule_that_errs_in_one_block_alone_is_not_surely_worse():
+    rule = _errors(40.0, seed=1).where(BLOCKS == 3, 0.0)
+    found = compare_errors(_errors(0.5), rule, BLOCKS, "yesterday")
+    assert found.high == np.inf
+    assert judge("load", [found], n_origins=20).level == CARE
+
+
 def test_rules_for_the_load():
     index = pd.date_range("2024-01-01", periods=24 * 20, freq="1h")
     T_oa = pd.Series(5.0 + 5.0 * np.sin(np.arange(480) / 9.0), index=index)

@@ -38,6 +38,8 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         with atomic_path(out) as made:
             found.frame.to_csv(made, index=False, float_format="%.6g")
         say.note(f"wrote {out}")
+    for text in found.remarks:
+        say.warn(text)
     held = found.setpoints_known
     if as_json:
         content: dict[str, Any] = {"verdicts": [one._asdict() for one in found.verdicts]}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from .._table import ZoneTable, is_plant
 from ..forecasting.quantiles import quantile_columns
@@ -21,11 +22,14 @@ def paths_under_setpoints(
     and columns (n_origins, n_leads) of the plant over the step before each temperature: measured as ``Q_hvac_true``
     (NaN after the last row), forecast as ``Q_hvac_pred``, and quantiles such as ``Q_hvac_0.1`` of the whole load [kW].
     """
-    if not hasattr(forecaster, "closed_loop_from") or not takes_tables(forecaster) or not isinstance(table, ZoneTable):
+    read = hasattr(forecaster, "closed_loop_from") and takes_tables(forecaster)
+    if not read or not isinstance(table, ZoneTable | pd.DataFrame):
         raise ValueError(
             "heat_known=False needs a hybrid predictor of one zone without preprocess=, and X as a DataFrame with time "
             "stamps; leave heat_known=True."
         )
+    if not isinstance(table, ZoneTable):  # that could not be read by itself: a set-point may be missing
+        table = forecaster._read_X(table)
     found = forecaster.closed_loop_from(table, origins, n_leads * table.step, quantiles)
     rows = origins[:, None] + np.arange(n_leads)
     there = rows < table.n_rows

@@ -237,7 +237,10 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
 
 
 def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
-    """The rows from the first to the last with all inputs, without standstills of T_za, with the facades of a site."""
+    """The rows from the first to the last with all inputs, without standstills of T_za, with the facades of a site.
+
+    Rows ahead may lack set-points: a day to come is forecast under its planned heat.
+    """
     temperatures = settings.roles_of("T_za")
     for role in temperatures:
         _refuse_constant(frame[role].dropna(), least=2)
@@ -246,8 +249,12 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
+    last = complete[-1]
+    if frame[temperatures].iloc[last + 1 :].isna().all(axis=None):
+        needed = inputs[[role for role in inputs if not str(role).startswith(SETPOINT_ROLES)]]
+        last = np.flatnonzero(needed.notna().all(axis=1).to_numpy())[-1]
     moving = {role: without_standstills(frame, role) for role in temperatures}
-    return with_facades(frame.assign(**moving).iloc[complete[0] : complete[-1] + 1], settings)
+    return with_facades(frame.assign(**moving).iloc[complete[0] : last + 1], settings)
 
 
 def _refuse_constant(temperature: pd.Series, least: int) -> None:

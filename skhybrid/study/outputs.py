@@ -30,16 +30,18 @@ def format_result(result: StudyResult) -> str:
     held, words = result.setpoints_known, ["", verdict(result.table, HYBRID)]
     if held is None:
         return "\n".join([format_table(result.table, result.scaled), *words])
-    first = format_table(held.table, held.unit == "kW", "known: weather, set-points")
+    first = format_table(held.table, held.unit == "kW", "known: weather, set-points", held.load_name)
     second = format_table(result.table, result.scaled, "known: weather, heat")
     return "\n".join([first, "", held.words, "", second, *words])
 
 
-def format_table(table: pd.DataFrame, scaled: bool = True, head: str = "day-ahead forecast") -> str:
+def format_table(
+    table: pd.DataFrame, scaled: bool = True, head: str = "day-ahead forecast", load_name: str = "load"
+) -> str:
     """A comparison as text, the best model first and marked; ``scaled``: loads are certain kW."""
     width = max(len(head), *(len(str(name)) for name in table.index)) + 2
-    of_time, load_head = "seconds" in table, f"{'load RMSE [kW]' if scaled else 'load RMSE [-]':>14}"
-    line = f"{head:{width}}  RMSE [K]  MAE [K]  {load_head}{'  time [s]' * of_time}"
+    of_time, load_head = "seconds" in table, f"{load_name} RMSE [{'kW' if scaled else '-'}]"
+    line = f"{head:{width}}  RMSE [K]  MAE [K]  {load_head:>14}{'  time [s]' * of_time}"
     lines = [line, "-" * len(line)]
     for place, (name, row) in enumerate(table.iterrows()):
         load = f"{row['load_rmse']:14.2f}" if np.isfinite(row["load_rmse"]) else f"{'-':>14}"

@@ -22,7 +22,7 @@ from .data import StudyData, inputs_of, without_setpoints
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
-from .setpoints_known import LOAD_INTERVAL, SetpointsKnown
+from .setpoints_known import LOAD_INTERVAL, SetpointsKnown, unusable_setpoints
 from .settings import Settings, is_scaled
 from .verdict import Verdict
 
@@ -157,13 +157,14 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
         yesterday = tested[YESTERDAY].frame
         held = SetpointsKnown.of(model, later.given_to(model), data, yesterday, settings, remarks)
-        forecast = _next_day(model, identification, data, tested[HYBRID].frame, held)
+        of_day = _of_day(held, data, remarks)
+        forecast = _next_day(model, identification, data, tested[HYBRID].frame, of_day)
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
         delivered = delivered_heat(identification, pd.concat([data.train, data.later]))
         rules = {} if delivered is None else loads_by_rule(data, delivered)
         of_stages = any(role.startswith("u_") for role in plant_roles(data.train))
         scale = identification if of_stages else None
-        doubts = Doubts.of(model, later.given_to(model), data, scale, setpoints_known=held is not None)
+        doubts = Doubts.of(model, later.given_to(model), data, scale, setpoints_known=of_day is not None)
     result = StudyResult(
         settings,
         data,
@@ -315,13 +316,26 @@ def refuse_holes(data: StudyData, settings: Settings) -> None:
         raise ValueError(f"the next day begins at {ahead.index[0]}, and {what}; fill it in or end the log earlier.")
 
 
+def _of_day(held: SetpointsKnown | None, data: StudyData, remarks: list[str]) -> SetpointsKnown | None:
+    """The back-test under set-points if the next day is forecast so; a day to come is under its planned heat."""
+    if held is None or not data.held_out:
+        return None
+    why_not = unusable_setpoints(data.future)
+    if why_not:
+        remarks.append(f"the next day is forecast under its known heat: {why_not}")
+    return None if why_not else held
+
+
 def _next_day(
     model: Any, identification: Any, data: StudyData, own: pd.DataFrame, held: SetpointsKnown | None
 ) -> pd.DataFrame:
-    """The forecast of the next day, with intervals as in the back-tests, and what was measured of it."""
-    setpoints = data.future[[role for role in SETPOINT_ROLES if role in data.future]]
+    """The forecast of the next day, with intervals as in the back-tests, and what was measured of it.
+
+    Under its set-points where a back-test ``held`` is given, else under its heat.
+    """
     with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
-        if held is not None and data.held_out and setpoints.notna().all(axis=None):
+        if held is not None:
+            setpoints = data.future[[role for role in SETPOINT_ROLES if role in data.future]]
             out = _under_setpoints(model, identification, data, _levels(held.frame)).join(setpoints)
         else:
             out = _under_known_heat(model, identification, data, _levels(own))

@@ -64,7 +64,7 @@ class SetpointsKnown(NamedTuple):
         assert past is not None  # as the log has a plant
         loads = {HYBRID: own, **past_loads(past.values, frame)}
         table = error_table(errors_by_model({HYBRID: frame, YESTERDAY: yesterday})).reindex([*loads, YESTERDAY])
-        errors = pd.DataFrame(loads).sub(measured, axis=0).dropna()
+        errors = pd.DataFrame(loads).sub(measured, axis=0).dropna(axis=1, how="all").dropna()
         table = table.assign(load_rmse=np.sqrt((errors**2).mean()), note=pd.Series(_NOTES))
         return cls(
             frame,
@@ -77,6 +77,11 @@ class SetpointsKnown(NamedTuple):
         )
 
     @property
+    def load_name(self) -> str:
+        """What the load is: heat, or stages where no capacity is known."""
+        return "load" if self.unit == "kW" else "stage"
+
+    @property
     def words(self) -> str:
         """Errors of temperature and load in one sentence, beside those of the best rules."""
         rules = self.table.drop(index=HYBRID)
@@ -84,8 +89,8 @@ class SetpointsKnown(NamedTuple):
         own, unit = self.table.loc[HYBRID], f" {self.unit}".removesuffix(" -")
         return (
             f"With the weather and the set-points known, and the heat not, the {HYBRID} model errs by "
-            f"{own['rmse']:.2f} K (the temperature a day before: {rules['rmse'].min():.2f} K), and its load by "
-            f"{own['load_rmse']:.2f}{unit} ({best}: {rules['load_rmse'].min():.2f}{unit})."
+            f"{own['rmse']:.2f} K (the temperature a day before: {rules['rmse'].min():.2f} K), and its "
+            f"{self.load_name} by {own['load_rmse']:.2f}{unit} ({best}: {rules['load_rmse'].min():.2f}{unit})."
         )
 
     @property
@@ -120,6 +125,16 @@ class SetpointsKnown(NamedTuple):
             ),
         ]
         return [one._replace(reasons=(KNOWN, *one.reasons)) for one in found]
+
+
+def unusable_setpoints(day: pd.DataFrame) -> str:
+    """Why a day cannot be forecast under its set-points; empty where it can."""
+    given = day[[role for role in SETPOINT_ROLES if role in day]]
+    for role, missing in given.isna().items():
+        if missing.any():
+            return f"{role} is missing at {missing.idxmax()}"
+    crossed = given.iloc[:, 0] > given.iloc[:, -1]
+    return f"T_heat_set is above T_cool_set at {crossed.idxmax()}" if crossed.any() else ""
 
 
 def _load_coverage(frame: pd.DataFrame, load: pd.Series) -> float:

@@ -75,6 +75,7 @@ class Settings:
         and these are parameters of :class:`~skhybrid.forecasting.DisturbanceForecaster`.
     train, test : mapping, ``start`` and ``end`` (a whole day where no time is given)
     load : mapping, ``setpoint``: ``"measured"``, a temperature [degC], or a column of the log
+        What the load of the next day holds, where that day is not forecast under its own set-points.
     site : mapping
         ``latitude`` and ``longitude`` [deg]; with them the irradiance on four facades is computed from ``q_sol``, for
         the schedule model and for ARX.

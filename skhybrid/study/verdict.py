@@ -41,13 +41,13 @@ class Comparison(NamedTuple):
 
     def words(self) -> str:
         """The comparison as a reason."""
+        if self.low > 1.0 or np.isinf(self.ratio):
+            return f"{self.rule} is better: its error is {1.0 / self.ratio:.2f} times ours"
         if np.isinf(self.high):
             return f"its error is {self.ratio:.2f} times that of {self.rule}, over too few forecasts to judge by"
         span = f"90 % interval {self.low:.2f} to {self.high:.2f}"
         if self.high < 1.0:
             return f"its error is {self.ratio:.2f} times that of {self.rule} ({span})"
-        if self.low > 1.0:
-            return f"{self.rule} is better: its error is {1.0 / self.ratio:.2f} times ours"
         return f"it is not surely better than {self.rule} (ratio {self.ratio:.2f}, {span})"
 
 
@@ -56,9 +56,10 @@ def compare_errors(own: pd.Series, rule: pd.Series, blocks: pd.Series, name: str
     known = (own.notna() & rule.notna()).to_numpy()
     squares = pd.DataFrame({"own": own[known] ** 2, "rule": rule[known] ** 2, "block": blocks[known].to_numpy()})
     sums = squares.groupby("block")[["own", "rule"]].sum().to_numpy()
-    if not len(sums) or not sums[:, 1].sum():
+    if not len(sums) or not sums.sum():
         return Comparison(name, np.nan, np.nan, np.nan)
-    ratio = float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum()))
+    with np.errstate(divide="ignore"):  # a rule may make no error, such as that of a plant that stays off
+        ratio = float(np.sqrt(np.divide(*sums.sum(axis=0))))
     if len(sums) <= _BLOCK:
         return Comparison(name, ratio, 0.0, np.inf)
     n_blocks = -(-len(sums) // _BLOCK)
@@ -67,7 +68,7 @@ def compare_errors(own: pd.Series, rule: pd.Series, blocks: pd.Series, name: str
     totals = sums[drawn].sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.sqrt(totals[:, 0] / totals[:, 1])
-    low, high = np.nanquantile(ratios, _SURE)
+        low, high = np.nan_to_num(np.nanquantile(ratios, _SURE), nan=np.inf, posinf=np.inf)  # between two inf: nan
     return Comparison(name, ratio, float(low), float(high))
 
 
@@ -83,7 +84,7 @@ def judge(
 
     ``coverage`` is the share of measurements inside the 80 % intervals; ``doubts`` are further reasons to take care.
     """
-    known = [c for c in comparisons if np.isfinite(c.ratio)]
+    known = [c for c in comparisons if not np.isnan(c.ratio)]
     if not known:
         why = f"there is nothing to compare the {quantity} with" if n_origins else "no past forecast can be scored yet"
         return Verdict(quantity, CARE, (why, *doubts))

@@ -34,6 +34,7 @@ class ZoneBacktest(NamedTuple):
     verdicts: tuple[Verdict, ...]  # on the temperature and, where something heats or cools, on the load
     load_unit: str  # "kW", or "-" for stages without a known capacity
     setpoints_known: SetpointsKnown | None = None  # the same where the heat is not known ahead
+    remarks: tuple[str, ...] = ()  # what could not be tested, and why
 
 
 def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None = None) -> ZoneBacktest:
@@ -43,14 +44,14 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
     """
     models = [one for one in make_models(settings) if one.label in _COMPARED]
     frames: dict[str, pd.DataFrame] = {}
-    say = counted(progress, len(models))
+    say, remarks = counted(progress, len(models)), list[str]()
     for one in models:
         say(f"{one.label}: fit and back-test")
-        frames[one.label] = _forecasts(one.estimator, one.label, settings, data)
+        frames[one.label] = _forecasts(one.estimator, one.label, settings, data, remarks)
     table = error_table(errors_by_model(frames)).sort_values("rmse")
     own, predictor = frames[HYBRID], models[0].estimator
     coverage = coverage_of(own)
-    held = SetpointsKnown.of(predictor, data.later, data, frames[YESTERDAY], settings, [])
+    held = SetpointsKnown.of(predictor, data.later, data, frames[YESTERDAY], settings, remarks)
     doubts = Doubts.of(predictor, data.later, data, setpoints_known=held is not None)
     verdicts = [judge_temperature(own, frames[YESTERDAY], coverage, doubts.temperature)]
     scaled = is_scaled(data.train, settings.capacities)
@@ -65,14 +66,17 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
     unit = "" if delivered is None else delivered.unit
     if held is not None:
         verdicts, own = held.verdicts(frames[YESTERDAY], doubts, scaled=scaled), own.join(held.columns)
-    return ZoneBacktest(table.rename_axis("model"), own, coverage, tuple(verdicts), unit, held)
+    table, said = table.rename_axis("model"), tuple(dict.fromkeys(remarks))
+    return ZoneBacktest(table, own, coverage, tuple(verdicts), unit, held, said)
 
 
-def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData) -> pd.DataFrame:
+def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData, remarks: list[str]) -> pd.DataFrame:
     train, later = (rows if label == HYBRID else without_setpoints(rows) for rows in (data.train, data.later))
     model, rows = estimator.fit(train, train["T_za"]), (later, later["T_za"])
     given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
-    return backtest_with_intervals(model, *rows, [], **given) if label == HYBRID else backtest(model, *rows, **given)
+    if label == HYBRID:
+        return backtest_with_intervals(model, *rows, remarks, **given)
+    return backtest(model, *rows, **given)
 
 
 def _loads(predictor: Any, settings: Settings, data: StudyData, delivered: Load) -> dict[str, pd.Series]:

@@ -100,8 +100,9 @@ def held_figure(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str,
     """Temperature and load over the last days of a back-test under set-points; ``load`` is measured [unit]."""
     figure, axes = blank_axes(2, (WIDE, 5.6))
     _draw_backtest(axes[0], {HYBRID: frame}, shown)
-    bands = {f"q_{level}": frame[f"Q_hvac_{level}"] for level in (0.1, 0.9) if f"Q_hvac_{level}" in frame}
-    loads = frame[["origin", "lead", "time"]].assign(y_true=load, y_pred=own, **(bands if unit == "kW" else {}))
+    banded = unit == "kW" and "Q_total_pred" not in frame  # beside stages the load may be the meter's part alone
+    bands = {f"q_{level}": frame[f"Q_hvac_{level}"] for level in (0.1, 0.9) if banded and f"Q_hvac_{level}" in frame}
+    loads = frame[["origin", "lead", "time"]].assign(y_true=load, y_pred=own, **bands)
     _draw_backtest(axes[1], {HYBRID: loads}, shown)
     axes[1].set_ylabel("heat [kW]" if unit == "kW" else "stages [-]")
     return figure

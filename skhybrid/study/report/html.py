@@ -120,10 +120,10 @@ def day_energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
     return [(f"{value:.0f}\u00a0kWh", text) for value, text in found if value >= 0.5]
 
 
-def results_table(table: pd.DataFrame, scaled: bool) -> str:
+def results_table(table: pd.DataFrame, scaled: bool, load_name: str = "load") -> str:
     """The comparison of models, the best first."""
     timed = "seconds" in table
-    heads = ["model", "RMSE [K]", "MAE [K]", f"load RMSE [{'kW' if scaled else '-'}]", *["time [s]"] * timed]
+    heads = ["model", "RMSE [K]", "MAE [K]", f"{load_name} RMSE [{'kW' if scaled else '-'}]", *["time [s]"] * timed]
     rows = []
     for name, row in table.iterrows():
         cells = [number(row[c], 2) for c in ("rmse", "mae", "load_rmse")]

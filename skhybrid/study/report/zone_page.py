@@ -104,15 +104,16 @@ def _head(
     cost: Cost | None,
     held: SetpointsKnown | None,
 ) -> str:
-    own, sentences = table.loc[label], [verdict(table, label)]
+    own, sentences, in_kw = table.loc[label], [verdict(table, label)], scaled
     if held is not None:
-        own, sentences = held.table.loc[label], [held.words, f"With the heat known too: {sentences[0]}"]
+        own, in_kw = held.table.loc[label], held.unit == "kW"
+        sentences = [held.words, f"With the heat known too: {sentences[0]}"]
     n_origins = frames[label]["origin"].nunique()
     cards = [
         (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the {label} model in {n_origins} forecasts"),
         (f"{own['mae']:.2f} K", "mean absolute temperature error"),
     ]
-    if scaled and np.isfinite(own.get("load_rmse", np.nan)):
+    if in_kw and np.isfinite(own.get("load_rmse", np.nan)):
         cards.append((f"{own['load_rmse']:.2f} kW", "error of the heating or cooling load (RMSE)"))
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {day_words(forecast.index)}"))
@@ -156,7 +157,7 @@ def _setpoints_known(held: SetpointsKnown | None) -> str:
         "<h2>Accuracy in daily use</h2>\n<p>Here each forecast was given the weather and the set-points, but neither "
         "the heat nor the room temperature measured after it started. The thermostat and the plant act as they were "
         "learned on the training days.</p>\n"
-        + results_table(held.table, held.unit == "kW")
+        + results_table(held.table, held.unit == "kW", held.load_name)
         + (f"<p>The 80 % intervals contained {shares}.</p>\n" if shares else "")
         + html_figure(
             held_figure(held.frame, held.load, held.loads[HYBRID], held.unit),
