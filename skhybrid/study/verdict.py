@@ -41,7 +41,9 @@ class Comparison(NamedTuple):
 
     def words(self) -> str:
         """The comparison as a reason."""
-        if self.low > 1.0 or np.isinf(self.ratio):
+        if np.isinf(self.ratio):
+            return f"{self.rule} makes no error, as where a plant stays off"
+        if self.low > 1.0:
             return f"{self.rule} is better: its error is {1.0 / self.ratio:.2f} times ours"
         if np.isinf(self.high):
             return f"its error is {self.ratio:.2f} times that of {self.rule}, over too few forecasts to judge by"
@@ -91,7 +93,7 @@ def judge(
     hardest = max(known, key=lambda c: c.ratio)
     reasons = [hardest.words()]
     care = hardest.high >= 1.0
-    failed = hardest.low > 1.0
+    failed = 1.0 < hardest.low < np.inf  # where a plant stays off, a rule makes no error
     few = n_origins < _FEW
     if few:
         care, reasons = True, [*reasons, f"it was tested on {n_origins} forecast{'s' * (n_origins != 1)} only"]
