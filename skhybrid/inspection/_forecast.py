@@ -132,6 +132,9 @@ def _draw_forecasts(ax: Any, frames: Mapping[str, pd.DataFrame]) -> None:
         ax.axvline(origin, color="#888888", linewidth=0.8, linestyle="--", zorder=0.5)
 
 
+_SIDES = {"T_heat_set": "heating set-point", "T_cool_set": "cooling set-point"}  # of a thermostat, by role
+
+
 @dataclass(eq=False, repr=False)
 class LeadErrorDisplay(Display):
     """Root mean square error by lead of one or several back-tests.
@@ -274,7 +277,7 @@ class DayAheadDisplay(Display):
         if self.setpoint is not None:
             setpoint = pd.Series(self.setpoint, index=self.forecast.index)
             ax.plot(setpoint.index, setpoint, color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
-        for role, label in (("T_heat_set", "heating set-point"), ("T_cool_set", "cooling set-point")):
+        for role, label in _SIDES.items():
             if role in self.forecast:
                 ax.step(self.forecast.index, self.forecast[role], where="post", color="#777777", lw=1.0, label=label)
         tidy(ax, ylabel="zone temperature [degC]")
@@ -286,7 +289,8 @@ class DayAheadDisplay(Display):
             ax.step(given.index, given, where="post", color=MEASURED, linewidth=1.2, label="delivered")
         load = self.forecast["Q_hvac"]
         style = {"color": COLORS[1], "linestyle": "--", "linewidth": 1.6}
-        ax.step(load.index, load, where="post", label="needed (forecast)", **style)
+        label = "forecast" if any(role in self.forecast for role in _SIDES) else "needed (forecast)"
+        ax.step(load.index, load, where="post", label=label, **style)
         edges = [self.forecast.get(f"Q_hvac_{level}", load) for level in (0.1, 0.9)]
         band: dict[str, Any] = {"step": "post", "color": COLORS[1], "linewidth": 0}
         if edges[0] is load:
