@@ -78,7 +78,7 @@ class SetpointsKnown(NamedTuple):
 
     @property
     def load_name(self) -> str:
-        """What the load is: heat, or stages where no capacity is known."""
+        """Name of the load: heat, or stages where no capacity is known."""
         return "load" if self.unit == "kW" else "stage"
 
     @property
