@@ -1,4 +1,4 @@
-"""A decorator that limits BLAS to one thread."""
+"""Limits of BLAS and OpenMP to one thread."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache, wraps
 from threading import Lock
 from typing import Any, TypeVar, cast
 
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
@@ -52,3 +52,11 @@ def one_blas_thread(method: _Method) -> _Method:
             return method(*args, **kwargs)
 
     return cast(_Method, limited)
+
+
+def one_openmp_thread() -> threadpool_limits:
+    """A limit for a block that grows trees on few rows.
+
+    Threads that wait for one another spin: beside other processes, two took ten times as long as one.
+    """
+    return threadpool_limits(1, user_api="openmp")

@@ -8,14 +8,13 @@ from typing import Any, Literal, Self
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import threadpool_limits
 
 from .._arguments import check_integer, check_rate
 from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
-from .._threads import one_blas_thread
+from .._threads import one_blas_thread, one_openmp_thread
 from .._time import hour_of_day, rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
@@ -132,7 +131,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         known = table.replace(history={"T_za": T})
         sample = hourly_sample(table.n_rows, self._leads_of_horizon(table.step), table.step_hours, 0)
         self.arx_ = self._fitted_arx(table, T) if self.residual_of else None
-        with threadpool_limits(1, user_api="openmp"):  # threads that wait for one another spin beside other processes
+        with one_openmp_thread():
             self._grow(known, sample)
         n_kept = rows_per_day(table.step) + 1
         self._tail = known.rows(slice(-max(n_kept, self.arx_._tail.n_rows if self.arx_ else 0), None)).owned()
@@ -217,5 +216,5 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         if self.booster_ is None:
             return base
         leads = np.arange(1, n_leads + 1)
-        with threadpool_limits(1, user_api="openmp"):
+        with one_openmp_thread():
             return base + self.booster_.predict(self._features(table, origins, leads, base)).reshape(base.shape)

@@ -238,6 +238,11 @@ def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
     return [f"q_{level:g}" for level in np.atleast_1d(levels)]
 
 
+def load_quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
+    """The same of the whole load: ``Q_hvac_0.1`` ..."""
+    return [name.replace("q_", "Q_hvac_", 1) for name in quantile_columns(levels)]
+
+
 def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock:
     """Leads (since the last measurement), hours and days of the rows after each origin (-1: before the first row)."""
     long_ago = -rows_per_day(table.step)

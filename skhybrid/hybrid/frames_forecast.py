@@ -16,7 +16,7 @@ from .._threads import one_blas_thread
 from .._time import rows_of
 from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint
 from ..exceptions import TooFewDaysError
-from ..forecasting.quantiles import quantile_columns, read_quantiles
+from ..forecasting.quantiles import load_quantile_columns, quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .frames_reading import FramesReadingMixin
 from .scheme import Paths, Scheme
@@ -385,5 +385,4 @@ def _delivered(load: pd.DataFrame) -> pd.DataFrame:
 def _bands(levels: np.ndarray, temperature: np.ndarray, heat: np.ndarray) -> dict[str, np.ndarray]:
     """Columns of quantiles (n_rows, n_levels): ``q_0.1`` of a temperature, and ``Q_hvac_0.1`` of a load."""
     of_T = quantile_columns(levels)
-    of_load = [name.replace("q_", "Q_hvac_", 1) for name in of_T]
-    return dict(zip((*of_T, *of_load), (*temperature.T, *heat.T), strict=True))
+    return dict(zip((*of_T, *load_quantile_columns(levels)), (*temperature.T, *heat.T), strict=True))

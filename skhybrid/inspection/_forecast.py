@@ -27,6 +27,8 @@ from ._style import (
     time_axis,
 )
 
+_SIDES = {"T_heat_set": "heating set-point", "T_cool_set": "cooling set-point"}  # of a thermostat, by role
+
 
 class ForecastDisplay(Display):
     """Measured zone temperature and the forecasts of one or several models.
@@ -130,9 +132,6 @@ def _draw_forecasts(ax: Any, frames: Mapping[str, pd.DataFrame]) -> None:
         bands(ax, frame["time"], frame, style["color"], label if len(frames) > 1 else "")
     for origin in first["origin"].unique():
         ax.axvline(origin, color="#888888", linewidth=0.8, linestyle="--", zorder=0.5)
-
-
-_SIDES = {"T_heat_set": "heating set-point", "T_cool_set": "cooling set-point"}  # of a thermostat, by role
 
 
 @dataclass(eq=False, repr=False)

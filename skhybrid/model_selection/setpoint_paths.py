@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant
-from ..forecasting.quantiles import quantile_columns
+from ..forecasting.quantiles import load_quantile_columns
 from .single_reading import takes_tables
 
 
@@ -40,6 +40,5 @@ def paths_under_setpoints(
     }
     loads = measured | {f"{name}_pred": path for name, path in found.plant.items()}
     if quantiles is not None:
-        names = (name.replace("q_", "Q_hvac_", 1) for name in quantile_columns(quantiles))
-        loads |= dict(zip(names, np.moveaxis(found.heat_bands, -1, 0), strict=True))
+        loads |= dict(zip(load_quantile_columns(quantiles), np.moveaxis(found.heat_bands, -1, 0), strict=True))
     return found.paths.temperature, found.temperature_bands, loads

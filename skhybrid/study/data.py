@@ -291,6 +291,11 @@ def inputs_of(frame: pd.DataFrame, temperatures: Sequence[str] = ()) -> pd.DataF
     return frame.drop(columns=[*HISTORY_ROLES, SETPOINT, *temperatures], errors="ignore")
 
 
+def setpoints_of(rows: pd.DataFrame) -> pd.DataFrame:
+    """The set-points of a thermostat; no columns where there are none."""
+    return rows[[role for role in SETPOINT_ROLES if role in rows]]
+
+
 def without_setpoints(rows: pd.DataFrame) -> pd.DataFrame:
     """The columns without the set-points of a thermostat, which a model that learns none takes for inputs."""
     return rows.drop(columns=list(SETPOINT_ROLES), errors="ignore")

@@ -83,9 +83,23 @@ def judge_load(
     """
     at = delivered.index[(delivered.index >= test_start) & own.reindex(delivered.index).notna()]
     days = pd.Series(pd.DatetimeIndex(at).normalize(), index=at)
-    error = own.reindex(at) - delivered[at]
-    compared = [compare_errors(error, load.reindex(at) - delivered[at], days, name) for name, load in rules.items()]
-    return judge("load", compared, n_origins=days.nunique(), doubts=[*([] if scaled else [NO_SCALE]), *doubts])
+    errors = {name: load.reindex(at) - delivered[at] for name, load in rules.items()}
+    return judge_load_errors(own.reindex(at) - delivered[at], errors, days, scaled=scaled, doubts=doubts)
+
+
+def judge_load_errors(
+    own: pd.Series,
+    rules: Mapping[str, pd.Series],
+    blocks: pd.Series,
+    *,
+    scaled: bool,
+    coverage: float | None = None,
+    doubts: Sequence[str] = (),
+) -> Verdict:
+    """As :func:`judge_load` by errors at the same rows, of which ``blocks`` are the days or the origins."""
+    compared = [compare_errors(own, error, blocks, name) for name, error in rules.items()]
+    reasons = [*([] if scaled else [NO_SCALE]), *doubts]
+    return judge("load", compared, n_origins=blocks.nunique(), coverage=coverage, doubts=reasons)
 
 
 def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]:

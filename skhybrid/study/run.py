@@ -18,7 +18,7 @@ from ..exceptions import PlanWarning
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
-from .data import StudyData, inputs_of, without_setpoints
+from .data import StudyData, inputs_of, setpoints_of, without_setpoints
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
@@ -335,8 +335,7 @@ def _next_day(
     """
     with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
         if held is not None:
-            setpoints = data.future[[role for role in SETPOINT_ROLES if role in data.future]]
-            out = _under_setpoints(model, identification, data, _levels(held.frame)).join(setpoints)
+            out = _under_setpoints(model, identification, data, _levels(held.frame)).join(setpoints_of(data.future))
         else:
             out = _under_known_heat(model, identification, data, _levels(own))
     if data.held_out:

@@ -8,16 +8,15 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
-from ..forecasting.quantiles import quantile_columns
+from ..forecasting.quantiles import load_quantile_columns, quantile_columns
 from .compared_models import HYBRID, YESTERDAY
-from .data import StudyData
-from .judgement import NO_SCALE, Doubts, judge_temperature, load_of, plant_roles
+from .data import StudyData, setpoints_of
+from .judgement import Doubts, judge_load_errors, judge_temperature, load_of, plant_roles
 from .load_rules import LAST_WEEK, USUAL, past_loads
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings
-from .verdict import Verdict, compare_errors, judge
+from .verdict import Verdict
 
 #: rows of the table that are rules, with a note on each
 _NOTES = {
@@ -28,7 +27,7 @@ _NOTES = {
     USUAL: "mean of all earlier working days, or weekends",
 }
 KNOWN = "the weather and the set-points were known ahead, the heat was not"  # the first reason of a verdict
-LOAD_INTERVAL = tuple(name.replace("q_", "Q_hvac_", 1) for name in quantile_columns(INTERVAL))
+LOAD_INTERVAL = tuple(load_quantile_columns(INTERVAL))
 
 
 class SetpointsKnown(NamedTuple):
@@ -51,7 +50,7 @@ class SetpointsKnown(NamedTuple):
         None without a plant or set-points in the log; where no thermostat was learned, a remark says why.
         """
         roles = plant_roles(data.later)
-        if not roles or not any(role in data.later for role in SETPOINT_ROLES):
+        if not roles or setpoints_of(data.later).empty:
             return None
         spans = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
         try:
@@ -112,24 +111,17 @@ class SetpointsKnown(NamedTuple):
     def verdicts(self, yesterday: pd.DataFrame, doubts: Doubts, *, scaled: bool) -> list[Verdict]:
         """The verdicts on temperature and load, beside the back-test of ``yesterday`` and the rules."""
         errors = {name: load - self.load for name, load in self.loads.items()}
-        origin = self.frame["origin"]
-        compared = [compare_errors(errors[HYBRID], errors[name], origin, name) for name in errors if name != HYBRID]
+        given: dict[str, Any] = {"scaled": scaled, "coverage": self.load_coverage, "doubts": doubts.load}
         found = [
             judge_temperature(self.frame, yesterday, self.coverage, doubts.temperature),
-            judge(
-                "load",
-                compared,
-                n_origins=origin.nunique(),
-                coverage=self.load_coverage,
-                doubts=[*([] if scaled else [NO_SCALE]), *doubts.load],
-            ),
+            judge_load_errors(errors.pop(HYBRID), errors, self.frame["origin"], **given),
         ]
         return [one._replace(reasons=(KNOWN, *one.reasons)) for one in found]
 
 
 def unusable_setpoints(day: pd.DataFrame) -> str:
     """Why a day cannot be forecast under its set-points; empty where it can."""
-    given = day[[role for role in SETPOINT_ROLES if role in day]]
+    given = setpoints_of(day)
     for role, missing in given.isna().items():
         if missing.any():
             return f"{role} is missing at {missing.idxmax()}"

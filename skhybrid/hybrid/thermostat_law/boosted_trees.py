@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import threadpool_limits
 
+from ..._threads import one_openmp_thread
 from ...filtering import sum_of_leaves
 
 _DEPTH = 7
@@ -49,8 +49,7 @@ class BoostedTrees(NamedTuple):
 def fit_trees(X: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) -> BoostedTrees:
     """Boosted trees of a target (n,) by features (n, n_features), NaN where unknown; the same for the same rows."""
     X = np.where(np.isfinite(X).any(axis=0), X, 0.0)  # a feature of which nothing is known splits no node
-    # threads that wait for one another spin: beside another process so few rows took ten times as long with two
-    with threadpool_limits(1, user_api="openmp"):
+    with one_openmp_thread():
         booster = HistGradientBoostingRegressor(**SETTINGS).fit(X, y, weight)
     nodes = [tree.nodes for (tree,) in booster._predictors]
     n_nodes = max(len(tree) for tree in nodes)
