@@ -24,6 +24,7 @@ from skhybrid import (
 from skhybrid.datasets import make_house
 from skhybrid.exceptions import MeasurementWarning, ScaleNotIdentifiableWarning, UnitWarning
 from skhybrid.hybrid import frames_reading
+from skhybrid.hybrid.blending.rolling_blend import RollingBlend
 from skhybrid.hybrid.building import building_forecast, building_predictor
 from skhybrid.hybrid.building.zone_columns import ZoneColumns
 from skhybrid.model_selection import backtest, score_intervals
@@ -159,6 +160,19 @@ def test_update_and_forecast_are_predict_from(building, later, tomorrow):
     np.testing.assert_allclose(temperatures(building.forecast(known, future)), expected, atol=1e-9)
     model.update(known)
     np.testing.assert_allclose(temperatures(model.forecast(None, future)), expected, atol=1e-9)
+
+
+def test_after_a_forecast_an_update_learns_at_once(building, later, tomorrow, monkeypatch):
+    learned, advance = [], RollingBlend.advance
+    monkeypatch.setattr(RollingBlend, "advance", lambda blend, *to: learned.append(to[1]) or advance(blend, *to))
+    model = copy.deepcopy(building)
+    model.forecast(None, tomorrow)
+    learned.clear()
+    model.update(later[:5])
+    assert learned == [N_TRAIN + 4] * 6  # by two predictors of three zones
+    learned.clear()
+    model.forecast(None, later[5 : 5 + DAY].drop(columns=T_OF))
+    assert not learned
 
 
 def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, later, tomorrow, monkeypatch):

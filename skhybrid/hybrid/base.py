@@ -160,10 +160,11 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         return whole.replace(inputs=inputs, history=values(history, whole.history))
 
     def _copy_after(self, table: ZoneTable) -> Self:
-        """A copy after rows that follow the known ones, with their temperature as history."""
+        """A copy that has gone through rows that follow the known ones, with their temperature as history."""
         check_setpoints(table)
         made = copy(self)
         made._scheme = self._scheme.advanced(_measured(table, table.history["T_za"]))
+        made._scheme.go_on()
         return made
 
     def _cold_value(self, table: ZoneTable) -> float:

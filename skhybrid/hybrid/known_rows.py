@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -51,7 +52,7 @@ class KnownRows:
         stamps = self.latest.utc
         return None if stamps is None else stamps[-1]
 
-    @property
+    @cached_property
     def n_rows(self) -> int:
         return sum(table.n_rows for table in self.tables)
 

@@ -265,8 +265,12 @@ class ScheduleScheme(Scheme):
         return LeftOut(out, sample.origins[::every][known])
 
     def advanced(self, measured: ZoneTable) -> Self:
-        """The scheme after new rows; what they teach is computed when a forecast is wanted."""
+        """The scheme after new rows; what they teach is computed when a forecast is wanted, or by :meth:`go_on`."""
         return self._with(rows=self.rows.appended(measured), _running=dict(self._running))
+
+    def go_on(self) -> None:
+        if self.adapt in self._begun:
+            self._at_last_row()
 
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
         """Forecast from the last known row, starting where the forecast before had come to."""
@@ -279,18 +283,22 @@ class ScheduleScheme(Scheme):
 
     def _at_last(self, future: ZoneTable, T_za: float | None) -> tuple[RollingBlend, list[Any]]:
         """The blend at the last known row, or at the measured one after it, and the rows that it reads."""
-        blend = self._running.get(self.adapt, self._trained)
-        last = self.rows.n_rows - 1
-        n_back = self._n_back(blend.row, last + (T_za is not None))
-        rows = self._last_rows(blend.row - n_back, with_temperature(future, T_za))
-        views = blend.views(rows)
+        blend, views = self._at_last_row(with_temperature(future, T_za), n_more=int(T_za is not None))
+        if T_za is not None:  # a row that is not kept
+            blend = blend.fork()
+            blend.advance(views, self.rows.n_rows)
+        return blend, views
+
+    def _at_last_row(self, ahead: ZoneTable | None = None, n_more: int = 0) -> tuple[RollingBlend, list[Any]]:
+        """The blend at the last known row, and the rows that it reads to go on by ``n_more`` and to forecast."""
+        blend, last = self._running.get(self.adapt, self._trained), self.rows.n_rows - 1
+        n_back = self._n_back(blend.row, last + n_more)
+        views = blend.views(self._last_rows(blend.row - n_back, ahead))
         if blend.row < last:
             blend = blend.fork()
             blend.advance(views, last)
+            blend.solve()
             self._running[self.adapt] = blend
-        if T_za is not None:  # a row that is not kept
-            blend = blend.fork()
-            blend.advance(views, last + 1)
         return blend, views
 
     def _n_back(self, row: int, last: int) -> int:
@@ -342,15 +350,15 @@ class ScheduleScheme(Scheme):
         network = linear_network(blend.network.fit, state, segment, plan.inputs, values)
         return network.after(values[0]) if ahead.T_za is None else network.measured(np.array([ahead.T_za]))
 
-    def _last_rows(self, first: int, ahead: ZoneTable) -> NumberedTable:
-        """The known rows from a row on, or from the last measurement before it, and the rows ahead."""
+    def _last_rows(self, first: int, ahead: ZoneTable | None) -> NumberedTable:
+        """The known rows from a row on, or from the last measurement before it, and the rows ahead, if any."""
         n_known = self.rows.n_rows
         n_rows, n_filtered = n_known - max(0, first), _FILTERED_DAYS * self._record.rows_per_day
-        tables = (*self.rows.tables, ahead)
-        table = last_rows(tables, n_rows + ahead.n_rows)
+        tables, n_ahead = (self.rows.tables, 0) if ahead is None else ((*self.rows.tables, ahead), ahead.n_rows)
+        table = last_rows(tables, n_rows + n_ahead)
         while not np.isfinite(table.history["T_za"][0]) and n_rows < n_known:
             n_rows = min(2 * n_rows, n_known)
-            table = last_rows(tables, n_rows + ahead.n_rows)
+            table = last_rows(tables, n_rows + n_ahead)
         before = self.rows.inputs_before(table.inputs, n_rows, n_filtered)
         begin, first, T = self.rows.training.n_rows, n_known - n_rows, table.history["T_za"]
         return NumberedTable(table, T, begin, True, first, lambda: self._joined(tables)[:2], before)

@@ -174,6 +174,10 @@ class Scheme(ABC):
         """The scheme after rows that follow the last known one, in a time that does not depend on earlier rows."""
 
     @abstractmethod
+    def go_on(self) -> None:
+        """Learn from the last rows now, if it has forecast before, so that the next forecast comes sooner."""
+
+    @abstractmethod
     def relearned(self, measured: ZoneTable | None) -> Self:
         """The scheme recalibrated on all known rows and those that follow them (None: there are none)."""
 

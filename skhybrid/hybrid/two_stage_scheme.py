@@ -123,6 +123,9 @@ class TwoStageScheme(EarlierStates):
             _earlier=dict(self._earlier),
         )
 
+    def go_on(self) -> None:
+        """The filter has followed the rows already."""
+
     def _known_zeta(self, zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """NaN before the first measurement: nothing is estimated there, and what comes later must not be known."""
         return np.where(np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since, zeta, np.nan)

@@ -49,6 +49,9 @@ class RollingMember(Protocol):
     def advance(self, view: Any, origin: int) -> None:
         """Go through the rows up to and including ``origin``."""
 
+    def solve(self) -> None:
+        """Compute the coefficients now, and not when they are first read."""
+
     def forecast(self, view: Any, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
         """From the last row: (k, n_leads) temperatures [degC], and unmeasured heat [kW]; None where it knows none.
 
@@ -134,6 +137,9 @@ class ScheduleMember:
 
 class RollingSchedule(RollingNetwork):
     """The network as it goes through rows, in degC."""
+
+    def solve(self) -> None:
+        self.coefs()
 
     def forecast(self, view: NumberedSegment, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray]:
         path, heat = super().forecast(view, n_leads)
@@ -244,6 +250,9 @@ class _RollingErrors:
     def _learn(self, view: Any, origin: int) -> None:
         """Learn from the rows up to ``origin``."""
 
+    def solve(self) -> None:
+        """There is nothing to solve, unless a member says so."""
+
     def _past_paths(self, view: Any, origins: np.ndarray) -> np.ndarray:
         """(O, L) forecasts of the history by what was known at the start of each origin's day [degC]."""
         raise NotImplementedError
@@ -268,6 +277,9 @@ class RollingARX(_RollingErrors):
             self._recursive.advance(view, mark)
             self._coefs.append(self._recursive.coef())
         self._recursive.advance(view, origin)
+
+    def solve(self) -> None:
+        _ = self._coef
 
     def _past_paths(self, view: ARXData, origins: np.ndarray) -> np.ndarray:
         day = (origins - self.begin) // self._per_day

@@ -95,6 +95,12 @@ class RollingBlend:
         if self.adapt is not None and origin > before:
             self._products = self._products * self._share(before, origin) + self._since(before)
 
+    def solve(self) -> None:
+        """Compute coefficients and weights now, and not when they are first read."""
+        for rolling in self._rolling:
+            rolling.solve()
+        self._shares()
+
     def forecast(
         self, views: list[Any], n_leads: int, plausible: PlausibleRange | None
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -118,6 +118,9 @@ class RollingWithoutResponse:
         self._rolling.advance(self._take(view), origin)
         self._row = origin
 
+    def solve(self) -> None:
+        self._rolling.solve()
+
     def forecast(self, view: RowsAndDrive, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
         paths, zeta = self._rolling.forecast(self._take(view), n_leads, clipped)
         return paths + self._ahead(view, n_leads), zeta

@@ -18,6 +18,7 @@ from ..._arguments import check_n_jobs
 from ..._rolling import r2_of_measured
 from ..._summary import SummaryMixin
 from ..._table import as_numbers, as_pandas
+from ..._threads import one_blas_thread
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user, warnings_dropped, warnings_joined
@@ -259,8 +260,11 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         return self
 
     @unchanged_on_failure
+    @one_blas_thread
     def update(self, X: Any, y: Any = None) -> Self:
-        """Take in new rows without learning, as :meth:`HybridPredictor.update` does.
+        """Take in new rows, as :meth:`HybridPredictor.update` does.
+
+        After a forecast, what new rows teach is computed at once, so that the next forecast of many zones is quick.
 
         Parameters
         ----------
