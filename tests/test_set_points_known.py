@@ -22,6 +22,7 @@ from skhybrid._table import read_table
 from skhybrid.control import Band, WantedPaths
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import UnitWarning
+from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
@@ -117,6 +118,30 @@ def test_a_back_test_of_the_closed_loop_has_its_paths_and_what_was_measured(log,
         assert row.u_cool_true == log["u_cool"][row.time - pd.Timedelta("1h")]
 
 
+def test_errors_of_the_weather_forecast_change_a_back_test_and_widen_its_intervals(log, model):
+    later, given = log[TRAINED : TRAINED + 4 * DAY], {"quantiles": (0.1, 0.9), "heat_known": False}
+    exact = backtest(model, later, later["T_za"], **given)
+    off = backtest(model, later, later["T_za"], weather_error="high", **given)
+    assert list(off) == list(exact)
+    same = ["origin", "lead", "time", "y_true", "u_heat_true"]
+    pd.testing.assert_frame_equal(off[same], exact[same])
+    for low, high in (("q_0.1", "q_0.9"), ("Q_hvac_0.1", "Q_hvac_0.9")):
+        assert (off[high] - off[low]).mean() > 1.02 * (exact[high] - exact[low]).mean()
+    # the forecast of an origin is that of a table with its weather
+    origin = later.index.get_loc(off["origin"].iloc[-1])
+    seen = WeatherError("high").forecast(model._read_X(later), origin, DAY)
+    found = model.closed_loop_from(seen, [origin], "1D")
+    np.testing.assert_allclose(off["y_pred"][-DAY:], found.paths.temperature[0], atol=1e-9)
+
+
+def test_a_forecast_under_set_points_allows_for_errors_of_the_weather(log, model):
+    history, future = log[TRAINED : TRAINED + 2 * DAY], ahead(log, TRAINED + 2 * DAY)
+    exact, off = (model.forecast(history, future, quantiles=(0.1, 0.9), weather_error=e) for e in (None, "medium"))
+    moved = [name for name in exact if "_0." in str(name)]
+    pd.testing.assert_frame_equal(exact.drop(columns=moved), off.drop(columns=moved))  # the weather is as given
+    assert (off["q_0.9"] - off["q_0.1"]).mean() > 1.01 * (exact["q_0.9"] - exact["q_0.1"]).mean()
+
+
 def test_rows_after_the_end_of_a_table_have_no_measured_stage(log, model):
     later = log[TRAINED : TRAINED + 2 * DAY]
     frame = backtest(model, later, later["T_za"], heat_known=False, whole=False)
@@ -127,7 +152,7 @@ def test_rows_after_the_end_of_a_table_have_no_measured_stage(log, model):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"weather_error": "low"}, "weather_error is for one zone under known heat; leave heat_known=True"),
+        ({"weather_error": "huge"}, "weather_error='huge' is none of 'low', 'medium', 'high'"),
         ({"heat_known": "no"}, "heat_known='no'"),
         ({"columns": ["T_oa", "q_sol", *PLANT, "T_za"]}, "T_heat_set is missing in 96 rows"),
         ({"estimator": ARXRegressor()}, "heat_known=False needs a hybrid predictor of one zone"),

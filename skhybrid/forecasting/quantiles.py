@@ -20,10 +20,9 @@ from ..exceptions import TooFewDaysError
 from .features import known_before, rows_ahead, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
+from .weather_spread import weather_spreads
 
 DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
-_SPREAD_ORIGINS, _SPREAD_DRAWS = 6, 8  # most origins, and drawn weathers, that tell what errors of the weather do
-_NORMAL_80 = 1.2816  # half of the 80 % interval of a standard normal error
 _DAYS_PER_BLOCK = 7
 _MIN_BLOCKS = 3
 _ORIGINS_PER_DAY = 8  # origins per day whose errors are learned from: each lead then meets every third hour of the day
@@ -167,41 +166,18 @@ class QuantileForecastMixin(RollingForecastMixin):
             past_paths = self._forecast(table, past, per_day) if len(past) else np.empty((0, per_day))
         errors = measured_ahead(table, past, per_day) - past_paths
         clock, past_clock = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
-        further = self._weather_spreads(table, origins, n_leads, weather)
+        further: Any = None
+        if weather is not None and len(origins):
+            further = weather_spreads(weather, table, origins, n_leads, partial(self._unadapted, n_leads=n_leads))
         out = np.empty((*paths.shape, len(levels)))
         for i, origin in enumerate(origins):
             own = np.flatnonzero(np.isin(past, earlier[i]))
             now = origin * table.step_hours / 24.0
             recent = (errors[own], past_clock.rows(own))
             factor = intervals.factor_at(recent, now)
-            out[i] = intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, further[i], factor)
+            wider = None if further is None else further[i, 0]
+            out[i] = intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, wider, factor)
         return paths, out
-
-    def _weather_spreads(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, weather: WeatherError | None
-    ) -> Sequence[np.ndarray | None]:
-        """(n_origins, n_leads) spread of what errors of the weather change in forecasts; None without such errors.
-
-        It is the standard deviation of a normal error that has the same 80 % interval: changes have long tails.  It is
-        found at the first, second, fourth, eighth ... origin, and holds up to the next of them.
-        """
-        if weather is None:
-            return [None] * len(origins)
-        every = np.unique(origins)
-        asked = every[2 ** np.arange(len(every).bit_length()) - 1]
-        changes = np.array([self._weather_changes(table, int(origin), n_leads, weather) for origin in asked])
-        known = np.searchsorted(asked, origins, side="right")
-        spreads = {
-            n: _normal_spread(np.concatenate(changes[max(0, n - _SPREAD_ORIGINS) : n])) for n in np.unique(known)
-        }
-        return [spreads[n] for n in known]
-
-    def _weather_changes(self, table: ZoneTable, origin: int, n_leads: int, weather: WeatherError) -> np.ndarray:
-        """(n_draws, n_leads) what drawn weathers change in the forecast from one origin."""
-        known = table.rows(slice(origin + 1 + n_leads)).replace(n_history=table.n_history)  # as in a forecast
-        draws = (weather.forecast(known, origin, n_leads, draw) for draw in range(1, _SPREAD_DRAWS + 1))
-        plain, *drawn = (self._unadapted(rows, np.array([origin]), n_leads)[0] for rows in (known, *draws))
-        return np.abs(np.array(drawn) - plain)
 
     def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """Forecasts for what a change of inputs does, which need not learn from the history."""
@@ -225,12 +201,6 @@ def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
     if levels.ndim != 1 or not levels.size or not ((levels > 0) & (levels < 1)).all() or (np.diff(levels) <= 0).any():
         raise ValueError(f"quantiles={quantiles!r} must be numbers between 0 and 1, in increasing order.")
     return levels
-
-
-def _normal_spread(changes: np.ndarray) -> np.ndarray:
-    """(n_leads,) standard deviation of a normal error with the 80 % interval of the changes (n, n_leads)."""
-    size = np.sqrt(np.mean(changes**2, axis=0))
-    return size * np.quantile(changes / np.maximum(size, 1e-12), 0.8) / _NORMAL_80
 
 
 def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:

@@ -61,7 +61,7 @@ class FramesForecastMixin(FramesReadingMixin):
         quantiles : sequence of float, optional
             As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
         weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
-            As in :meth:`predict_quantiles`; for given heat only.
+            As in :meth:`predict_quantiles`; under a thermostat the quantiles of its load are wider too.
         limits : tuple of (lowest, highest), optional
             What the plant can do [kW], cooling negative, under a thermostat only; None as one of the two: as learned.
 
@@ -95,10 +95,8 @@ class FramesForecastMixin(FramesReadingMixin):
             if limits is not None:
                 raise ValueError("limits are of a plant that a thermostat runs; with given heat leave limits=None.")
             return self._under_heat(history, future, now, levels, weather)
-        if weather is not None:
-            raise ValueError("weather_error widens forecasts under given heat; leave weather_error=None here.")
         self._refuse_without_plant("set-points do nothing: leave setpoint=None")
-        return self._under_thermostat(history, future, now, levels, setpoint, read_plant_limits(limits))
+        return self._under_thermostat(history, future, now, levels, setpoint, read_plant_limits(limits), weather)
 
     def _under_heat(
         self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
@@ -151,6 +149,7 @@ class FramesForecastMixin(FramesReadingMixin):
         levels: np.ndarray | None,
         setpoint: Any,
         limits: tuple[float, float] | None,
+        weather: WeatherError | None,
     ) -> pd.DataFrame:
         """The forecast in which the plant follows set-points."""
         n_ahead, scheme = len(future.index), self._present_scheme()
@@ -175,7 +174,7 @@ class FramesForecastMixin(FramesReadingMixin):
         if self._law is None:
             load = self._ideal(scheme, table, int(origin[0]), levels, limits, delivered)
             return load.iloc[-n_ahead:].set_axis(future.index)
-        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels, limits, delivered)
+        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels, limits, delivered, weather)
         if now is not None:
             found = found.after(now)
         heat, temperature, zeta = found.paths
@@ -308,6 +307,7 @@ class FramesForecastMixin(FramesReadingMixin):
         origins: Sequence[int] | np.ndarray,
         horizon: Any = None,
         quantiles: Sequence[float] | None = None,
+        weather_error: Any = None,
     ) -> ClosedLoopPaths:
         """Forecast temperature and load from given rows, under the set-points of X and a learned thermostat.
 
@@ -319,6 +319,8 @@ class FramesForecastMixin(FramesReadingMixin):
             Row numbers of X, increasing.
         horizon : timedelta-like, optional
         quantiles : sequence of float, optional
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`forecast`.
 
         Returns
         -------
@@ -348,7 +350,8 @@ class FramesForecastMixin(FramesReadingMixin):
         check_setpoints(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         scheme = self._present_scheme()
-        return self._law.paths(scheme, table, rows + table.n_history, n_leads, levels).by_role(scheme)
+        weather, rows = read_weather_error(weather_error), rows + table.n_history
+        return self._law.paths(scheme, table, rows, n_leads, levels, weather=weather).by_role(scheme)
 
     def _learned_load(
         self,

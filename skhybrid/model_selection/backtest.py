@@ -106,15 +106,12 @@ def backtest(
     loads: dict[str, np.ndarray] = {}
     if (quantiles is not None or weather is not None or not heat_known) and takes_tables(forecaster):
         table = read_once(table, **reading_of(forecaster), fits=False)
-    if weather is not None:
-        if len(zones) > 1 or not heat_known:
-            raise ValueError(
-                "weather_error is for one zone under known heat; leave heat_known=True, and back-test the own_ "
-                "estimators of a building."
-            )
+    if weather is not None and len(zones) > 1:
+        raise ValueError("weather_error is for one zone; back-test the own_ estimators of a building.")
+    if not heat_known:
+        paths, bands, loads = paths_under_setpoints(forecaster, table, origins, n_leads, quantiles, weather)
+    elif weather is not None:
         paths, bands = paths_under(forecaster, table, origins, n_leads, quantiles, weather)
-    elif not heat_known:
-        paths, bands, loads = paths_under_setpoints(forecaster, table, origins, n_leads, quantiles)
     elif hasattr(forecaster, "predict_from"):
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:

@@ -9,18 +9,26 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant
+from ..forecasting import WeatherError
 from ..forecasting.quantiles import load_quantile_columns
+from ..hybrid.thermostat_law.closed_loop import ClosedLoopPaths
 from .single_reading import takes_tables
 
 
 def paths_under_setpoints(
-    forecaster: Any, table: Any, origins: np.ndarray, n_leads: int, quantiles: Sequence[float] | None
+    forecaster: Any,
+    table: Any,
+    origins: np.ndarray,
+    n_leads: int,
+    quantiles: Sequence[float] | None,
+    weather: WeatherError | None,
 ) -> tuple[np.ndarray, np.ndarray | None, dict[str, np.ndarray]]:
     """Forecasts from increasing origins of a table, where a learned thermostat acts.
 
     Returns temperatures (n_origins, n_leads), quantiles (n_origins, n_leads, n_quantiles) [degC] where there are any,
     and columns (n_origins, n_leads) of the plant over the step before each temperature: measured as ``Q_hvac_true``
     (NaN after the last row), forecast as ``Q_hvac_pred``, and quantiles such as ``Q_hvac_0.1`` of the whole load [kW].
+    With a model of the error of a ``weather`` forecast, each origin has a forecast of its own.
     """
     read = hasattr(forecaster, "closed_loop_from") and takes_tables(forecaster)
     if not read or not isinstance(table, ZoneTable | pd.DataFrame):
@@ -30,7 +38,18 @@ def paths_under_setpoints(
         )
     if not isinstance(table, ZoneTable):  # that could not be read by itself: a set-point may be missing
         table = forecaster._read_X(table)
-    found = forecaster.closed_loop_from(table, origins, n_leads * table.step, quantiles)
+    span = n_leads * table.step
+    if weather is None:
+        found = forecaster.closed_loop_from(table, origins, span, quantiles)
+    else:
+        found = ClosedLoopPaths.joined(
+            [
+                forecaster.closed_loop_from(
+                    weather.forecast(table, origin, n_leads), [origin], span, quantiles, weather
+                )
+                for origin in origins.tolist()
+            ]
+        )
     rows = origins[:, None] + np.arange(n_leads)
     there = rows < table.n_rows
     measured = {

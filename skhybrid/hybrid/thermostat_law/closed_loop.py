@@ -6,7 +6,7 @@ week; the blend has the weights of their errors so far, and its intervals are le
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple, Self
 
@@ -19,6 +19,8 @@ from ...control import Band, LoadPaths, WantedPaths
 from ...exceptions import TooFewDaysError
 from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ...forecasting.quantiles import path_clock
+from ...forecasting.weather_error import WeatherError
+from ...forecasting.weather_spread import weather_spreads
 from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
 from ..known_rows import KnownRows
 from ..scheme import Scheme
@@ -46,6 +48,21 @@ class ClosedLoopPaths(NamedTuple):
     temperature_bands: np.ndarray | None = None  # (O, L, n_levels) [degC]
     #: (O, L) stages [-] and heat [kW] by name, as in ``predict_load``; empty where they were not asked for
     plant: Mapping[str, np.ndarray] = MappingProxyType({})
+
+    @classmethod
+    def joined(cls, parts: Sequence[ClosedLoopPaths]) -> ClosedLoopPaths:
+        """Forecasts from the origins of all parts, which are alike."""
+
+        def whole(values: Sequence[np.ndarray | None]) -> np.ndarray | None:
+            known = [v for v in values if v is not None]
+            return np.concatenate(known) if known else None
+
+        return cls(
+            LoadPaths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True))),
+            whole([part.heat_bands for part in parts]),
+            whole([part.temperature_bands for part in parts]),
+            {name: np.concatenate([part.plant[name] for part in parts]) for name in parts[0].plant},
+        )
 
     def by_role(self, scheme: Scheme) -> Self:
         """With the stages and the heat of each part of the plant."""
@@ -165,6 +182,7 @@ class ClosedLoop:
         levels: np.ndarray | None = None,
         limits: tuple[float, float] | None = None,
         delivered: np.ndarray | None = None,
+        weather: WeatherError | None = None,
     ) -> ClosedLoopPaths:
         """Forecast load and temperature from increasing origins, with quantiles of the given levels.
 
@@ -172,7 +190,8 @@ class ClosedLoop:
         Heat is read before an origin only, the temperature up to it.  Column j of the load is the row ``origin + j``,
         of the temperature the end of that row.  Under other ``limits`` of the plant [kW] than those of the training,
         both are as much lower or higher as the network's ideal ones are; so they are where the heat ``delivered``
-        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.
+        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.  Errors of a forecast
+        of the ``weather`` widen the quantiles.
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
@@ -198,8 +217,8 @@ class ClosedLoop:
             own = weeks.numbers(origins) == number
             members[own] = member_paths(rows, origins[own], ideal.of(origins[own]), law, np.arange(n_leads))
         errors = _Errors(past, _leads(self.n_leads), values)
-        free = ideal.of(origins)
-        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
+        free, no_shift = ideal.of(origins), np.zeros((2, len(origins), n_leads))
+        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], no_shift)
         begin = weeks.zero if table.n_history else weeks.begin
         if limits is not None:
             within = _within(within, limits)
@@ -211,7 +230,26 @@ class ClosedLoop:
                 loads_from(origins, n_leads, WantedPaths(rows.band, within, heat)) for heat in (delivered, expected)
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
+        if levels is not None and weather is not None:
+            wanted = wanted._replace(spread=self._weather_spread(scheme, table, origins, n_leads, limits, weather))
         return self._blended(scheme, table, wanted, errors, begin, levels)
+
+    def _weather_spread(
+        self,
+        scheme: Scheme,
+        table: ZoneTable,
+        origins: np.ndarray,
+        n_leads: int,
+        limits: tuple[float, float] | None,
+        weather: WeatherError,
+    ) -> np.ndarray:
+        """(O, 2, n_leads) of what errors of the weather change in load and temperature."""
+        once = scheme.adapting(None)  # a change need not learn from the history
+
+        def both(table: ZoneTable, origin: np.ndarray) -> np.ndarray:
+            return np.concatenate(self.paths(once, table, origin, n_leads, limits=limits).paths[:2])
+
+        return weather_spreads(weather, table, origins, n_leads, both)
 
     def rows_back(self, known: KnownRows) -> int:
         """Largest number of known rows that a forecast reads."""
@@ -249,7 +287,7 @@ class ClosedLoop:
                 out[quantity, i] = path[:, None]
                 if levels is not None:
                     missed = self._missed(known, shares, quantity)
-                    out[quantity, i, :, 1:] += self._offsets(table, int(origin), n_leads, quantity, missed, levels)
+                    out[quantity, i, :, 1:] += self._offsets(table, wanted, i, quantity, missed, levels)
             plausible = ranges.of_row(i).around(rows.band.rows(slice(origin, origin + n_leads)))
             lowest, highest = _within(self._capacity.after(rows.heat[:origin]), wanted.limits)
             heats, cools = self._acting(rows.band, np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
@@ -280,12 +318,19 @@ class ClosedLoop:
         return _Errors(known.origins[daily], known.leads, values)
 
     def _offsets(
-        self, table: ZoneTable, origin: int, n_leads: int, quantity: int, missed: _Errors, levels: np.ndarray
+        self,
+        table: ZoneTable,
+        wanted: _Wanted,
+        i: int,
+        quantity: int,
+        missed: _Errors,
+        levels: np.ndarray,
     ) -> np.ndarray:
-        """(n_leads, n_levels) quantiles of the error of one path."""
-        clock = path_clock(table, np.array([origin]), n_leads)
+        """(n_leads, n_levels) quantiles of the error of the path from the ``i``-th origin."""
+        origin, spread = wanted.origins[i], None if wanted.spread is None else wanted.spread[i, quantity]
+        clock, now = path_clock(table, origin[None], wanted.members.shape[1]), origin * table.step_hours / 24.0
         recent = (missed.values, _clock(table, missed.origins, missed.leads)) if len(missed.origins) else None
-        return self._tail.intervals[quantity].offsets(clock, levels, recent, origin * table.step_hours / 24.0)
+        return self._tail.intervals[quantity].offsets(clock, levels, recent, now, spread)
 
 
 class _Wanted(NamedTuple):
@@ -297,6 +342,7 @@ class _Wanted(NamedTuple):
     zeta: np.ndarray  # (O, L)
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
     limits: tuple[float, float] = (-np.inf, np.inf)
+    spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
 
 
 def _between(paths: LoadPaths, others: LoadPaths, n_leads: int) -> np.ndarray:
