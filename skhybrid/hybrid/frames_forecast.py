@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_of
-from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint
+from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint, refuse_boundary
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import load_quantile_columns, quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
@@ -308,6 +308,7 @@ class FramesForecastMixin(FramesReadingMixin):
         origins: Sequence[int] | np.ndarray,
         horizon: Any = None,
         quantiles: Sequence[float] | None = None,
+        boundary: Mapping[str, np.ndarray] | None = None,
     ) -> ClosedLoopPaths:
         """Forecast temperature and load from given rows, under the set-points of X and a learned thermostat.
 
@@ -319,13 +320,15 @@ class FramesForecastMixin(FramesReadingMixin):
             Row numbers of X, increasing.
         horizon : timedelta-like, optional
         quantiles : sequence of float, optional
+        boundary : mapping of role to array of shape (n_origins, n_leads), optional
+            Temperatures of neighbours, as for :meth:`predict_from`.
 
         Returns
         -------
         ClosedLoopPaths
             ``paths.heat`` [kW] (n_origins, n_leads) over the rows ``origin``, ``origin + 1`` ..., ``paths.temperature``
-            [degC] at the end of each; ``plant`` has stages [-] and heat [kW] by name, as :meth:`predict_load`;
-            ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
+            [degC] at the end of each; ``plant`` has stages [-] and heat [kW] by name, as :meth:`predict_load`, and
+            ``measured`` what X has of them; ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
 
         Raises
         ------
@@ -347,8 +350,10 @@ class FramesForecastMixin(FramesReadingMixin):
             )
         check_setpoints(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
-        scheme = self._present_scheme()
-        return self._law.paths(scheme, table, rows + table.n_history, n_leads, levels).by_role(scheme)
+        scheme, rows = self._present_scheme(), rows + table.n_history
+        refuse_boundary(boundary or {}, scheme.planned_boundaries, (len(rows), n_leads))
+        found = self._law.paths(scheme, table, rows, n_leads, levels, boundary=boundary)
+        return found.by_role(scheme, table, rows)
 
     def _learned_load(
         self,

@@ -20,8 +20,9 @@ from ...exceptions import TooFewDaysError
 from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ...forecasting.quantiles import path_clock
 from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
+from ..building.zone_columns import NEXT
 from ..known_rows import KnownRows
-from ..scheme import Scheme
+from ..scheme import Boundary, Scheme
 from ..setpoint_columns import band_of
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
@@ -46,13 +47,18 @@ class ClosedLoopPaths(NamedTuple):
     temperature_bands: np.ndarray | None = None  # (O, L, n_levels) [degC]
     #: (O, L) stages [-] and heat [kW] by name, as in ``predict_load``; empty where they were not asked for
     plant: Mapping[str, np.ndarray] = MappingProxyType({})
+    #: (O, L) what was measured of the plant by role in the same rows; NaN after the last one
+    measured: Mapping[str, np.ndarray] = MappingProxyType({})
 
-    def by_role(self, scheme: Scheme) -> Self:
-        """With the stages and the heat of each part of the plant."""
-        flat = LoadPaths(*(part.reshape(1, -1) for part in self.paths))
+    def by_role(self, scheme: Scheme, table: ZoneTable, origins: np.ndarray) -> Self:
+        """With the stages and the heat of each part of the plant, and what a table has of them."""
+        shape, flat = self.paths.heat.shape, LoadPaths(*(part.reshape(1, -1) for part in self.paths))
         frame = scheme.heat_frame(pd.RangeIndex(flat.heat.size), flat)
         names = [name for name in map(str, frame) if is_plant(name) and not name.endswith("_unclipped")]
-        return self._replace(plant={name: frame[name].to_numpy().reshape(self.paths.heat.shape) for name in names})
+        rows = origins[:, None] + np.arange(shape[1])
+        there, at = rows < table.n_rows, np.minimum(rows, table.n_rows - 1)
+        measured = {role: np.where(there, v[at], np.nan) for role, v in table.inputs.items() if is_plant(role)}
+        return self._replace(plant={name: frame[name].to_numpy().reshape(shape) for name in names}, measured=measured)
 
     def after(self, T_za: float) -> ClosedLoopPaths:
         """With the temperature at the origin before those at the ends of its rows."""
@@ -145,7 +151,7 @@ class ClosedLoop:
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
         capacity = PlantCapacity.of(scheme, training, heat)
         loads_from = scheme.adapting(None).load_paths_from(training, origins)
-        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range))
+        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range, unforeseen=_unforeseen(scheme)))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_FIT_SHARE * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
@@ -165,6 +171,7 @@ class ClosedLoop:
         levels: np.ndarray | None = None,
         limits: tuple[float, float] | None = None,
         delivered: np.ndarray | None = None,
+        boundary: Boundary = None,
     ) -> ClosedLoopPaths:
         """Forecast load and temperature from increasing origins, with quantiles of the given levels.
 
@@ -172,7 +179,8 @@ class ClosedLoop:
         Heat is read before an origin only, the temperature up to it.  Column j of the load is the row ``origin + j``,
         of the temperature the end of that row.  Under other ``limits`` of the plant [kW] than those of the training,
         both are as much lower or higher as the network's ideal ones are; so they are where the heat ``delivered``
-        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.
+        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.  A ``boundary`` holds
+        temperatures of neighbours after each origin, in place of those of the table.
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
@@ -187,8 +195,13 @@ class ClosedLoop:
         laws = refits.known(rows, weeks, numbers) if scheme.adapt == "full" else dict.fromkeys(numbers, refits.law)
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
-        loads_from, within = scheme.load_paths_from(table, every), self._capacity.range
-        ideal = IdealPaths(every, loads_from(every, max(n_leads, self.n_leads), WantedPaths(rows.band, within)))
+        loads_from, asked = scheme.load_paths_from(table, every), self._asked(scheme, rows)
+        n_ideal = max(n_leads, self.n_leads)
+        ideal = IdealPaths(every, loads_from(every, n_ideal, asked))
+        free = ideal.of(origins)
+        if boundary:  # the past knows what was measured
+            asked = asked._replace(boundary=boundary)
+            free = loads_from(origins, n_ideal, asked)
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
         for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
@@ -196,22 +209,25 @@ class ClosedLoop:
             own = weeks.numbers(past) == number
             values[own] = member_errors(rows, past[own], ideal.of(past[own]), law, _leads(self.n_leads))
             own = weeks.numbers(origins) == number
-            members[own] = member_paths(rows, origins[own], ideal.of(origins[own]), law, np.arange(n_leads))
+            members[own] = member_paths(rows, origins[own], free.rows(own), law, np.arange(n_leads))
         errors = _Errors(past, _leads(self.n_leads), values)
-        free = ideal.of(origins)
         wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
         begin = weeks.zero if table.n_history else weeks.begin
         if limits is not None:
-            within = _within(within, limits)
-            limited = loads_from(origins, n_leads, WantedPaths(rows.band, within))
+            asked = asked._replace(limits=_within(asked.limits, limits))
+            limited = loads_from(origins, n_leads, asked)
             wanted = wanted._replace(shift=_between(limited, free, n_leads), limits=limits)
         if delivered is not None:
             expected = self._blended(scheme, table, wanted, errors, begin, None).paths.heat[:, 0]
             actual, forecast = (
-                loads_from(origins, n_leads, WantedPaths(rows.band, within, heat)) for heat in (delivered, expected)
+                loads_from(origins, n_leads, asked._replace(delivered=heat)) for heat in (delivered, expected)
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         return self._blended(scheme, table, wanted, errors, begin, levels)
+
+    def _asked(self, scheme: Scheme, rows: LawRows) -> WantedPaths:
+        """What the network's ideal thermostat is asked for."""
+        return WantedPaths(rows.band, self._capacity.range, unforeseen=_unforeseen(scheme))
 
     def rows_back(self, known: KnownRows) -> int:
         """Largest number of known rows that a forecast reads."""
@@ -297,6 +313,11 @@ class _Wanted(NamedTuple):
     zeta: np.ndarray  # (O, L)
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
     limits: tuple[float, float] = (-np.inf, np.inf)
+
+
+def _unforeseen(scheme: Scheme) -> tuple[str, ...]:
+    """Boundary temperatures that are not known ahead: those of neighbours."""
+    return tuple(role for role in scheme.planned_boundaries if role.startswith(NEXT))
 
 
 def _between(paths: LoadPaths, others: LoadPaths, n_leads: int) -> np.ndarray:
