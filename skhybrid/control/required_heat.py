@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,10 @@ class WantedPaths(NamedTuple):
     band: Band  # (N,) of the rows of a table [degC]
     limits: tuple[float, float]  # of the plant [kW]
     delivered: np.ndarray | None = None  # (O,) heat of the origins' own rows [kW], where the plant begins after them
+    #: boundary temperatures that heat is sought without knowing ahead, such as those of neighbours
+    unforeseen: tuple[str, ...] = ()
+    #: (O, K) values of some of these after each origin [degC] in place of the table's; the last one holds
+    boundary: Mapping[str, np.ndarray] = MappingProxyType({})
 
 
 class LoadPaths(NamedTuple):

@@ -24,12 +24,13 @@ class LoadPath(NamedTuple):
 
 
 @compiled
-def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead):
+def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead, unforeseen=None):
     """Least heat that keeps the output in [lowest, highest] (N,) at the end of every step (paper Eq. 16).
 
     Where the band is one value this is the equation itself.  With ``ahead > 1`` each step applies the heat that, held
     for so many steps, meets the band at the end of the last of them: heat into a node that is not the measured one
-    would ring otherwise (``control.steps_ahead``).  After the last row forcing and band are held.
+    would ring otherwise (``control.steps_ahead``).  After the last row forcing and band are held.  An ``unforeseen``
+    forcing (N, n), which comes on top, is held from each step on where heat is sought for it.
     """
     N, n = forcing.shape
     applied, path = np.empty(N), np.empty(N)
@@ -52,6 +53,8 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
             last = min(k + step, N - 1)
             for i in range(n):
                 new[i] = forcing[last, i]
+                if unforeseen is not None:
+                    new[i] += unforeseen[k, i]
                 for j in range(n):
                     new[i] += A[i, j] * free[j]
             free[:] = new
@@ -65,6 +68,8 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
         path[k] = 0.0
         for i in range(n):
             new[i] = forcing[k, i] + heat[side, i] * applied[k]
+            if unforeseen is not None:
+                new[i] += unforeseen[k, i]
             for j in range(n):
                 new[i] += A[i, j] * s[j]
             path[k] += c[i] * new[i]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,14 +14,15 @@ from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_of
-from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint
+from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint, refuse_boundary
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import load_quantile_columns, quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .frames_reading import FramesReadingMixin
 from .scheme import Paths, Scheme
 from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
-from .thermostat_law.closed_loop import ClosedLoop, ClosedLoopPaths
+from .thermostat_law.closed_loop import ClosedLoop
+from .thermostat_law.closed_loop_paths import ClosedLoopPaths
 
 
 class FramesForecastMixin(FramesReadingMixin):
@@ -174,7 +175,9 @@ class FramesForecastMixin(FramesReadingMixin):
         if self._law is None:
             load = self._ideal(scheme, table, int(origin[0]), levels, limits, delivered)
             return load.iloc[-n_ahead:].set_axis(future.index)
-        found = self._law.paths(scheme, table, origin, n_ahead + (now is None), levels, limits, delivered, weather)
+        found = self._law.paths(
+            scheme, table, origin, n_ahead + (now is None), levels, limits, delivered, weather=weather
+        )
         if now is not None:
             found = found.after(now)
         heat, temperature, zeta = found.paths
@@ -307,6 +310,7 @@ class FramesForecastMixin(FramesReadingMixin):
         origins: Sequence[int] | np.ndarray,
         horizon: Any = None,
         quantiles: Sequence[float] | None = None,
+        boundary: Mapping[str, np.ndarray] | None = None,
         weather_error: Any = None,
     ) -> ClosedLoopPaths:
         """Forecast temperature and load from given rows, under the set-points of X and a learned thermostat.
@@ -319,6 +323,8 @@ class FramesForecastMixin(FramesReadingMixin):
             Row numbers of X, increasing.
         horizon : timedelta-like, optional
         quantiles : sequence of float, optional
+        boundary : mapping of role to array of shape (n_origins, n_leads), optional
+            Temperatures of neighbours, as for :meth:`predict_from`.
         weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
             As in :meth:`forecast`.
 
@@ -326,8 +332,8 @@ class FramesForecastMixin(FramesReadingMixin):
         -------
         ClosedLoopPaths
             ``paths.heat`` [kW] (n_origins, n_leads) over the rows ``origin``, ``origin + 1`` ..., ``paths.temperature``
-            [degC] at the end of each; ``plant`` has stages [-] and heat [kW] by name, as :meth:`predict_load`;
-            ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
+            [degC] at the end of each; ``plant`` has stages [-] and heat [kW] by name, as :meth:`predict_load`, and
+            ``measured`` what X has of them; ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
 
         Raises
         ------
@@ -349,9 +355,10 @@ class FramesForecastMixin(FramesReadingMixin):
             )
         check_setpoints(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
-        scheme = self._present_scheme()
-        weather, rows = read_weather_error(weather_error), rows + table.n_history
-        return self._law.paths(scheme, table, rows, n_leads, levels, weather=weather).by_role(scheme)
+        scheme, rows, weather = self._present_scheme(), rows + table.n_history, read_weather_error(weather_error)
+        refuse_boundary(boundary or {}, scheme.planned_boundaries, (len(rows), n_leads))
+        found = self._law.paths(scheme, table, rows, n_leads, levels, boundary=boundary, weather=weather)
+        return found.by_role(scheme, table, rows)
 
     def _learned_load(
         self,

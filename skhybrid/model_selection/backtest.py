@@ -67,13 +67,17 @@ def backtest(
         Replace the weather after each origin by a forecast with such errors
         (:class:`~skhybrid.forecasting.WeatherError`), and widen the intervals by what they do; None: the weather in X
         is known in advance.
+    heat_known : bool, default=True
+        Whether the heat in X is known in advance; else its set-points are, a learned thermostat acts, and the load is
+        forecast too (a hybrid predictor or a BuildingPredictor).
 
     Returns
     -------
     DataFrame
         One row per origin and lead: ``origin`` and ``time`` (stamps, or row numbers for an array), ``lead``
         (Timedelta), ``y_true`` and ``y_pred`` [degC], and ``q_0.1`` ... [degC] for the quantiles.  Of several zones
-        also ``zone``.
+        also ``zone``.  With ``heat_known=False`` also, over the step before ``time``, ``Q_hvac_pred`` and
+        ``Q_hvac_true`` (or stages by role), and ``Q_hvac_0.1`` ... [kW]; NaN in zones without them.
 
     Raises
     ------
@@ -109,7 +113,7 @@ def backtest(
     if weather is not None and len(zones) > 1:
         raise ValueError("weather_error is for one zone; back-test the own_ estimators of a building.")
     if not heat_known:
-        paths, bands, loads = paths_under_setpoints(forecaster, table, origins, n_leads, quantiles, weather)
+        paths, bands, loads = paths_under_setpoints(forecaster, table, origins, n_leads * sampling, quantiles, weather)
     elif weather is not None:
         paths, bands = paths_under(forecaster, table, origins, n_leads, quantiles, weather)
     elif hasattr(forecaster, "predict_from"):

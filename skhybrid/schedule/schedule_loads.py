@@ -69,15 +69,34 @@ def load_paths(
         rows = slice(int(origin), min(int(origin) + n_leads, segment.n_rows))
         ahead, n = segment.between(rows.start, rows.stop), rows.stop - rows.start
         zeta = _zeta(ahead, state)
-        system, begin = _system(fit, state, ahead, zeta), np.append(state.nodes, state.emitter)
+        foreseen, unforeseen = _without_unforeseen(fit, state, ahead, wanted, i)
+        system, begin = _system(fit, state, foreseen, zeta), np.append(state.nodes, state.emitter)
         band = [side[rows] - fit.reference for side in wanted.band]
         within = [np.full(n, limit) for limit in wanted.limits]
         if wanted.delivered is not None:
             within[0][0] = within[1][0] = wanted.delivered[i]
-        load, path = simulate_inverse(*system, *band, *within, begin, steps_ahead(system.A, system.effect, system.c))
+        hold = steps_ahead(system.A, system.effect, system.c)
+        load, path = simulate_inverse(*system, *band, *within, begin, hold, unforeseen)
         for part, values in zip(out, (load, path + fit.reference, zeta), strict=True):
             part[i, :n], part[i, n:] = values, values[-1]
     return out
+
+
+def _without_unforeseen(
+    fit: LeadFit, state: OriginState, ahead: Segment, wanted: WantedPaths, number: int
+) -> tuple[Segment, np.ndarray | None]:
+    """Rows after an origin without the boundaries that are unforeseen there, and the effect (n, m) of these."""
+    if not wanted.unforeseen:
+        return ahead, None
+    column = {role: fit.plan.network.boundaries.index(role) for role in wanted.unforeseen}
+    boundary, unforeseen = ahead.boundary.copy(), np.zeros(ahead.boundary.shape)
+    for role, values in wanted.boundary.items():
+        given = values[number] - fit.reference
+        boundary[1:, column[role]] = given[np.minimum(np.arange(ahead.n_rows - 1), len(given) - 1)]
+    of = list(column.values())
+    unforeseen[:, of], boundary[:, of] = boundary[:, of], 0.0
+    effect = unforeseen @ state.matrices.of_boundaries.T
+    return ahead._replace(boundary=boundary), np.column_stack([effect, np.zeros(len(effect))])
 
 
 def plant_heat(fit: LeadFit, table: ZoneTable) -> np.ndarray:

@@ -29,6 +29,7 @@ from ..base import BaseHybrid
 from ..parts import fit_preprocess
 from ..predictor import HybridPredictor, takes_two_stages
 from ..schedule_predictor import DEFAULT_NETWORK
+from .building_closed_loop import BuildingClosedLoopMixin
 from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
 from .building_tables import tables_of_zones, with_neighbour_temperatures
@@ -44,7 +45,9 @@ from .zone_columns import (
 _SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
 
-class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
+class BuildingPredictor(
+    BuildingPlansMixin, BuildingClosedLoopMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
+):
     """Day-ahead forecast of temperature and load of all zones of a building.
 
     Each zone has a predictor of its own, and a second one that takes its neighbours' temperatures as boundaries.  What

@@ -6,8 +6,6 @@ week; the blend has the weights of their errors so far, and its intervals are le
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -22,9 +20,11 @@ from ...forecasting.quantiles import path_clock
 from ...forecasting.weather_error import WeatherError
 from ...forecasting.weather_spread import weather_spreads
 from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
+from ..building.zone_columns import NEXT
 from ..known_rows import KnownRows
-from ..scheme import Scheme
+from ..scheme import Boundary, Scheme
 from ..setpoint_columns import band_of
+from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
 from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
@@ -38,48 +38,6 @@ _WIDER = 1.1  # loads may be so much larger than the largest known
 _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
 _INDEPENDENT_PER_DAY = (24.0, 2.0)  # independent errors of the load, which starts and stops, and of temperature
 _LEADS = 18  # leads at which errors are evaluated
-
-
-class ClosedLoopPaths(NamedTuple):
-    """Forecasts from some origins, with quantiles where they were wanted."""
-
-    paths: LoadPaths
-    heat_bands: np.ndarray | None = None  # (O, L, n_levels) [kW]
-    temperature_bands: np.ndarray | None = None  # (O, L, n_levels) [degC]
-    #: (O, L) stages [-] and heat [kW] by name, as in ``predict_load``; empty where they were not asked for
-    plant: Mapping[str, np.ndarray] = MappingProxyType({})
-
-    @classmethod
-    def joined(cls, parts: Sequence[ClosedLoopPaths]) -> ClosedLoopPaths:
-        """Forecasts from the origins of all parts, which are alike."""
-
-        def whole(values: Sequence[np.ndarray | None]) -> np.ndarray | None:
-            known = [v for v in values if v is not None]
-            return np.concatenate(known) if known else None
-
-        return cls(
-            LoadPaths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True))),
-            whole([part.heat_bands for part in parts]),
-            whole([part.temperature_bands for part in parts]),
-            {name: np.concatenate([part.plant[name] for part in parts]) for name in parts[0].plant},
-        )
-
-    def by_role(self, scheme: Scheme) -> Self:
-        """With the stages and the heat of each part of the plant."""
-        flat = LoadPaths(*(part.reshape(1, -1) for part in self.paths))
-        frame = scheme.heat_frame(pd.RangeIndex(flat.heat.size), flat)
-        names = [name for name in map(str, frame) if is_plant(name) and not name.endswith("_unclipped")]
-        return self._replace(plant={name: frame[name].to_numpy().reshape(self.paths.heat.shape) for name in names})
-
-    def after(self, T_za: float) -> ClosedLoopPaths:
-        """With the temperature at the origin before those at the ends of its rows."""
-
-        def extended(T: np.ndarray) -> np.ndarray:
-            return np.concatenate([np.full_like(T[:, :1], T_za), T], axis=1)
-
-        bands = None if self.temperature_bands is None else extended(self.temperature_bands)
-        paths = self.paths._replace(temperature=extended(self.paths.temperature))
-        return self._replace(paths=paths, temperature_bands=bands)
 
 
 class _Errors(NamedTuple):
@@ -162,7 +120,7 @@ class ClosedLoop:
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
         capacity = PlantCapacity.of(scheme, training, heat)
         loads_from = scheme.adapting(None).load_paths_from(training, origins)
-        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range))
+        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range, unforeseen=_unforeseen(scheme)))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_FIT_SHARE * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
@@ -182,6 +140,7 @@ class ClosedLoop:
         levels: np.ndarray | None = None,
         limits: tuple[float, float] | None = None,
         delivered: np.ndarray | None = None,
+        boundary: Boundary = None,
         weather: WeatherError | None = None,
     ) -> ClosedLoopPaths:
         """Forecast load and temperature from increasing origins, with quantiles of the given levels.
@@ -190,8 +149,9 @@ class ClosedLoop:
         Heat is read before an origin only, the temperature up to it.  Column j of the load is the row ``origin + j``,
         of the temperature the end of that row.  Under other ``limits`` of the plant [kW] than those of the training,
         both are as much lower or higher as the network's ideal ones are; so they are where the heat ``delivered``
-        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.  Errors of a forecast
-        of the ``weather`` widen the quantiles.
+        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.  A ``boundary`` holds
+        temperatures of neighbours after each origin, in place of those of the table.  Errors of a forecast of the
+        ``weather`` widen the quantiles.
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
@@ -206,8 +166,13 @@ class ClosedLoop:
         laws = refits.known(rows, weeks, numbers) if scheme.adapt == "full" else dict.fromkeys(numbers, refits.law)
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
-        loads_from, within = scheme.load_paths_from(table, every), self._capacity.range
-        ideal = IdealPaths(every, loads_from(every, max(n_leads, self.n_leads), WantedPaths(rows.band, within)))
+        loads_from, asked = scheme.load_paths_from(table, every), self._asked(scheme, rows)
+        n_ideal = max(n_leads, self.n_leads)
+        ideal = IdealPaths(every, loads_from(every, n_ideal, asked))
+        free = ideal.of(origins)
+        if boundary:  # the past knows what was measured
+            asked = asked._replace(boundary=boundary)
+            free = loads_from(origins, n_ideal, asked)
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
         for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
@@ -215,23 +180,24 @@ class ClosedLoop:
             own = weeks.numbers(past) == number
             values[own] = member_errors(rows, past[own], ideal.of(past[own]), law, _leads(self.n_leads))
             own = weeks.numbers(origins) == number
-            members[own] = member_paths(rows, origins[own], ideal.of(origins[own]), law, np.arange(n_leads))
+            members[own] = member_paths(rows, origins[own], free.rows(own), law, np.arange(n_leads))
         errors = _Errors(past, _leads(self.n_leads), values)
-        free, no_shift = ideal.of(origins), np.zeros((2, len(origins), n_leads))
-        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], no_shift)
+        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
         begin = weeks.zero if table.n_history else weeks.begin
         if limits is not None:
-            within = _within(within, limits)
-            limited = loads_from(origins, n_leads, WantedPaths(rows.band, within))
+            asked = asked._replace(limits=_within(asked.limits, limits))
+            limited = loads_from(origins, n_leads, asked)
             wanted = wanted._replace(shift=_between(limited, free, n_leads), limits=limits)
         if delivered is not None:
             expected = self._blended(scheme, table, wanted, errors, begin, None).paths.heat[:, 0]
             actual, forecast = (
-                loads_from(origins, n_leads, WantedPaths(rows.band, within, heat)) for heat in (delivered, expected)
+                loads_from(origins, n_leads, asked._replace(delivered=heat)) for heat in (delivered, expected)
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         if levels is not None and weather is not None:
-            wanted = wanted._replace(spread=self._weather_spread(scheme, table, origins, n_leads, limits, weather))
+            wanted = wanted._replace(
+                spread=self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
+            )
         return self._blended(scheme, table, wanted, errors, begin, levels)
 
     def _weather_spread(
@@ -241,15 +207,21 @@ class ClosedLoop:
         origins: np.ndarray,
         n_leads: int,
         limits: tuple[float, float] | None,
+        boundary: Boundary,
         weather: WeatherError,
     ) -> np.ndarray:
         """(O, 2, n_leads) of what errors of the weather change in load and temperature."""
         once = scheme.adapting(None)  # a change need not learn from the history
 
         def both(table: ZoneTable, origin: np.ndarray) -> np.ndarray:
-            return np.concatenate(self.paths(once, table, origin, n_leads, limits=limits).paths[:2])
+            ahead = {role: values[np.searchsorted(origins, origin)] for role, values in (boundary or {}).items()}
+            return np.concatenate(self.paths(once, table, origin, n_leads, None, limits, None, ahead).paths[:2])
 
         return weather_spreads(weather, table, origins, n_leads, both)
+
+    def _asked(self, scheme: Scheme, rows: LawRows) -> WantedPaths:
+        """What the network's ideal thermostat is asked for."""
+        return WantedPaths(rows.band, self._capacity.range, unforeseen=_unforeseen(scheme))
 
     def rows_back(self, known: KnownRows) -> int:
         """Largest number of known rows that a forecast reads."""
@@ -343,6 +315,11 @@ class _Wanted(NamedTuple):
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
     limits: tuple[float, float] = (-np.inf, np.inf)
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
+
+
+def _unforeseen(scheme: Scheme) -> tuple[str, ...]:
+    """Boundary temperatures that are not known ahead: those of neighbours."""
+    return tuple(role for role in scheme.planned_boundaries if role.startswith(NEXT))
 
 
 def _between(paths: LoadPaths, others: LoadPaths, n_leads: int) -> np.ndarray:

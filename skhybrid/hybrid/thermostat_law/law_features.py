@@ -11,6 +11,7 @@ from ..._table import ZoneTable
 from ..._time import hour_of_day, rows_per_day
 from ...control import Band, LoadPaths
 from ...forecasting.features import clock_changes, rows_back, same_slot, span_means
+from ..building.zone_columns import NEXT
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]
@@ -29,13 +30,16 @@ class LawRows(NamedTuple):
     clock: np.ndarray  # (N, 3) hour, day of the week, whether it is a weekend
     per_day: int
     changes: np.ndarray | None = None  # (N,) steps by which the local clock has changed; None: never
+    beside: tuple[np.ndarray, ...] = ()  # (N,) temperature of each neighbour [degC], which the network reads
 
     @classmethod
     def of(cls, table: ZoneTable, heat: np.ndarray, band: Band) -> Self:
         chosen = [v for role, v in table.inputs.items() if role == "T_oa" or role.startswith("q_sol")]
         weather = np.column_stack(chosen) if chosen else np.empty((table.n_rows, 0))
+        beside = tuple(v for role, v in table.inputs.items() if role.startswith(NEXT))
         clock = np.column_stack([hour_of_day(table.time), table.day_of_week, table.weekend])
-        return cls(table.measured(), heat, band, weather, clock, rows_per_day(table.step), clock_changes(table))
+        per_day, changes = rows_per_day(table.step), clock_changes(table)
+        return cls(table.measured(), heat, band, weather, clock, per_day, changes, beside)
 
     def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
         """(n,) last measured temperature at each origin [degC], or another one where there is none."""
