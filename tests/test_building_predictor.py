@@ -150,6 +150,16 @@ def test_quantiles_and_back_tests_are_those_of_predict_from(building, rooms, lat
     assert 0.5 < score_intervals(frame)["coverage"] < 1.0
 
 
+def test_intervals_of_all_zones_allow_for_errors_of_the_weather(building, later, tomorrow):
+    exact, off = (building.forecast(None, tomorrow, quantiles=(0.1, 0.9), weather_error=e) for e in (None, "high"))
+    np.testing.assert_array_equal(temperatures(exact), temperatures(off))
+    for zone in ZONES:
+        low, high = f"q_0.1_{zone}", f"q_0.9_{zone}"
+        assert (off[high] - off[low]).mean() > 1.05 * (exact[high] - exact[low]).mean()
+    whole = building.predict_quantiles_from(later[:DAY], [-1], (0.1, 0.9), weather_error="high")[0]
+    np.testing.assert_allclose(off[[f"q_0.9_{zone}" for zone in ZONES]], whole[:, :, 1], atol=1e-9)
+
+
 def test_update_and_forecast_are_predict_from(building, later, tomorrow):
     model = copy.deepcopy(building)
     np.testing.assert_allclose(

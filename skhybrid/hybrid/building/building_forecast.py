@@ -15,9 +15,9 @@ from ..._table import as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_of_zone, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
+from ...forecasting.weather_error import WeatherError, read_weather_error
 from ..base import BaseHybrid
 from .building_tables import BuildingTablesMixin, tables_of_zones, with_neighbour_temperatures, with_next
-from .coupled_zone import CoupledZone
 from .zone_columns import MEASURED, NEXT, held
 
 _T = TypeVar("_T")
@@ -103,7 +103,9 @@ class BuildingForecastMixin(BuildingTablesMixin):
                 break
         return max(found, key=lambda rolled: len(rolled[0]))
 
-    def predict_quantiles(self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES) -> np.ndarray:
+    def predict_quantiles(
+        self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES, *, weather_error: Any = None
+    ) -> np.ndarray:
         """Forecast quantiles of every row from the last origin before it.
 
         Parameters
@@ -111,6 +113,8 @@ class BuildingForecastMixin(BuildingTablesMixin):
         X : DataFrame or array-like of shape (n_samples, n_features)
         quantiles : sequence of float, default (0.1, 0.5, 0.9)
             In (0, 1), increasing.
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`HybridPredictor.predict_quantiles`.
 
         Returns
         -------
@@ -119,7 +123,8 @@ class BuildingForecastMixin(BuildingTablesMixin):
         """
         check_is_fitted(self)
         X = self._prepared(self._read(X))
-        return self._rolled(X, lambda origins, n_leads: self._bands(X, origins, quantiles, self._span(n_leads)))
+        given = quantiles, read_weather_error(weather_error)
+        return self._rolled(X, lambda origins, n_leads: self._bands(X, origins, self._span(n_leads), *given))
 
     def predict_quantiles_from(
         self,
@@ -127,6 +132,8 @@ class BuildingForecastMixin(BuildingTablesMixin):
         origins: Sequence[int] | np.ndarray,
         quantiles: Sequence[float] = DEFAULT_QUANTILES,
         horizon: Any = None,
+        *,
+        weather_error: Any = None,
     ) -> np.ndarray:
         """Forecast quantiles of the rows after each of the given origins.
 
@@ -136,6 +143,8 @@ class BuildingForecastMixin(BuildingTablesMixin):
         origins : sequence of int; row numbers of X
         quantiles : sequence of float, default (0.1, 0.5, 0.9); in (0, 1), increasing
         horizon : timedelta-like, optional
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`HybridPredictor.predict_quantiles`.
 
         Returns
         -------
@@ -143,13 +152,17 @@ class BuildingForecastMixin(BuildingTablesMixin):
             [degC]; NaN after the last row of X.
         """
         check_is_fitted(self)
-        return self._bands(self._prepared(self._read(X)), np.asarray(origins), quantiles, horizon)
+        weather = read_weather_error(weather_error)
+        return self._bands(self._prepared(self._read(X)), np.asarray(origins), horizon, quantiles, weather)
 
-    def _bands(self, X: Any, origins: np.ndarray, quantiles: Sequence[float], horizon: Any) -> np.ndarray:
+    def _bands(
+        self, X: Any, origins: np.ndarray, horizon: Any, quantiles: Sequence[float], weather: WeatherError | None
+    ) -> np.ndarray:
         """(n_origins, n_leads, n_zones, n_quantiles)."""
         own = self._own_paths(X, origins, horizon)
         paths = self._among_neighbours(X, origins, horizon, own)
-        bands = self._of_each(lambda model: model.predict_quantiles_from(X, origins, quantiles, horizon))
+        given = {"quantiles": quantiles, "horizon": horizon, "weather_error": weather}
+        bands = self._of_each(lambda model: model.predict_quantiles_from(X, origins, **given))
         for j, (zone, band) in enumerate(bands.items()):
             widths = self.coupled_[zone].widths(band.shape[1])[:, None] if zone in self.coupled_ else 1.0
             bands[zone] = paths[..., j, None] + widths * (band - own[zone][..., None])
@@ -208,6 +221,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         setpoint: Any = None,
         quantiles: Sequence[float] | None = None,
         *,
+        weather_error: Any = None,
         limits: tuple[float | None, float | None] | None = None,
     ) -> pd.DataFrame:
         """Forecast all zones from the last row of a history, under given heat or under their thermostats.
@@ -227,6 +241,8 @@ class BuildingForecastMixin(BuildingTablesMixin):
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; a zone under ``setpoint`` whose thermostat
             was not learned (``thermostat_learned_``) has none.  See also :meth:`sample`.
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`HybridPredictor.forecast`.
         limits : tuple of (lowest, highest), optional
             What the plant of each zone can do, as in :meth:`HybridPredictor.forecast`; :meth:`predict_load` has limits
             that zones share.
@@ -246,19 +262,24 @@ class BuildingForecastMixin(BuildingTablesMixin):
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint)
+        weather = read_weather_error(weather_error)
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:
             self._refuse_shared_plants()
         if limits is not None:
             self._refuse_without_plant("limits")
         alone = known is None and not setpoints and limits is None
-        of = self._under_heat(ahead, now, quantiles) if alone else None
+        of = self._under_heat(ahead, now, quantiles, weather) if alone else None
         if of is None:
-            of = self._by_frames(known, ahead, now, wanted, quantiles, limits)
+            of = self._by_frames(known, ahead, now, wanted, quantiles, limits, weather)
         return pd.DataFrame(self._joined(of, first_lead=0 if now else 1), future.index)
 
     def _under_heat(
-        self, ahead: pd.DataFrame, now: Mapping[str, Any], quantiles: Sequence[float] | None
+        self,
+        ahead: pd.DataFrame,
+        now: Mapping[str, Any],
+        quantiles: Sequence[float] | None,
+        weather: WeatherError | None,
     ) -> _Columns | None:
         """Forecasts under given heat after all known rows, which are read once; None where they are not alike."""
         tables = tables_of_zones(self.own_, self._columns, ahead)
@@ -274,7 +295,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
             table = with_neighbour_temperatures(tables[zone], T)
             if not T:
                 model._warn_of_plan(table, len(ahead.index))
-            return model._columns_ahead(table, T_now.get(zone), None if T else levels)
+            return model._columns_ahead(table, T_now.get(zone), None if T else levels, weather)
 
         return of
 
@@ -286,6 +307,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         wanted: Mapping[str, Any],
         quantiles: Sequence[float] | None,
         limits: tuple[float | None, float | None] | None,
+        weather: WeatherError | None,
     ) -> _Columns:
         """Forecasts for which each predictor reads history and rows ahead by itself."""
         among = known if known is None or not self.coupled_ else self._with_measured(known, self._known(known))
@@ -299,7 +321,8 @@ class BuildingForecastMixin(BuildingTablesMixin):
             under_heat = band is None and not model._has_setpoints_only(rows)
             without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_
             levels = None if without else quantiles
-            return columns_of(model.forecast(history, rows, now.get(zone), band, levels, limits=within))
+            given = history, rows, now.get(zone), band, levels
+            return columns_of(model.forecast(*given, weather_error=weather, limits=within))
 
         return of
 
@@ -358,23 +381,10 @@ class BuildingForecastMixin(BuildingTablesMixin):
         for zone, one in self.coupled_.items():
             T = {other: own[other]["T_za"] for other in one.neighbours}
             with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
-                found[zone] = _blended(own[zone], of(one.model, zone, T), one, first_lead)
+                found[zone] = one.blended(own[zone], of(one.model, zone, T), first_lead)
         return {f"{name}_{zone}": values for zone, columns in found.items() for name, values in columns.items()}
 
 
 def columns_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
     """The columns of a frame by name."""
     return {str(name): values.to_numpy() for name, values in frame.items()}
-
-
-def _blended(
-    own: Mapping[str, np.ndarray], coupled: Mapping[str, np.ndarray], one: CoupledZone, first_lead: int
-) -> dict[str, np.ndarray]:
-    """A zone's columns from those by itself and with neighbours; quantiles of T_za move along, by the errors."""
-    n_rows = len(own["T_za"])
-    share = one.share_by_row(n_rows, first_lead)
-    widths = np.append(np.ones(1 - first_lead), one.widths(n_rows - 1 + first_lead))
-    found = {name: (1.0 - share) * values + share * coupled[name] for name, values in own.items() if name in coupled}
-    T = found["T_za"]
-    moved = {name: T + (own[name] - own["T_za"]) * widths for name in own if name.startswith("q_")}
-    return {name: moved[name] if name in moved else found[name] for name in own}

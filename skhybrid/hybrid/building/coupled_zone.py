@@ -49,6 +49,20 @@ class CoupledZone:
         """(n_rows,) share of this forecast in rows of which the first has lead 1, or 0: the measured origin."""
         return np.append(np.zeros(1 - first_lead), self.share(n_rows - 1 + first_lead))
 
+    def blended(
+        self, own: Mapping[str, np.ndarray], coupled: Mapping[str, np.ndarray], first_lead: int
+    ) -> dict[str, np.ndarray]:
+        """Columns of the zone by itself and of this forecast as one; quantiles of T_za move along, by the errors."""
+        n_rows = len(own["T_za"])
+        share = self.share_by_row(n_rows, first_lead)
+        widths = np.append(np.ones(1 - first_lead), self.widths(n_rows - 1 + first_lead))
+        found = {
+            name: (1.0 - share) * values + share * coupled[name] for name, values in own.items() if name in coupled
+        }
+        T = found["T_za"]
+        moved = {name: T + (own[name] - own["T_za"]) * widths for name in own if name.startswith("q_")}
+        return {name: moved[name] if name in moved else found[name] for name in own}
+
     def share(self, n_leads: int) -> np.ndarray:
         """(n_leads,) share of this forecast."""
         return by_lead(self.weights, len(self.ratio), n_leads)[:, 1]
