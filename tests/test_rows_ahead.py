@@ -67,6 +67,19 @@ def test_weather_with_the_columns_of_the_log_has_their_units_and_label(frame, zo
     np.testing.assert_allclose(late.frame["T_oa"], plain.frame["T_oa"])
 
 
+def test_intervals_allow_for_errors_of_the_weather_by_the_configuration(frame, zone, tmp_path):
+    path = tomorrow(frame, tmp_path / "weather.csv")
+    plain = day_ahead(zone, frame[:N], path, SCHEDULE).frame
+    careful = ZoneModel(zone.predictor, settings_from({**SETTINGS, "weather_error": "high"}))
+    wider = day_ahead(careful, frame[:N], path, SCHEDULE).frame
+    np.testing.assert_allclose(wider[["T_za", "Q_hvac"]], plain[["T_za", "Q_hvac"]])
+    for quantity in ("q", "Q_hvac"):
+        widths = [(f[f"{quantity}_0.9"] - f[f"{quantity}_0.1"]).mean() for f in (plain, wider)]
+        assert widths[1] > 1.02 * widths[0]
+    with pytest.raises(ValueError, match="weather_error='much' is none of 'low', 'medium', 'high'"):
+        settings_from({**SETTINGS, "weather_error": "much"})
+
+
 @pytest.mark.parametrize("name", ["temp", "Temperature (°F)", "t_air"])
 def test_a_temperature_in_a_weather_file_is_that_of_outdoors(name, frame, zone, tmp_path):
     """In a log a name such as "temp" says nothing of where; degF are found too."""

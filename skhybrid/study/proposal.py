@@ -73,6 +73,7 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
         "means in its row",
         f'step = "{report.even_step.total_seconds() / 60:g}min"',
         'origin_step = "1D"  # a forecast from every local midnight of the test span',
+        '# weather_error = "medium"  # or "low", "high": intervals allow for errors of the weather forecast',
         *_adjacency_lines(report.zones),
     ]
 

@@ -16,6 +16,7 @@ from .._arguments import is_number
 from .._holidays import read_holidays
 from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
+from ..forecasting.weather_error import read_weather_error
 from ..hybrid.building.zone_columns import neighbours_of
 from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
@@ -59,6 +60,9 @@ class Settings:
         A country or state as the ``holidays`` package names it, such as ``"US-IL"``, or dates; for all models with a
         calendar.
     adjacency : list of pairs of zones, optional, which zones exchange heat, where there are several
+    weather_error : {"low", "medium", "high"}, optional
+        How far forecasts of the weather are off (:class:`skhybrid.forecasting.WeatherError`), which widens the
+        intervals of days to come; by default the weather is taken to be right.
     columns : mapping of role to column
         Columns of the log; ``T_za`` and ``T_oa`` are needed.  Of several zones: ``T_za_<zone>`` of each, with its
         plants and set-points, as for :class:`skhybrid.hybrid.BuildingPredictor`.
@@ -107,6 +111,7 @@ class Settings:
     random_state: int = 0
     holidays: Any = None
     adjacency: Any = None
+    weather_error: str | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
@@ -250,6 +255,7 @@ def _check_plain(settings: Settings) -> None:
         raise ValueError(f"random_state = {seed!r} must be an integer from 0 to 4294967295.")
     if not isinstance(settings.dayfirst, bool | None):
         raise ValueError(f"dayfirst = {settings.dayfirst!r} must be true or false.")
+    read_weather_error(settings.weather_error)
     read_holidays(settings.holidays, pd.DatetimeIndex(["2000-01-01"]))  # refuses what is neither a place nor dates
 
 

@@ -350,7 +350,8 @@ class ZoneModel:
     ) -> pd.DataFrame:
         given = {"setpoint": wanted, "limits": limits}
         try:
-            return self.predictor.forecast(history, future, quantiles=INTERVAL, **given)
+            off = self.settings.weather_error
+            return self.predictor.forecast(history, future, quantiles=INTERVAL, weather_error=off, **given)
         except TooFewDaysError:
             return self.predictor.forecast(history, future, **given)
 
