@@ -456,6 +456,17 @@ def test_a_kill_between_the_steps_of_a_save_leaves_a_whole_pair(monkeypatch, tmp
         assert (found.alpha, journal.facts["n"], store.zones()) == (kept, kept, ["a"])
 
 
+def test_a_store_removes_temporary_files_of_its_own_only(tmp_path):
+    """A folder may be one that a user has for other things, too."""
+    own = [".a.npz.0a1b2c3d.npz", ".a+1.skops.0a1b2c3d.skops", ".failures.json.0a1b2c3d.json"]
+    others = {".env.local", ".a.npz.bak", ".data.npz", ".git.config.old", "a.npz"}
+    for name in [*own, *others]:
+        (tmp_path / name).touch()
+    with ModelStore(tmp_path).locked({}):
+        assert {path.name for path in tmp_path.iterdir()} - others == {"fleet.sqlite"}
+    assert {path.name for path in tmp_path.iterdir()} > others
+
+
 @pytest.mark.slow
 def test_a_fleet_that_was_killed_goes_on_and_ends_the_same(tmp_path, monkeypatch):
     store = tmp_path / "store"

@@ -59,7 +59,7 @@ def emhass(
     Each value has its standard error.  The source is a log with --config, a model file or a zone's folder with --log,
     or a two-stage model alone.  What the data do not determine is left out, with the reason.
     """
-    from .._files import atomic_path
+    from .._files import write_text
     from ..zone import emhass_parameters
 
     gray_box, settings, rows = _identified(source, config, log)
@@ -69,8 +69,7 @@ def emhass(
             say.warn(f"{name}, which EMHASS needs, is left out: {found.left_out[name]}")
     written = found.runtime_parameters(block)
     if out is not None:
-        with atomic_path(out) as made:
-            made.write_text(json.dumps(written, indent=2) + "\n", encoding="utf-8")
+        write_text(out, json.dumps(written, indent=2) + "\n")
         say.note(f"wrote {out}")
     if as_json:
         values = found.values.to_dict(orient="index")

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote, unquote
 
-from .._files import atomic_path
+from .._files import remove_leftovers, write_text
 from .._sqlite import open_database
 from ..parallel.stored_settings import check_settings
 from ..persistence import load_model, save_model
@@ -106,8 +106,7 @@ class ModelStore:
 
     def keep_failures(self, whys: Mapping[str, str]) -> None:
         """Keep why zones could not be fitted."""
-        with atomic_path(self.path / _FAILURES) as made:
-            made.write_text(json.dumps(dict(whys)), encoding="utf-8")
+        write_text(self.path / _FAILURES, json.dumps(dict(whys)))
 
     def _file(self, zone: str, kind: str) -> Path:
         stem = _stem(zone)
@@ -136,8 +135,7 @@ class ModelStore:
                 database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
             database.execute("COMMIT")  # a kill must not lose them
             database.execute("BEGIN IMMEDIATE")
-            for left in self.path.glob(".*.*"):  # of processes that were killed
-                left.unlink(missing_ok=True)
+            remove_leftovers(self.path, f"*{_MODEL}", f"*{_JOURNAL}", _FAILURES)
             yield
 
     def _compare(self, database: sqlite3.Connection, settings: Mapping[str, str]) -> dict[str, str]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 
 import pandas as pd
 
-from .._files import atomic_path
+from .._files import remove_leftovers, write_text
 from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
 from ..exceptions import ModelFileError
@@ -102,8 +102,7 @@ class ZoneFolder:
             folder._remove_leftovers()
             if config is not None or not folder.config.exists():
                 text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
-                with atomic_path(folder.config) as made:
-                    made.write_text(text, encoding="utf-8")
+                write_text(folder.config, text)
             settings = read_settings(folder.config)
             frame, held = _read_past(log, settings)
             zone = ZoneModel.fit(settings, frame)
@@ -267,9 +266,7 @@ class ZoneFolder:
 
     def _remove_leftovers(self) -> None:
         """Remove the temporary files of processes that were killed."""
-        for file in (self.config, self.model):
-            for left in self.path.glob(f".{file.name}.*"):
-                left.unlink(missing_ok=True)
+        remove_leftovers(self.path, self.config.name, self.model.name)
 
 
 def _read_past(log: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[str]]:
