@@ -38,7 +38,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write a text to a file in one step, as :func:`atomic_path`."""
     with atomic_path(path) as made:
-        made.write_text(text, encoding="utf-8")
+        made.write_text(text, encoding="utf-8", newline="")
 
 
 def remove_leftovers(folder: Path, *names: str) -> None:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from ._options import as_command, print_json
+from ._options import DIR, as_command, print_json
 from ._output import DONE, Progress
 
 
 @as_command("serve", "skhybrid serve kitchen --weather tomorrow.json --setpoint 21,24")
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@DIR
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen on; any but loopback needs a token."
 )
