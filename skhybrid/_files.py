@@ -15,10 +15,14 @@ from pathlib import Path
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Path of a temporary file, which replaces ``path`` when the block ends and is removed if it fails.
 
-    The folder is created if needed, a file that is replaced keeps its permissions, and an OSError names the path.
+    The folder is created if needed, a file that is replaced keeps its permissions, and an OSError names the path.  A
+    link stays one, and a pipe or a device is written to as it is.
     """
-    target = Path(path)
-    with named_in_errors(target):
+    target = Path(os.path.realpath(path))
+    with named_in_errors(path):
+        if target.exists() and not target.is_file():
+            yield target
+            return
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.exists() and not os.access(target, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))

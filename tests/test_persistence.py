@@ -27,7 +27,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, persistence
-from skhybrid._files import atomic_path
+from skhybrid._files import atomic_path, write_text
 from skhybrid._folded import MARK, fold
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ModelFileError
@@ -298,6 +298,17 @@ def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path):
     with atomic_path(path) as made:
         made.write_text("new")
     assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_link_or_a_pipe_is_written_to_and_not_replaced(tmp_path):
+    link, kept, pipe = tmp_path / "link", tmp_path / "disk" / "model.skops", tmp_path / "pipe"
+    link.symlink_to(kept)
+    write_text(link, "new")
+    assert (link.is_symlink(), kept.read_text()) == (True, "new")
+    os.mkfifo(pipe)
+    with open(os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)) as reader:
+        write_text(pipe, "sent")
+        assert (pipe.is_fifo(), reader.read()) == (True, "sent")
 
 
 def _limited(size):

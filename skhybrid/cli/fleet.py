@@ -79,7 +79,7 @@ def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     made = FleetFolder(folder, jobs)
     table = made.status()
     if as_json:
-        print_json(table.to_dict("records"))
+        print_json(table.astype(object).where(table.notna(), None).to_dict("records"))
         return DONE
     shown = table.head(_MOST_SHOWN).drop(columns="reasons")
     print(shown.to_string(index=False, float_format="{:.2f}".format, na_rep="-"))
