@@ -20,19 +20,20 @@ from scipy import sparse
 from sklearn.linear_model import Ridge
 
 import skhybrid
-from skhybrid import HybridPredictor, _archive, persistence
-from skhybrid._archive import check_archive, deflated
-from skhybrid._folded import fold, unfold
+from skhybrid import HybridPredictor
 from skhybrid.exceptions import ModelFileError
-from skhybrid.persistence import load_model, save_model
+from skhybrid.persistence import archive as archive_checks
+from skhybrid.persistence import load_model, model_file, plain_objects, save_model
+from skhybrid.persistence.archive import check_archive, deflated
+from skhybrid.persistence.folding import fold, unfold
 
 MIB = 2**20
 HUGE = 10**12
 
 
 def forge(path: Path, body: bytes) -> Path:
-    version = persistence.__version__.encode()
-    path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, persistence._digest(version, body)) + body)
+    version = model_file.__version__.encode()
+    path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, model_file._digest(version, body)) + body)
     return path
 
 
@@ -40,7 +41,7 @@ def refused(path: Path, body: bytes) -> str:
     """The message with which a forged file is refused; asserts that this took neither time nor memory."""
     forge(path, body)
     del body
-    persistence.import_skops()
+    model_file.import_skops()
     assert HybridPredictor  # an import is no part of the reading
     before = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
@@ -166,7 +167,7 @@ def test_a_bomb_that_declares_a_small_size_is_not_unpacked(tmp_path):
 
 def test_a_model_of_zeros_is_saved_and_loaded(tmp_path, monkeypatch):
     """Arrays that compress as a bomb does are stored as they are."""
-    monkeypatch.setattr(_archive, "_SMALL", MIB)
+    monkeypatch.setattr(archive_checks, "_SMALL", MIB)
     model = Ridge().fit([[0.0], [1.0]], [0.0, 1.0])
     model.held_ = np.zeros(MIB)
     save_model(model, tmp_path / "m")
@@ -411,7 +412,7 @@ def test_objects_that_save_model_does_not_write_are_refused(tmp_path, name):
         "skhybrid.parallel.workers:Workers",
         "skhybrid.model_selection.search.runner:Runner",
         "skhybrid.forecasting.networks.modules:MLPStack",
-        "skhybrid._skops:_TorchIsAbsent",
+        "skhybrid.persistence.skops_import:_TorchIsAbsent",
         "skhybrid.cli._output:Progress",
         "skhybrid.study.run:StudyResult",
         "skhybrid.exceptions:ModelFileError",
@@ -431,7 +432,7 @@ def test_no_module_whose_classes_may_be_named_unpickles_or_opens_a_process():
     checked = 0
     for path in sorted(package.rglob("*.py")):
         module = ".".join(["skhybrid", *path.relative_to(package).with_suffix("").parts]).removesuffix(".__init__")
-        if not persistence._HOLDERS.fullmatch(module):
+        if not plain_objects._HOLDERS.fullmatch(module):
             continue
         checked += 1
         nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))

@@ -26,13 +26,13 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
-from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID, persistence
+from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, InputDisturbanceID
 from skhybrid._files import atomic_path, write_text
-from skhybrid._folded import MARK, fold
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ModelFileError
 from skhybrid.model_selection import RollingOriginSplit
-from skhybrid.persistence import load_model, save_model
+from skhybrid.persistence import load_model, model_file, plain_objects, save_model
+from skhybrid.persistence.folding import MARK, fold
 
 
 def _data():
@@ -197,11 +197,11 @@ def test_a_file_with_any_flipped_bit_is_refused(saved):
 
 def test_another_version_is_refused_and_a_patch_is_not(saved, monkeypatch):
     path, model, X = saved
-    monkeypatch.setattr(persistence, "__version__", "7.3.1")
+    monkeypatch.setattr(model_file, "__version__", "7.3.1")
     save_model(model, path)
-    monkeypatch.setattr(persistence, "__version__", "7.3.2")
+    monkeypatch.setattr(model_file, "__version__", "7.3.2")
     np.testing.assert_array_equal(load_model(path).predict(X), model.predict(X))
-    monkeypatch.setattr(persistence, "__version__", "7.4.0")
+    monkeypatch.setattr(model_file, "__version__", "7.4.0")
     with pytest.raises(ModelFileError, match=r"saved by skhybrid 7\.3\.1, but this is 7\.4\.0"):
         load_model(path)
 
@@ -218,8 +218,8 @@ class Bomb:
 
 def _forged(path: Path, body: bytes) -> None:
     """A model file whose checksum is right, as an attacker would write it."""
-    version = persistence.__version__.encode()
-    path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, persistence._digest(version, body)) + body)
+    version = model_file.__version__.encode()
+    path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, model_file._digest(version, body)) + body)
 
 
 def test_a_malicious_pickle_is_not_run(tmp_path):
@@ -387,18 +387,18 @@ def test_large_arrays_and_even_stamps_come_back_bit_for_bit(tmp_path):
 def test_a_class_that_this_version_lacks_is_told_from_a_library_that_is_missing(monkeypatch):
     for name in ("skhybrid.hybrid.blend:Blend", "skhybrid.hybrid.tables:Absent"):
         with pytest.raises(ValueError, match=f"it names '{name}', which this version does not have; fit and save it"):
-            persistence._own_class(name)
+            plain_objects.own_class(name)
 
-    imported = persistence.importlib.import_module
+    imported = plain_objects.importlib.import_module
 
     def without_torch(module, package=None):
         if "networks" in module:
             raise ModuleNotFoundError("No module named 'torch'", name="torch")
         return imported(module, package)
 
-    monkeypatch.setattr(persistence.importlib, "import_module", without_torch)
+    monkeypatch.setattr(plain_objects.importlib, "import_module", without_torch)
     with pytest.raises(ModuleNotFoundError, match="torch"):
-        persistence._own_class("skhybrid.forecasting.networks.fitted:FittedNetwork")
+        plain_objects.own_class("skhybrid.forecasting.networks.fitted:FittedNetwork")
     network = {MARK: "object", "type": "skhybrid.forecasting.networks.fitted:FittedNetwork", "state": {}}
     with pytest.raises(ModelFileError, match=r'needs torch; install it with pip install "skhybrid\[networks\]"\.$'):
-        persistence._decode(skops.io.dumps(fold(network)), "a.skops")
+        model_file._decode(skops.io.dumps(fold(network)), "a.skops")
