@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import json
+import pickle
 import resource
 import time
 import tracemalloc
@@ -403,6 +404,32 @@ def test_objects_that_save_model_does_not_write_are_refused(tmp_path, name):
     refused(tmp_path / "m", archive(saved(OBJECTS[name]).items()))
 
 
+class Bomb:
+    """Leaves a file behind when it is unpickled."""
+
+    def __init__(self, trace: Path) -> None:
+        self.trace = trace
+
+    def __reduce__(self):
+        return Path.touch, (self.trace,)
+
+
+def test_nothing_in_a_file_is_run(tmp_path):
+    trace, objects = tmp_path / "it ran", np.empty(1, dtype=object)
+    objects[0] = Bomb(trace)
+    array, payload = io.BytesIO(), pickle.dumps(Bomb(trace))
+    np.save(array, objects, allow_pickle=True)
+    (tmp_path / "bare").write_bytes(payload)
+    with pytest.raises(ModelFileError):
+        load_model(tmp_path / "bare")
+    assert "types that are not allowed" in refused(tmp_path / "m", skops.io.dumps({"a": Bomb(trace)}))
+    for body in (payload, with_array(array.getvalue())):
+        refused(tmp_path / "m", body)
+    assert not trace.exists()
+    pickle.loads(payload)
+    assert trace.exists()  # the payload does run if it is unpickled
+
+
 @pytest.mark.parametrize("kind", ["object", "type"])
 @pytest.mark.parametrize(
     "name",
@@ -419,6 +446,10 @@ def test_objects_that_save_model_does_not_write_are_refused(tmp_path, name):
         "skhybrid.thermal.network:RCNetwork.__init__",
         "skhybrid.thermal..network:RCNetwork",
         "skhybrid.thermal.network:",
+        "subprocess:Popen",
+        "skhybrid.persistence:load_model",
+        "skhybrid:x",
+        "skhybrid.no:A",
     ],
 )
 def test_only_classes_that_hold_data_may_be_named(tmp_path, kind, name):
