@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from .._files import remove_leftovers, write_text
-from .._sqlite import open_database
+from .._sqlite import open_database, transaction
 from ..parallel.stored_settings import check_settings
 from ..persistence import load_model, save_model
 from .journal import Journal
@@ -127,16 +127,14 @@ class ModelStore:
         """Let no other fleet write meanwhile; SQLite's lock vanishes with its process."""
         self.path.mkdir(parents=True, exist_ok=True)
         with self._open() as database:
-            database.execute("BEGIN IMMEDIATE")
-            database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
-            known = self._compare(database, settings)
-            if not known:
-                database.execute("DELETE FROM setting")
-                database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
-            database.execute("COMMIT")  # a kill must not lose them
-            database.execute("BEGIN IMMEDIATE")
-            remove_leftovers(self.path, f"*{_MODEL}", f"*{_JOURNAL}", _FAILURES)
-            yield
+            with transaction(database):  # of its own: a kill must not lose the settings
+                database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
+                if not self._compare(database, settings):
+                    database.execute("DELETE FROM setting")
+                    database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
+            with transaction(database):
+                remove_leftovers(self.path, f"*{_MODEL}", f"*{_JOURNAL}", _FAILURES)
+                yield
 
     def _compare(self, database: sqlite3.Connection, settings: Mapping[str, str]) -> dict[str, str]:
         try:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import pandas as pd
 
@@ -34,19 +36,13 @@ _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor
 _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
 
-class Tick(NamedTuple):
-    """Result of a tick."""
-
-    forecast: DayAhead
-    n_new: int  # rows of the log that were new
-    learned: str  # why the model was fitted again, "" where it was not
-    remarks: tuple[str, ...]
+_Forecast = TypeVar("_Forecast", bound=DayAhead | None)
 
 
-class Posted(NamedTuple):
-    """The effect of posted rows."""
+class Tick(NamedTuple, Generic[_Forecast]):
+    """Result of a tick, or of posted rows."""
 
-    forecast: DayAhead | None  # None where no step is new, or the weather to come is not known
+    forecast: _Forecast  # of posted rows None where no step is new, or the weather to come is not known
     n_new: int  # steps of the zone that were new
     learned: str  # why the model was fitted again, "" where it was not
     remarks: tuple[str, ...]
@@ -135,7 +131,7 @@ class ZoneFolder:
         weather: str | PathLike[str] | None = None,
         schedule: Schedules | None = None,
         refit_after: pd.Timedelta = _REFIT_AFTER,
-    ) -> Tick:
+    ) -> Tick[DayAhead]:
         """Take in the new rows of a log, forecast from its end, and archive both; a tick that fails changes nothing.
 
         The model is fitted again where its errors have drifted, where it is old, where an outage of more than twelve
@@ -155,10 +151,7 @@ class ZoneFolder:
         FileNotFoundError, ValueError
             If there is no model, or the log or the weather cannot be used.
         """
-        self._require_model()
-        with open_archive(self.archive) as archive, archive.transaction():
-            self._remove_leftovers()
-            zone, settings = self.load(), read_settings(self.config)
+        with self._at_work() as (archive, zone, settings):
             frame, held = _read_past(log, settings)
             if _of_model(settings) == _of_model(zone.settings):
                 _refuse_other(frame, archive, settings)
@@ -177,7 +170,7 @@ class ZoneFolder:
         refit_after: pd.Timedelta = _REFIT_AFTER,
         *,
         plain: bool = False,
-    ) -> Posted:
+    ) -> Tick[DayAhead | None]:
         """Take in rows beside the log that the archive keeps, as a tick takes in those of a log.
 
         Rows after the last temperature are weather and plans of the day to come.  Rows that cannot be used change
@@ -197,10 +190,7 @@ class ZoneFolder:
         FileNotFoundError, ValueError
             If there is no model, or the rows cannot be used.
         """
-        self._require_model()
-        with open_archive(self.archive) as archive, archive.transaction():
-            self._remove_leftovers()
-            zone, settings = self.load(), read_settings(self.config)
+        with self._at_work() as (archive, zone, settings):
             given, held = read_posted(rows, settings, archive.held(), plain=plain)
             frame, n_ahead = keep_posted(archive, given, settings, held)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
@@ -214,7 +204,7 @@ class ZoneFolder:
                 remarks.append(f"there is no new forecast: {error}")
             origin = zone.history(frame).index[-1]
             self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
-        return Posted(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
+        return Tick(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
 
     def status(self, model: ZoneModel | None = None) -> dict[str, Any]:
         """Report the last row, drift, verdicts and errors of past forecasts, as plain values; of several zones by zone.
@@ -232,6 +222,14 @@ class ZoneFolder:
         zone = self.load() if model is None else model
         with open_archive(self.archive) as archive:
             return status_of(archive, zone)
+
+    @contextmanager
+    def _at_work(self) -> Iterator[tuple[ForecastArchive, ZoneModel, Settings]]:
+        """The archive in a transaction, the model, and the settings as they are now."""
+        self._require_model()
+        with open_archive(self.archive) as archive, archive.transaction():
+            self._remove_leftovers()
+            yield archive, self.load(), read_settings(self.config)
 
     def _keep(
         self,
@@ -265,7 +263,6 @@ class ZoneFolder:
             raise FileExistsError(f"{self.path} holds a zone already; use skhybrid zone tick, or give another folder.")
 
     def _remove_leftovers(self) -> None:
-        """Remove the temporary files of processes that were killed."""
         remove_leftovers(self.path, self.config.name, self.model.name)
 
 
