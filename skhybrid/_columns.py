@@ -69,16 +69,11 @@ def checked_columns(columns: Mapping[str, Any] | None) -> dict[str, Any]:
             raise ValueError(f"columns= gives {role!r} the column {column!r}; give one name or position.")
         if role_of(role) is None:
             raise ValueError(f"columns= names the role {role!r}, which is none of {', '.join(r for r, *_ in ROLES)}.")
-    _refuse_two_roles(columns)
-    return columns
-
-
-def _refuse_two_roles(columns: Mapping[str, Any]) -> None:
-    """Refuse one column for two roles."""
     role_by_column: dict[Any, str] = {}
     for role, column in columns.items():
         if column is not None and (other := role_by_column.setdefault(column, role)) != role:
             raise ValueError(f"columns= gives {other!r} and {role!r} the same column {column!r}; give each its own.")
+    return columns
 
 
 def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
