@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import sparse
 from sklearn.utils import check_array, column_or_1d
 
-from ._arguments import as_mapping
+from ._arguments import as_mapping, is_integer
 from ._warnings import several, warn_user
 from .exceptions import RoleWarning
 
@@ -126,7 +126,7 @@ def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> di
         if j is None:
             roles.pop(role, None)
             continue
-        if not isinstance(j, int | np.integer) or not 0 <= j < n_columns:
+        if not is_integer(j) or not 0 <= j < n_columns:
             raise ValueError(
                 f"columns= gives {role!r} the column {j!r}, but X is an array of {n_columns} columns: give a position."
             )

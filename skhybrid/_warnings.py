@@ -87,7 +87,7 @@ def warnings_dropped(*categories: type[SkhybridWarning]) -> AbstractContextManag
 
 @contextmanager
 def recorded_warnings() -> Iterator[list[warnings.WarningMessage]]:
-    """Record the warnings of the block, each time anew; where it fails they go where they would have gone."""
+    """Record every warning of the block, repeated ones too; if the block fails they are shown as usual."""
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")

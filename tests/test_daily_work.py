@@ -23,7 +23,7 @@ from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _remarks, read_ahead
 from skhybrid.zone.forecast_archive import open_archive
 from skhybrid.zone.posted_rows import keep_log, keep_posted, read_posted
-from skhybrid.zone.tomorrow import rows_ahead
+from skhybrid.zone.rows_ahead import rows_ahead
 
 COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
 

@@ -264,7 +264,7 @@ def test_a_fit_that_fails_for_all_zones_leaves_the_fleet_as_it_was():
     [
         (ZONES["a"][NEW], "the rows begin at 2024-01-15 00:00:00, but the last known one is 2024-01-15 23:00:00; "),
         (ZONES["a"][slice(7 * DAY + 6, 9 * DAY)], "the rows begin at 2024-01-15 06:00:00, but the last known one is "),
-        (ZONES["a"][AHEAD].tz_localize("UTC"), "give both a time zone."),
+        (ZONES["a"][AHEAD].tz_localize("UTC"), "the last known row has the time zone None, these rows UTC"),
         (ZONES["a"][AHEAD].reset_index(drop=True), "give both or neither."),
         (ZONES["a"][:0], "there are no rows; give those after the known ones."),
     ],

@@ -42,7 +42,7 @@ def command(
     in the rows ahead of the log these are taken as they are.  Nothing is learned anew.
     """
     from ..zone import ZoneModel, day_ahead
-    from ..zone.tomorrow import schedules_of
+    from ..zone.rows_ahead import schedules_of
 
     zone = ZoneModel.load(model)
     found = day_ahead(zone, log, weather, schedules_of(setpoint, zone.zones))

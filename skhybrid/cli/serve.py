@@ -49,7 +49,7 @@ def command(
     """
     from ..server import check_token, open_socket, serve
     from ..zone import ZoneFolder
-    from ..zone.tomorrow import schedules_of
+    from ..zone.rows_ahead import schedules_of
 
     schedule = schedules_of(setpoint, ZoneFolder(folder).zones)
     check_token(host, token)

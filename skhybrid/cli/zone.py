@@ -63,7 +63,7 @@ def tick(
     import pandas as pd
 
     from ..zone import ZoneFolder
-    from ..zone.tomorrow import schedules_of
+    from ..zone.rows_ahead import schedules_of
 
     zone = ZoneFolder(folder)
     done = zone.tick(log, weather, schedules_of(setpoint, zone.zones), pd.Timedelta(days=refit_after))

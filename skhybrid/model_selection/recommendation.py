@@ -15,17 +15,9 @@ from .assessment import Assessment
 
 #: numbers of the table and their formats
 FORMATS = {
-    "n_parameters": "{:.0f}",
-    "log_likelihood": "{:.1f}",
-    "aic": "{:.1f}",
-    "bic": "{:.1f}",
-    "cv_log_score": "{:.3f}",
-    "cv_rmse": "{:.3f}",
-    "whiteness_p": "{:.2g}",
-    "acf_outside": "{:.2f}",
-    "condition": "{:.2g}",
-    "seconds": "{:.1f}",
-}
+    "n_parameters": "{:.0f}", "log_likelihood": "{:.1f}", "aic": "{:.1f}", "bic": "{:.1f}", "cv_log_score": "{:.3f}",
+    "cv_rmse": "{:.3f}", "whiteness_p": "{:.2g}", "acf_outside": "{:.2f}", "condition": "{:.2g}", "seconds": "{:.1f}",
+}  # fmt: skip
 
 
 def comparison_table(fitted: Mapping[str, Assessment]) -> pd.DataFrame:

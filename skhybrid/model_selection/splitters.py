@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils.validation import _num_samples
 
-from .._arguments import check_bool, check_integer
+from .._arguments import check_bool, check_integer, is_integer
 from .._time import even_step, positive_duration, read_duration, rows_of, wall_clock
 
 _DAY = pd.Timedelta("1D")
@@ -152,7 +152,7 @@ def _sampling_time(X: Any, given: Any) -> pd.Timedelta | None:
 
 def _length(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 1) -> np.ndarray:
     """A length, (2,) int: as a number of rows, and as a number of steps of the local clock, of which one is 0."""
-    if isinstance(length, int | np.integer) and not isinstance(length, bool):
+    if is_integer(length):
         if length < least:
             raise ValueError(f"{name}={length!r} must be at least {least} row(s).")
         return np.array([length, 0])

@@ -24,7 +24,7 @@ from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from .outages import BRIDGED, like_index, refuse_stuck
-from .tomorrow import Schedules, rows_ahead
+from .rows_ahead import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
 _FIRST = 4  # rows on each side of the origin whose weather is compared

@@ -25,7 +25,7 @@ from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .outages import BRIDGED, complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
-from .tomorrow import Schedules
+from .rows_ahead import Schedules
 from .zone_model import ZoneModel
 from .zone_state import measured_rows, status_of
 
