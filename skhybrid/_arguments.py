@@ -15,17 +15,21 @@ from sklearn.utils.validation import check_is_fitted
 _LARGEST = sys.float_info.max
 
 
+def is_integer(value: Any) -> bool:
+    """Whether a value is an integer, which a bool is not."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def check_integer(name: str, value: Any, least: int = 1, most: int | None = None) -> None:
     """Refuse a value that is no integer, less than the least one or, if there is one, more than the most."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < least or (most is not None and value > most):
+    if not is_integer(value) or value < least or (most is not None and value > most):
         span = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise ValueError(f"{name}={value!r} must be an integer {span}.")
 
 
 def check_n_jobs(n_jobs: Any) -> None:
     """Refuse a number of workers that is neither None nor an integer other than 0."""
-    if n_jobs is not None and (not isinstance(n_jobs, int | np.integer) or isinstance(n_jobs, bool) or n_jobs == 0):
+    if n_jobs is not None and (not is_integer(n_jobs) or n_jobs == 0):
         raise ValueError(f"n_jobs={n_jobs!r} must be a number of workers, -1 for one per core, or None.")
 
 

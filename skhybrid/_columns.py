@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import sparse
 from sklearn.utils import check_array, column_or_1d
 
-from ._arguments import as_mapping
+from ._arguments import as_mapping, is_integer
 from ._warnings import several, warn_user
 from .exceptions import RoleWarning
 
@@ -69,16 +69,11 @@ def checked_columns(columns: Mapping[str, Any] | None) -> dict[str, Any]:
             raise ValueError(f"columns= gives {role!r} the column {column!r}; give one name or position.")
         if role_of(role) is None:
             raise ValueError(f"columns= names the role {role!r}, which is none of {', '.join(r for r, *_ in ROLES)}.")
-    _refuse_two_roles(columns)
-    return columns
-
-
-def _refuse_two_roles(columns: Mapping[str, Any]) -> None:
-    """Refuse one column for two roles."""
     role_by_column: dict[Any, str] = {}
     for role, column in columns.items():
         if column is not None and (other := role_by_column.setdefault(column, role)) != role:
             raise ValueError(f"columns= gives {other!r} and {role!r} the same column {column!r}; give each its own.")
+    return columns
 
 
 def columns_by_role(X: pd.DataFrame, columns: Mapping[str, Any] | None, required: Iterable[str]) -> dict[str, Any]:
@@ -131,7 +126,7 @@ def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> di
         if j is None:
             roles.pop(role, None)
             continue
-        if not isinstance(j, int | np.integer) or not 0 <= j < n_columns:
+        if not is_integer(j) or not 0 <= j < n_columns:
             raise ValueError(
                 f"columns= gives {role!r} the column {j!r}, but X is an array of {n_columns} columns: give a position."
             )

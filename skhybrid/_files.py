@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
-import stat
-import tempfile
+import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,33 +15,41 @@ from pathlib import Path
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Path of a temporary file, which replaces ``path`` when the block ends and is removed if it fails.
 
-    The folder is created if needed, a file that is replaced keeps its permissions, and an OSError names the path.
+    The folder is created if needed, a file that is replaced keeps its permissions, and an OSError names the path.  A
+    link stays one, and a pipe or a device is written to as it is.
     """
-    target = Path(path)
-    with named_in_errors(target):
+    target = Path(os.path.realpath(path))
+    with named_in_errors(path):
+        if target.exists() and not target.is_file():
+            yield target
+            return
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.exists() and not os.access(target, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
-        made = Path(name)
+        made = target.with_name(f".{target.name}.{secrets.token_hex(4)}{target.suffix}")
+        made.touch(exist_ok=False)
         try:
+            if target.exists():
+                shutil.copymode(target, made)
             yield made
             with open(made, "rb") as file:
                 os.fsync(file.fileno())  # a disk may tell only now that it is full
-            made.chmod(_permissions(target))
             os.replace(made, target)
         finally:
             made.unlink(missing_ok=True)
 
 
-def _permissions(path: Path) -> int:
-    """Those of a file that is there, or those that a new one gets."""
-    if path.exists():
-        return stat.S_IMODE(path.stat().st_mode)
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return 0o666 & ~mask
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text to a file in one step, as :func:`atomic_path`."""
+    with atomic_path(path) as made:
+        made.write_text(text, encoding="utf-8", newline="")
+
+
+def remove_leftovers(folder: Path, *names: str) -> None:
+    """Remove temporary files of :func:`atomic_path` that a kill left, of files whose names fit patterns."""
+    for name in names:
+        for left in folder.glob(f".{name}.????????{Path(name).suffix}"):
+            left.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import pandas as pd
 from ._arguments import is_number
 from ._ranges import check_range
 from ._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
-from ._time import refuse_one_zone, spell
+from ._time import in_time_zone, refuse_one_zone, spell
 from ._warnings import warn_user
 from .exceptions import MeasurementWarning
 
@@ -23,7 +23,7 @@ def in_zone_of(future: pd.Index, history: pd.Index, names: tuple[str, str] = ("h
     if not isinstance(future, pd.DatetimeIndex) or not isinstance(history, pd.DatetimeIndex):
         return future
     refuse_one_zone(history, future, names)
-    return future if history.tz is None or future.tz == history.tz else future.tz_convert(history.tz)
+    return in_time_zone(future, history.tz)
 
 
 def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any], *pasts: Any) -> pd.DataFrame:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from os import PathLike, fspath
 
 _PATIENCE = 1.0  # how long a process waits for another one before it gives up [s]
@@ -24,3 +24,20 @@ def open_database(path: str | PathLike[str], busy: str, remedy: str) -> Iterator
         if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             raise BlockingIOError(busy) from None
         raise OSError(f"{fspath(path)} cannot be used ({error}); {remedy}") from error
+
+
+@contextmanager
+def transaction(database: sqlite3.Connection) -> Iterator[None]:
+    """Keep all that the block writes, or nothing; no other process can begin one meanwhile.
+
+    The lock is SQLite's own, so it vanishes with the process.
+    """
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        database.execute("COMMIT")
+    except BaseException:
+        # SQLite has rolled back by itself if the disk is full, and cannot if it is gone
+        with suppress(sqlite3.Error):
+            database.execute("ROLLBACK")
+        raise

@@ -321,7 +321,7 @@ def hour_of_day(time: pd.DatetimeIndex) -> np.ndarray:
 
 @cache
 def per_hour(unit: Literal["s", "ms", "us", "ns"]) -> int:
-    """So many units of a stamp, such as "ns", are an hour."""
+    """Number of units of a stamp, such as "ns", in an hour."""
     return int(np.timedelta64(1, "h") // np.timedelta64(1, unit))
 
 

@@ -6,7 +6,7 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from types import FrameType
 from typing import Any
@@ -40,13 +40,18 @@ def percent(share: float, form: str = ".0f") -> str:
 
 
 @contextmanager
-def warnings_of_zone(zone: str) -> Iterator[None]:
-    """Name a zone in the warnings of the block."""
-    outer = _zone.set(zone)
+def _held(variable: ContextVar[Any], value: Any) -> Iterator[None]:
+    """Hold a value in a context variable for the block."""
+    outer = variable.set(value)
     try:
         yield
     finally:
-        _zone.reset(outer)
+        variable.reset(outer)
+
+
+def warnings_of_zone(zone: str) -> AbstractContextManager[None]:
+    """Name a zone in the warnings of the block."""
+    return _held(_zone, zone)
 
 
 @contextmanager
@@ -67,32 +72,22 @@ def warnings_joined() -> Iterator[None]:
             warn_user(_named(*names) + message, category)
 
 
-@contextmanager
-def warnings_to(receiver: Callable[[SkhybridWarning], object]) -> Iterator[None]:
+def warnings_to(receiver: Callable[[SkhybridWarning], object]) -> AbstractContextManager[None]:
     """Give the package's warnings of the block to a function; those of other threads go where they went.
 
     ``warnings.catch_warnings`` would take the warnings of all threads, and leave them caught where two blocks overlap.
     """
-    outer = _receiver.set(receiver)
-    try:
-        yield
-    finally:
-        _receiver.reset(outer)
+    return _held(_receiver, receiver)
 
 
-@contextmanager
-def warnings_dropped(*categories: type[SkhybridWarning]) -> Iterator[None]:
+def warnings_dropped(*categories: type[SkhybridWarning]) -> AbstractContextManager[None]:
     """Drop the warnings of the block that are of some classes, since the user is told otherwise."""
-    outer = _dropped.set(categories)
-    try:
-        yield
-    finally:
-        _dropped.reset(outer)
+    return _held(_dropped, (*_dropped.get(), *categories))
 
 
 @contextmanager
 def recorded_warnings() -> Iterator[list[warnings.WarningMessage]]:
-    """Record the warnings of the block, each time anew; where it fails they go where they would have gone."""
+    """Record every warning of the block, repeated ones too; if the block fails they are shown as usual."""
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")

@@ -23,7 +23,7 @@ from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _summary
-from skhybrid.zone.tomorrow import rows_ahead, schedules_of
+from skhybrid.zone.rows_ahead import rows_ahead, schedules_of
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import make_rooms

@@ -1097,7 +1097,7 @@ def test_a_store_of_a_search_that_is_a_file_is_refused(files, capsys):
     log = files / "log.csv"
     place = [str(log), "--config", str(files / "zone.toml"), "--models", "ridge", "-q"]
     assert main(["search", *place, "--store", str(log)]) == 1
-    assert capsys.readouterr().err == f"skhybrid: error: store {log} is a file; give a folder.\n"
+    assert capsys.readouterr().err == f"skhybrid: error: --store {log} is a file; give a folder.\n"
 
 
 def test_a_search_prints_its_candidates_with_units(files, capsys):

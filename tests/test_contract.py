@@ -1243,44 +1243,6 @@ def test_a_method_that_fails_changes_nothing(error):
     assert (model.fit(3).first_, model.only_later_, model.last_) == ([3], 3, 3)
 
 
-def _nan_input(X, y):
-    return X.assign(u_heat=np.nan), y
-
-
-def _infinite_target(X, y):
-    return X, y.where(np.arange(len(y)) != 9, np.inf)
-
-
-@pytest.mark.parametrize("broken", [_nan_input, _infinite_target])
-def test_a_failed_refit_leaves_the_fitted_estimator(office, broken):
-    model = ARXRegressor().fit(office.X[:288], office.y[:288])
-    before, expected = dict(vars(model)), model.predict(office.X[288:])
-    with pytest.raises(ValueError, match=r"NaN|inf"):
-        model.fit(*broken(office.X[["T_oa", "u_heat"]][:200], office.y[:200]))
-    assert vars(model).keys() == before.keys()
-    assert all(value is before[name] for name, value in vars(model).items())
-    np.testing.assert_array_equal(model.predict(office.X[288:]), expected)
-
-
-@pytest.mark.parametrize("step", ["_choose_alpha", "_left_out_intervals"])
-def test_an_interrupted_refit_leaves_the_fitted_estimator(office, step, monkeypatch):
-    """In the middle of a fit, when some attributes are those of the new table."""
-
-    def interrupt(*args):
-        raise KeyboardInterrupt
-
-    model, fresh = ARXRegressor().fit(office.X[:288], office.y[:288]), ARXRegressor()
-    before, expected = dict(vars(model)), model.predict(office.X[288:])
-    with monkeypatch.context() as patch:
-        patch.setattr(ARXRegressor, step, interrupt)
-        for estimator in (model, fresh):
-            with pytest.raises(KeyboardInterrupt):
-                estimator.fit(office.X[["T_oa", "q_sol"]], office.y)
-    assert vars(model) == before
-    np.testing.assert_array_equal(model.predict(office.X[288:]), expected)
-    assert vars(fresh) == vars(ARXRegressor())
-
-
 @pytest.mark.parametrize("unit", ["s", "ns"])
 def test_joined_stamps_are_those_of_pandas(unit):
     """Also where zones on other clocks have been joined before, over a change of the clock and with another name."""

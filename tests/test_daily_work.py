@@ -12,18 +12,18 @@ import pytest
 from skhybrid import HybridPredictor
 from skhybrid.cli import main
 from skhybrid.cli.forecast import _text
-from skhybrid.datasets import load_small_office, make_office
+from skhybrid.datasets import load_small_office, make_office, weather_on_steps
 from skhybrid.persistence import load_metadata, load_model, save_model
 from skhybrid.study import read_log, read_settings, run_study, split_log
 from skhybrid.study.data import plant_heat, read_even_log
 from skhybrid.study.plant import Performance
-from skhybrid.study.settings import settings_from
+from skhybrid.study.settings import Settings, settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
-from skhybrid.zone.day_ahead import _remarks
+from skhybrid.zone.day_ahead import _remarks, read_ahead
 from skhybrid.zone.forecast_archive import open_archive
 from skhybrid.zone.posted_rows import keep_log, keep_posted, read_posted
-from skhybrid.zone.tomorrow import rows_ahead
+from skhybrid.zone.rows_ahead import rows_ahead
 
 COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
 
@@ -397,6 +397,17 @@ def test_electricity_becomes_heat_and_comes_back(folder, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_typical_year_goes_on_into_the_next_one(tmp_path):
+    stamps = pd.date_range("2001-01-01", periods=8760, freq="1h")
+    rows = [[t.year, t.month, t.day, t.hour + 1, 60, "A7", *[5.1] * 29] for t in stamps]
+    head = ["LOCATION,Amsterdam,-,NLD,IWEC,062400,52.30,4.77,1.0,-2.0", *["COMMENTS"] * 7]
+    path = tmp_path / "year.epw"
+    path.write_text("\n".join([*head, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    weather = read_ahead(path, Settings(name="room", columns={}), "Europe/Amsterdam", range(2023, 2025))
+    ahead = pd.date_range("2023-12-31 12:00", periods=24, freq="1h", tz="Europe/Amsterdam")
+    assert np.allclose(weather_on_steps(weather, ahead)["T_oa"], 5.1)
+
+
 def test_a_log_without_sun_reaches_tomorrow(folder, tmp_path, capsys):
     log = pd.read_csv(folder / "log.csv", sep=";", decimal=",").drop(columns="Globalstrahlung [W/m²]")
     log.to_csv(tmp_path / "dark.csv", index=False)

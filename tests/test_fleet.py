@@ -264,7 +264,7 @@ def test_a_fit_that_fails_for_all_zones_leaves_the_fleet_as_it_was():
     [
         (ZONES["a"][NEW], "the rows begin at 2024-01-15 00:00:00, but the last known one is 2024-01-15 23:00:00; "),
         (ZONES["a"][slice(7 * DAY + 6, 9 * DAY)], "the rows begin at 2024-01-15 06:00:00, but the last known one is "),
-        (ZONES["a"][AHEAD].tz_localize("UTC"), "give both a time zone."),
+        (ZONES["a"][AHEAD].tz_localize("UTC"), "the last known row has the time zone None, these rows UTC"),
         (ZONES["a"][AHEAD].reset_index(drop=True), "give both or neither."),
         (ZONES["a"][:0], "there are no rows; give those after the known ones."),
     ],
@@ -454,6 +454,17 @@ def test_a_kill_between_the_steps_of_a_save_leaves_a_whole_pair(monkeypatch, tmp
         kept = n if holds else kept
         found, journal = ModelStore(tmp_path).load("a")
         assert (found.alpha, journal.facts["n"], store.zones()) == (kept, kept, ["a"])
+
+
+def test_a_store_removes_temporary_files_of_its_own_only(tmp_path):
+    """A folder may be one that a user has for other things, too."""
+    own = [".a.npz.0a1b2c3d.npz", ".a+1.skops.0a1b2c3d.skops", ".failures.json.0a1b2c3d.json"]
+    others = {".env.local", ".a.npz.bak", ".data.npz", ".git.config.old", "a.npz"}
+    for name in [*own, *others]:
+        (tmp_path / name).touch()
+    with ModelStore(tmp_path).locked({}):
+        assert {path.name for path in tmp_path.iterdir()} - others == {"fleet.sqlite"}
+    assert {path.name for path in tmp_path.iterdir()} > others
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import ZoneFleet, model_store, zone_jobs
-from skhybrid.fleet.fleet_status import zone_status
+from skhybrid.fleet.fleet_status import status_table, zone_status
 from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.fleet.zone_rows import read_rows
@@ -212,6 +212,13 @@ def test_a_folder_without_models_says_what_to_do(tmp_path, capsys):
     (tmp_path / "fleet.toml").write_text("")
     assert main(["fleet", "status", str(tmp_path)]) == 1
     assert capsys.readouterr().err.endswith(f"holds no model yet; make them with skhybrid fleet fit {tmp_path}.\n")
+
+
+def test_a_status_as_json_has_null_for_a_zone_without_rows(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr("skhybrid.fleet.FleetFolder.status", lambda self: status_table({}, {"a": "no rows"}, "zone"))
+    assert main(["fleet", "status", str(tmp_path), "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)
+    assert (found["zone"], found["last_row"], found["coverage"]) == ("a", None, None)
 
 
 def test_the_status_tells_of_a_model_of_a_few_rows(fleet):

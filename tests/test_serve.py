@@ -386,7 +386,7 @@ def test_a_post_during_a_tick_is_told_so(log, client, folder):
 def test_a_zone_without_a_forecast_and_one_that_cannot_be_read(folder):
     client = client_of(folder)
     with open_archive(folder / "archive.sqlite") as archive:
-        archive._database.execute("DELETE FROM forecast")
+        archive.database.execute("DELETE FROM forecast")
     assert client.get("/forecast").status_code == 404
     assert "There is no forecast yet" in client.get("/").text
     assert client.get("/status").json()["yesterday's forecast"] is None

@@ -330,7 +330,7 @@ def test_a_full_disk_is_named_and_the_archive_stays(tmp_path):
 
     def add(rows):
         with forecast_archive.open_archive(path) as archive:
-            archive._database.execute("PRAGMA max_page_count = 20")
+            archive.database.execute("PRAGMA max_page_count = 20")
             with archive.transaction():
                 archive.add_measured(rows)
 

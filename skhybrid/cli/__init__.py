@@ -22,21 +22,9 @@ __all__ = ["main"]
 
 #: modules of the commands, in the order in which a user needs them
 _COMMANDS = (
-    "check",
-    "fit",
-    "forecast",
-    "update",
-    "backtest",
-    "identify",
-    "run",
-    "report",
-    "search",
-    "zone",
-    "fleet",
-    "serve",
-    "export",
-    "demo",
-)
+    "check", "fit", "forecast", "update", "backtest", "identify", "run", "report", "search", "zone", "fleet", "serve",
+    "export", "demo",
+)  # fmt: skip
 
 
 def main(argv: Sequence[str] | None = None) -> int:

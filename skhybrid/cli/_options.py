@@ -11,10 +11,17 @@ from typing import Any
 
 import click
 
+from .._files import write_text
 from .._json import strict_json
 from ._output import DONE, FAILED, Progress, one_line
 
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
+DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+
+
+def log_option(text: str) -> Callable[[Any], Any]:
+    """The option ``--log`` with its help."""
+    return click.option("--log", type=click.Path(), required=True, metavar="LOG", help=text)
 
 
 def _config(remark: str = "") -> Callable[[Any], Any]:
@@ -68,10 +75,8 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
                 warnings.simplefilter("always")
                 try:
                     code = function(say=say, as_json=as_json, **options) or DONE
-                except Exception:
-                    _tell(caught, say)
-                    raise
-            texts = _tell(caught, say)
+                finally:
+                    texts = _tell(caught, say)
             return FAILED if strict and (texts or say.n_warnings) and code == DONE else code
 
         for option in (
@@ -122,6 +127,30 @@ def _epilog(example: str) -> str:
 def print_json(content: Any) -> None:
     """Write plain values to stdout as JSON; a NaN is null."""
     print(strict_json(content))
+
+
+def print_values(found: Mapping[str, Any], as_json: bool) -> None:
+    """Write values by name to stdout, as JSON or one per line."""
+    print_json(found) if as_json else print("\n".join(lines_of(found)))
+
+
+def lines_of(found: Mapping[str, Any], indent: str = "") -> list[str]:
+    """Values by name, one per line; what a mapping or a list holds stands below its name."""
+    lines = []
+    for name, value in found.items():
+        if isinstance(value, list | tuple):
+            lines += [f"{indent}{name}:" + ("" if value else " -"), *(f"{indent}  - {item}" for item in value)]
+            continue
+        nested = isinstance(value, dict) and value
+        lines.append(f"{indent}{name}:" + ("" if nested else " -" if value in (None, {}) else f" {value}"))
+        lines += lines_of(value, indent + "  ") if nested else []
+    return lines
+
+
+def write_out(out: Path, text: str, say: Progress) -> None:
+    """Write a file, and say so."""
+    write_text(out, text)
+    say.note(f"wrote {out}")
 
 
 def settings_at(config: Path | None, *, several: bool = False) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .._warnings import percent
-from ._options import CONFIG, LOG, as_command, print_json, settings_at
+from ._options import CONFIG, LOG, as_command, print_json, settings_at, write_out
 from ._output import DONE, Progress
 
 
@@ -22,7 +22,6 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     The model is fitted on [train] of the configuration and forecasts every day of [test].
     """
     settings = settings_at(config, several=True)
-    from .._files import atomic_path
     from ..study import read_log, split_log
     from ..zone.zone_backtest import backtest_building, backtest_zone
     from ._study import refuse_unwritable
@@ -35,9 +34,7 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     else:
         found = backtest_zone(settings, split_log(frame, settings), say)
     if out is not None:
-        with atomic_path(out) as made:
-            found.frame.to_csv(made, index=False, float_format="%.6g")
-        say.note(f"wrote {out}")
+        write_out(out, found.frame.to_csv(index=False, float_format="%.6g"), say)
     for text in found.remarks:
         say.warn(text)
     held = found.setpoints_known

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ._options import LOG, as_command, print_json
+from ._options import LOG, as_command, print_json, write_out
 from ._output import DONE, Progress
 
 
@@ -42,7 +42,6 @@ def command(
         if overruled:
             raise click.UsageError(f"{config} exists and says how the log is read: correct it, without {overruled[0]}")
     # imported here so that --help need not wait for it
-    from .._files import atomic_path
     from ..logs import LogReport
     from ..logs import read_log as read_any_log
     from ..study import propose_settings, read_settings
@@ -63,10 +62,7 @@ def command(
         given = {} if timezone is None else {"timezone": timezone}
         report = LogReport(read_any_log(log, format_, **given))
         if config is not None:
-            text = propose_settings(log, report)
-            with atomic_path(config) as made:
-                made.write_text(text, encoding="utf-8")
-            say.note(f"wrote {config}")
+            write_out(config, propose_settings(log, report), say)
     if as_json:
         print_json(report.to_dict())
     else:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG_IF_ANY, as_command, as_group, print_json, refuse_zones, settings_at
+from ._options import CONFIG_IF_ANY, as_command, as_group, print_json, refuse_zones, settings_at, write_out
 from ._output import DONE, Progress
 
 
@@ -59,7 +59,6 @@ def emhass(
     Each value has its standard error.  The source is a log with --config, a model file or a zone's folder with --log,
     or a two-stage model alone.  What the data do not determine is left out, with the reason.
     """
-    from .._files import atomic_path
     from ..zone import emhass_parameters
 
     gray_box, settings, rows = _identified(source, config, log)
@@ -69,9 +68,7 @@ def emhass(
             say.warn(f"{name}, which EMHASS needs, is left out: {found.left_out[name]}")
     written = found.runtime_parameters(block)
     if out is not None:
-        with atomic_path(out) as made:
-            made.write_text(json.dumps(written, indent=2) + "\n", encoding="utf-8")
-        say.note(f"wrote {out}")
+        write_out(out, json.dumps(written, indent=2) + "\n", say)
     if as_json:
         values = found.values.to_dict(orient="index")
         rest = {"left_out": found.left_out, "misfit [K]": found.misfit, "warmed [K]": found.warmed}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ._options import CONFIG, LOG, MODEL, as_command, print_json, settings_at
+from ._options import CONFIG, LOG, MODEL, as_command, lines_of, print_json, settings_at
 from ._output import DONE, Progress
 
 
@@ -34,6 +34,5 @@ def command(log: str, config: Path | None, model: Path, days: int, say: Progress
     if as_json:
         print_json({"model": str(model), **facts})
     else:
-        print("\n".join(f"{name}: {value}" for name, value in facts.items()))
-        print(f"wrote {model}")
+        print("\n".join([*lines_of(facts), f"wrote {model}"]))
     return DONE

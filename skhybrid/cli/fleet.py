@@ -8,10 +8,9 @@ from typing import Any
 
 import click
 
-from ._options import as_command, as_group, print_json
+from ._options import DIR, as_command, as_group, lines_of, print_json
 from ._output import DONE, Progress
 
-_DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 _MOST_SHOWN = 20
 
 
@@ -33,7 +32,7 @@ _JOBS = click.option(
 
 
 @as_command("fit", "skhybrid fleet fit houses --jobs -1")
-@_DIR
+@DIR
 @_JOBS
 def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     """Fit a model per zone of DIR/data.
@@ -50,7 +49,7 @@ def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
 
 
 @as_command("tick", "skhybrid fleet tick houses")
-@_DIR
+@DIR
 @_JOBS
 def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     """Take in new rows of DIR/data and forecast (for cron).
@@ -68,7 +67,7 @@ def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
 
 
 @as_command("status", "skhybrid fleet status houses")
-@_DIR
+@DIR
 @_JOBS
 def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     """Show how each zone is doing, the worst first.
@@ -80,7 +79,7 @@ def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     made = FleetFolder(folder, jobs)
     table = made.status()
     if as_json:
-        print_json(table.to_dict("records"))
+        print_json(table.astype(object).where(table.notna(), None).to_dict("records"))
         return DONE
     shown = table.head(_MOST_SHOWN).drop(columns="reasons")
     print(shown.to_string(index=False, float_format="{:.2f}".format, na_rep="-"))
@@ -116,4 +115,4 @@ def _show(
         shown = {"errors": errors, "warnings": {zone: list(texts) for zone, texts in warnings.items()}}
         print_json(found | shown)
     else:
-        print("\n".join(f"{name}: {value}" for name, value in found.items()))
+        print("\n".join(lines_of(found)))

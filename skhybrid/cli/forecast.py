@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._options import MODEL, SETPOINT, WEATHER, as_command, print_json
+from ._options import MODEL, SETPOINT, WEATHER, as_command, log_option, print_json, write_out
 from ._output import DONE, Progress
 
 _HOURS = 3  # of a row of the table on the terminal
@@ -23,13 +23,7 @@ _ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # 
 
 @as_command("forecast", "skhybrid forecast --model zone.skops --log today.csv --weather tomorrow.csv --setpoint 21,24")
 @MODEL
-@click.option(
-    "--log",
-    type=click.Path(),
-    required=True,
-    metavar="LOG",
-    help="Log up to now; rows after it may hold what is planned.",
-)
+@log_option("Log up to now; rows after it may hold what is planned.")
 @WEATHER
 @SETPOINT
 @click.option("--out", type=click.Path(path_type=Path), metavar="forecast.csv", help="File to write all rows to.")
@@ -47,18 +41,15 @@ def command(
     With set-points the thermostat acts inside the forecast, within the limits of the plant; with heat or stages planned
     in the rows ahead of the log these are taken as they are.  Nothing is learned anew.
     """
-    from .._files import atomic_path
     from ..zone import ZoneModel, day_ahead
-    from ..zone.tomorrow import schedules_of
+    from ..zone.rows_ahead import schedules_of
 
     zone = ZoneModel.load(model)
     found = day_ahead(zone, log, weather, schedules_of(setpoint, zone.zones))
     for text in found.remarks:
         say.warn(text)
     if out is not None:
-        with atomic_path(out) as made:
-            found.frame.to_csv(made, float_format="%.6g")
-        say.note(f"wrote {out}")
+        write_out(out, found.frame.to_csv(float_format="%.6g"), say)
     if as_json:
         print_json(forecast_content(found))
     else:

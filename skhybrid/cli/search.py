@@ -38,7 +38,9 @@ def command(
     settings = settings_at(config)
     from ..study import read_log, split_log
     from ..zone.zone_search import search_zone
+    from ._study import refuse_unwritable
 
+    refuse_unwritable(store, option="--store")
     frame, _ = read_log(log, settings)
     data = split_log(frame, settings)
     table = search_zone(settings, data, store, models.split(","), size, jobs, verbose=not say.quiet)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from ._options import as_command, print_json
+from ._options import DIR, as_command, print_json
 from ._output import DONE, Progress
 
 
 @as_command("serve", "skhybrid serve kitchen --weather tomorrow.json --setpoint 21,24")
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@DIR
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen on; any but loopback needs a token."
 )
@@ -49,7 +49,7 @@ def command(
     """
     from ..server import check_token, open_socket, serve
     from ..zone import ZoneFolder
-    from ..zone.tomorrow import schedules_of
+    from ..zone.rows_ahead import schedules_of
 
     schedule = schedules_of(setpoint, ZoneFolder(folder).zones)
     check_token(host, token)

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import click
 
-from ._options import MODEL, as_command, print_json
+from ._options import MODEL, as_command, log_option, print_values
 from ._output import DONE, Progress
 
 
 @as_command("update", "skhybrid update --model zone.skops --log today.csv")
 @MODEL
-@click.option(
-    "--log", type=click.Path(), required=True, metavar="LOG", help="Log with rows after those that the model knows."
-)
+@log_option("Log with rows after those that the model knows.")
 @click.option("--relearn", is_flag=True, help="Also learn from them: the model is fitted on the last eight weeks.")
 def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> int:
     """Take the new rows of a log into a saved model."""
@@ -28,9 +26,5 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
         zone.save(model)
     if (unread := zone.unread(frame)) and not unread.is_step:
         say.warn(str(unread))
-    found = {"new rows": n_new, "known until": str(zone.known_until)}
-    if as_json:
-        print_json(found)
-    else:
-        print("\n".join(f"{name}: {value}" for name, value in found.items()))
+    print_values({"new rows": n_new, "known until": str(zone.known_until)}, as_json)
     return DONE

@@ -8,18 +8,15 @@ from typing import Any
 import click
 
 from .._warnings import percent
-from ._options import CONFIG_IF_ANY, SETPOINT, WEATHER, as_command, as_group, print_json
+from ._options import CONFIG_IF_ANY, DIR, SETPOINT, WEATHER, as_command, as_group, lines_of, log_option, print_values
 from ._output import DONE, Progress
 from .forecast import forecast_content, summary_lines
 
-_DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-_LOG = click.option(
-    "--log", type=click.Path(), required=True, metavar="LOG", help="Log up to now, of two weeks or more."
-)
+_LOG = log_option("Log up to now, of two weeks or more.")
 
 
 @as_command("init", "skhybrid zone init kitchen --log thermostat.csv")
-@_DIR
+@DIR
 @_LOG
 @CONFIG_IF_ANY
 def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bool) -> int:
@@ -32,12 +29,12 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
 
     say(1, 1, "reading the log and learning")
     made = ZoneFolder.init(folder, log, config)
-    _print({"folder": str(folder), **made.load().facts()}, as_json)
+    print_values({"folder": str(folder), **made.load().facts()}, as_json)
     return DONE
 
 
 @as_command("tick", "skhybrid zone tick kitchen --log thermostat.csv --weather tomorrow.json --setpoint 21,24")
-@_DIR
+@DIR
 @_LOG
 @WEATHER
 @SETPOINT
@@ -66,7 +63,7 @@ def tick(
     import pandas as pd
 
     from ..zone import ZoneFolder
-    from ..zone.tomorrow import schedules_of
+    from ..zone.rows_ahead import schedules_of
 
     zone = ZoneFolder(folder)
     done = zone.tick(log, weather, schedules_of(setpoint, zone.zones), pd.Timedelta(days=refit_after))
@@ -74,14 +71,14 @@ def tick(
         say.warn(text)
     found = {"new rows": done.n_new, "fitted again because": done.learned or None}
     if as_json:
-        _print(found | forecast_content(done.forecast) | {"remarks": list(done.remarks)}, as_json)
+        print_values(found | forecast_content(done.forecast) | {"remarks": list(done.remarks)}, as_json)
     else:
-        print("\n".join([*_lines(found), *summary_lines(done.forecast.summary)]))
+        print("\n".join([*lines_of(found), *summary_lines(done.forecast.summary)]))
     return DONE
 
 
 @as_command("status", "skhybrid zone status kitchen")
-@_DIR
+@DIR
 def status(folder: Path, say: Progress, as_json: bool) -> int:
     """Show how past forecasts did, and whether the model drifts.
 
@@ -94,7 +91,7 @@ def status(folder: Path, say: Progress, as_json: bool) -> int:
         found |= {"zones": {zone: _in_words(state) for zone, state in found["zones"].items()}}
     elif not as_json:
         found = _in_words(found)
-    _print(found, as_json)
+    print_values(found, as_json)
     return DONE
 
 
@@ -104,11 +101,6 @@ command = as_group(
     "Keep a folder per zone: model, forecasts and what happened.",
     "skhybrid zone init kitchen --log thermostat.csv",
 )
-
-
-def _print(found: dict[str, Any], as_json: bool) -> None:
-    """Values by name, one per line."""
-    print_json(found) if as_json else print("\n".join(_lines(found)))
 
 
 def _in_words(found: dict[str, Any]) -> dict[str, Any]:
@@ -135,15 +127,3 @@ def _errors(found: dict[str, Any]) -> str:
     return f"RMSE {found['rmse']}, bias {found['bias']}" + (
         "" if inside is None else f", {percent(inside)} of the measurements inside the 80 % interval"
     )
-
-
-def _lines(found: dict[str, Any], indent: str = "") -> list[str]:
-    lines = []
-    for name, value in found.items():
-        if isinstance(value, list | tuple):
-            lines += [f"{indent}{name}:" + ("" if value else " -"), *(f"{indent}  - {item}" for item in value)]
-            continue
-        nested = isinstance(value, dict) and value
-        lines.append(f"{indent}{name}:" + ("" if nested else " -" if value in (None, {}) else f" {value}"))
-        lines += _lines(value, indent + "  ") if nested else []
-    return lines

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .._files import atomic_path
+from .._files import atomic_path, write_text
 from ..forecasting import ARXRegressor
 from ..hybrid import HybridPredictor
 from ..study.data import TRAINING_DAYS
@@ -73,8 +73,7 @@ class FleetFolder:
                 "data/zone=kitchen."
             )
         if not self.config.exists():
-            with atomic_path(self.config) as made:
-                made.write_text(EXAMPLE, encoding="utf-8")
+            write_text(self.config, EXAMPLE)
         fleet, days = self.read()
         return fleet.fit(self.data, last=days)
 

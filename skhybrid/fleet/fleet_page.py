@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._files import atomic_path
+from .._files import write_text
 from ..study.report.html import html_cards, html_page, html_table
 from ..study.report.words import percent
 from ..study.verdict import CARE, NOT, USABLE
@@ -48,8 +48,7 @@ def write_page(path: str | PathLike[str], table: pd.DataFrame, recent: Mapping[s
         + f'<div class="zones">{"".join(shown)}</div>',
         "<h2>Errors</h2>\n" + _errors(table.head(_MOST_CHARTS), key),
     ]
-    with atomic_path(path) as made:
-        made.write_text(html_page("Fleet: status", sections, _STYLE), encoding="utf-8")
+    write_text(path, html_page("Fleet: status", sections, _STYLE))
 
 
 def _zone(row: pd.Series, recent: pd.DataFrame | None, key: str) -> str:

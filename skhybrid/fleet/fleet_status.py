@@ -70,6 +70,12 @@ def _few_rows(model: Any) -> list[str]:
     return [f"it learned from {several(record.n_rows, 'row')} of {spell(record.step)} only"]
 
 
+def _doubt(row: dict[str, Any], reason: str) -> None:
+    """Add a reason for care to a row of the status."""
+    row["reasons"] = f"{reason}; {row['reasons']}"
+    row["verdict"] = CARE if row["verdict"] == USABLE else row["verdict"]
+
+
 def status_table(found: Mapping[str, ZoneStatus], failed: Mapping[str, str], key: str) -> pd.DataFrame:
     """One row per zone, the worst first; zones that failed are not usable."""
     rows = {zone: dict(one.row) for zone, one in found.items()}
@@ -78,15 +84,12 @@ def status_table(found: Mapping[str, ZoneStatus], failed: Mapping[str, str], key
     for zone, stamp in stamps.items():
         age = max(stamps.values()) - stamp
         if age >= _OLD:
-            row, hours = rows[zone], age / pd.Timedelta("1h")
+            hours = age / pd.Timedelta("1h")
             span = several(round(hours / 24), "day") if hours > 36 else f"{hours:.0f} h"
-            row["reasons"] = f"its last row is {span} older than the newest of the fleet; {row['reasons']}"
-            row["verdict"] = CARE if row["verdict"] == USABLE else row["verdict"]
+            _doubt(rows[zone], f"its last row is {span} older than the newest of the fleet")
     for zone, why in failed.items():
         if zone in rows and why not in rows[zone]["reasons"]:
-            row = rows[zone]
-            row["reasons"] = f"its last fit failed ({why}); {row['reasons']}"
-            row["verdict"] = CARE if row["verdict"] == USABLE else row["verdict"]
+            _doubt(rows[zone], f"its last fit failed ({why})")
         elif zone not in rows:
             rows[zone] = {"verdict": NOT, "last_row": pd.NaT, "drift": False, "reasons": why}
     table = pd.DataFrame([{key: zone, **row} for zone, row in rows.items()], columns=[key, *COLUMNS])

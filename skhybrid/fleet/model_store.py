@@ -15,8 +15,8 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote, unquote
 
-from .._files import atomic_path
-from .._sqlite import open_database
+from .._files import remove_leftovers, write_text
+from .._sqlite import open_database, transaction
 from ..parallel.stored_settings import check_settings
 from ..persistence import load_model, save_model
 from .journal import Journal
@@ -106,8 +106,7 @@ class ModelStore:
 
     def keep_failures(self, whys: Mapping[str, str]) -> None:
         """Keep why zones could not be fitted."""
-        with atomic_path(self.path / _FAILURES) as made:
-            made.write_text(json.dumps(dict(whys)), encoding="utf-8")
+        write_text(self.path / _FAILURES, json.dumps(dict(whys)))
 
     def _file(self, zone: str, kind: str) -> Path:
         stem = _stem(zone)
@@ -128,17 +127,14 @@ class ModelStore:
         """Let no other fleet write meanwhile; SQLite's lock vanishes with its process."""
         self.path.mkdir(parents=True, exist_ok=True)
         with self._open() as database:
-            database.execute("BEGIN IMMEDIATE")
-            database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
-            known = self._compare(database, settings)
-            if not known:
-                database.execute("DELETE FROM setting")
-                database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
-            database.execute("COMMIT")  # a kill must not lose them
-            database.execute("BEGIN IMMEDIATE")
-            for left in self.path.glob(".*.*"):  # of processes that were killed
-                left.unlink(missing_ok=True)
-            yield
+            with transaction(database):  # of its own: a kill must not lose the settings
+                database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
+                if not self._compare(database, settings):
+                    database.execute("DELETE FROM setting")
+                    database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
+            with transaction(database):
+                remove_leftovers(self.path, f"*{_MODEL}", f"*{_JOURNAL}", _FAILURES)
+                yield
 
     def _compare(self, database: sqlite3.Connection, settings: Mapping[str, str]) -> dict[str, str]:
         try:

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._table import is_set_point, listed, role_of
-from .._time import LONGEST_BRIDGE, SHORTEST_GAP, in_time_zone, positive_duration
+from .._time import LONGEST_BRIDGE, SHORTEST_GAP, in_time_zone, positive_duration, refuse_one_zone
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
@@ -332,6 +332,5 @@ def _in_clock(rows: pd.DataFrame, index: pd.Index) -> pd.DataFrame:
 
 def _in_clock_of(text: str, index: pd.DatetimeIndex) -> pd.Timestamp:
     stamp = pd.Timestamp(text)
-    if (stamp.tz is None) != (index.tz is None):
-        raise ValueError(f"the model knows rows until {text}, but these begin at {index[0]}; give both a time zone.")
+    refuse_one_zone(stamp, index, ("the last known row", "these rows"))
     return stamp if stamp.tz is None else stamp.tz_convert(index.tz)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,17 +15,9 @@ from .assessment import Assessment
 
 #: numbers of the table and their formats
 FORMATS = {
-    "n_parameters": "{:.0f}",
-    "log_likelihood": "{:.1f}",
-    "aic": "{:.1f}",
-    "bic": "{:.1f}",
-    "cv_log_score": "{:.3f}",
-    "cv_rmse": "{:.3f}",
-    "whiteness_p": "{:.2g}",
-    "acf_outside": "{:.2f}",
-    "condition": "{:.2g}",
-    "seconds": "{:.1f}",
-}
+    "n_parameters": "{:.0f}", "log_likelihood": "{:.1f}", "aic": "{:.1f}", "bic": "{:.1f}", "cv_log_score": "{:.3f}",
+    "cv_rmse": "{:.3f}", "whiteness_p": "{:.2g}", "acf_outside": "{:.2f}", "condition": "{:.2g}", "seconds": "{:.1f}",
+}  # fmt: skip
 
 
 def comparison_table(fitted: Mapping[str, Assessment]) -> pd.DataFrame:
@@ -52,16 +45,13 @@ def _squares(frame: pd.DataFrame) -> pd.Series:
 def likelihood_ratio_tests(fitted: Mapping[str, Assessment], table: pd.DataFrame) -> pd.DataFrame:
     """One row per nested pair."""
     rows = []
-    for small, first in fitted.items():
-        for large, second in fitted.items():
-            extra = nesting(first.estimator, second.estimator) if small != large else None
-            if extra is None:
-                continue
+    for small, large in permutations(fitted, 2):
+        extra = nesting(fitted[small].estimator, fitted[large].estimator)
+        if extra is not None:
             gain = table["log_likelihood"][large] - table["log_likelihood"][small]
-            statistic, distribution, p_value = likelihood_ratio(gain, len(extra.at_edge), len(extra.inside))
+            found = likelihood_ratio(gain, len(extra.at_edge), len(extra.inside))
             white = max(table["whiteness_p"][small], table["whiteness_p"][large]) > 0.01
-            names = ", ".join((*extra.at_edge, *extra.inside))
-            rows.append((small, large, names, statistic, distribution, p_value, white))
+            rows.append((small, large, ", ".join((*extra.at_edge, *extra.inside)), *found, white))
     return pd.DataFrame(rows, columns=["smaller", "larger", "extra", "statistic", "distribution", "p_value", "white"])
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils.validation import _num_samples
 
-from .._arguments import check_bool
+from .._arguments import check_bool, check_integer, is_integer
 from .._time import even_step, positive_duration, read_duration, rows_of, wall_clock
 
 _DAY = pd.Timedelta("1D")
@@ -107,16 +107,13 @@ class RollingOriginSplit(BaseCrossValidator):
             return len(self._used_splits(X))
         if (wanted := self._wanted()) is None:
             raise ValueError("the number of splits depends on the length of X: pass X, or give n_splits=.")
-        return wanted
+        return int(wanted)
 
     def _wanted(self) -> int | None:
         """The number of splits that are asked for; None: all that fit."""
-        n: Any = self.n_splits
-        if n is None:
-            return None
-        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
-            raise ValueError(f"n_splits={n!r} must be an integer, at least 1, or None for every split that fits.")
-        return int(n)
+        if self.n_splits is not None:
+            check_integer("n_splits", self.n_splits)
+        return self.n_splits
 
     def _lengths(self, X: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Lengths of the training block, the test block and the gap, and from one split to the next."""
@@ -155,7 +152,7 @@ def _sampling_time(X: Any, given: Any) -> pd.Timedelta | None:
 
 def _length(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 1) -> np.ndarray:
     """A length, (2,) int: as a number of rows, and as a number of steps of the local clock, of which one is 0."""
-    if isinstance(length, int | np.integer) and not isinstance(length, bool):
+    if is_integer(length):
         if length < least:
             raise ValueError(f"{name}={length!r} must be at least {least} row(s).")
         return np.array([length, 0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -19,8 +20,6 @@ LINKS = '<p class="soft">{}</p>'.format(
     " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
 )
 NO_FORECAST = "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
-NO_PAST = "<h2>Forecast and measured</h2>\n<p>No forecast has run out yet.</p>"
-UNSCALED = " The heat has no certain scale: no capacity is known."
 _OLD = pd.Timedelta(days=1)
 
 
@@ -46,11 +45,19 @@ def _tomorrow(view: ZoneView) -> str:
     cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", "room temperature in the day to come")]
     if view.scaled:
         cards += energy_cards(rows)
-    scale = "" if view.scaled or "Q_hvac" not in rows else UNSCALED
+    unscaled = not view.scaled and "Q_hvac" in rows
+    return day_to_come(cards, view.origin, "band is", unscaled, lambda width: day_figure(rows, width))
+
+
+def day_to_come(
+    cards: list[tuple[str, str]], origin: pd.Timestamp, bands: str, unscaled: bool, figure: Callable[[float], Any]
+) -> str:
+    """The section on the latest forecast, of which ``figure`` makes a drawing of some width."""
+    scale = " The heat has no certain scale: no capacity is known." if unscaled else ""
     return (
-        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {stamp_words(view.origin)}; the band is meant "
-        f"to hold 80 % of the measurements.{scale}{age_words(view.origin)}</p>\n"
-        + in_two_widths(lambda width: day_figure(rows, width), "Forecast of temperature and heat.", "day")
+        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {_stamp_words(origin)}; the {bands} meant to "
+        f"hold 80 % of the measurements.{scale}{_age_words(origin)}</p>\n"
+        + in_two_widths(figure, "Forecast of temperature and heat.", "day")
     )
 
 
@@ -59,7 +66,7 @@ def energy_cards(rows: pd.DataFrame) -> list[tuple[str, str]]:
     return [(value, text.replace("that day", "in that time")) for value, text in day_energy(rows)]
 
 
-def age_words(origin: pd.Timestamp) -> str:
+def _age_words(origin: pd.Timestamp) -> str:
     """A sentence on an origin that is old; else ""."""
     if origin.tz is None or pd.Timestamp.now(origin.tz) - origin <= _OLD:
         return ""
@@ -67,16 +74,17 @@ def age_words(origin: pd.Timestamp) -> str:
 
 
 def _yesterday(view: ZoneView) -> str:
-    if view.past.empty:
-        return NO_PAST
-    origin, rows = last_past(view)
-    return (
-        "<h2>Forecast and measured</h2>\n<p>The last forecast that has run out, from "
-        f"{stamp_words(origin)}.</p>\n"
-        + in_two_widths(
-            lambda width: day_figure(rows, width), "The last forecast that has run out, and measurements.", "past"
-        )
-    )
+    origin, rows = (None, view.past) if view.past.empty else last_past(view)
+    return past_day(origin, lambda width: day_figure(rows, width))
+
+
+def past_day(origin: pd.Timestamp | None, figure: Callable[[float], Any]) -> str:
+    """The section on the last forecast that has run out, if one has."""
+    head = "<h2>Forecast and measured</h2>\n"
+    if origin is None:
+        return head + "<p>No forecast has run out yet.</p>"
+    words = f"<p>The last forecast that has run out, from {_stamp_words(origin)}.</p>\n"
+    return head + words + in_two_widths(figure, "The last forecast that has run out, and measurements.", "past")
 
 
 def last_past(view: ZoneView) -> tuple[pd.Timestamp, pd.DataFrame]:
@@ -90,11 +98,13 @@ def _week(view: ZoneView) -> str:
     rows = compared(view.past)
     if rows["origin"].nunique() < 2 or rows["y_true"].isna().all():
         return ""
-    return "<p>The days before; a vertical line is the origin of a forecast.</p>\n" + in_two_widths(
-        lambda width: backtest_figure({"forecast": rows}, SPANS[width], width),
-        "Past forecasts and measurements.",
-        "week",
-    )
+    return days_before(lambda width: backtest_figure({"forecast": rows}, SPANS[width], width))
+
+
+def days_before(figure: Callable[[float], Any]) -> str:
+    """The forecasts and measurements of the last days."""
+    words = "<p>The days before; a vertical line is the origin of a forecast.</p>\n"
+    return words + in_two_widths(figure, "Past forecasts and measurements.", "week")
 
 
 def _state(status: dict[str, Any]) -> str:
@@ -121,7 +131,7 @@ def drift_words(drift: dict[str, Any]) -> str:
     return f"yes, since {drift['since']}" if drift["drifted"] else "no"
 
 
-def stamp_words(stamp: pd.Timestamp) -> str:
+def _stamp_words(stamp: pd.Timestamp) -> str:
     """A stamp in words, with its time zone."""
     zone = f" ({escape(str(stamp.tz))})" if stamp.tz is not None else ""
     return f"{stamp:%A} {stamp.day} {stamp:%B %Y, %H:%M}{zone}"

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._time import in_time_zone
 from ..zone import ZoneFolder, ZoneModel
 from ..zone.forecast_archive import open_archive
 from ..zone.zone_state import archives_of
@@ -45,22 +46,17 @@ def _view(archive: Any, zone: ZoneModel) -> ZoneView:
     last = archive.last_measured()
     since = pd.Timestamp(0) if last is None else last - _PAST
     past, origin, forecast = archive.finished(since), archive.last_origin(), archive.latest()
-    past = past.assign(**{name: _local(pd.to_datetime(past[name]), tz) for name in ("origin", "time")})
-    forecast = forecast.set_axis(_local(forecast.index, tz), axis=0)
+    past = past.assign(**{name: in_time_zone(pd.DatetimeIndex(past[name]), tz) for name in ("origin", "time")})
+    forecast = forecast.set_axis(in_time_zone(forecast.index, tz), axis=0)
     return ZoneView(
         zone.settings.name,
         None if tz is None else str(tz),
         pd.Timedelta(zone.settings.step),
         zone.scaled,
-        None if origin is None else _local([origin], tz)[0],
+        None if origin is None else in_time_zone(pd.DatetimeIndex([origin]), tz)[0],
         forecast.dropna(axis=1, how="all"),
         past,
     )
-
-
-def _local(stamps: Any, tz: Any) -> pd.DatetimeIndex:
-    index = pd.DatetimeIndex(stamps)
-    return index if index.tz is None or tz is None else index.tz_convert(tz)
 
 
 def plain_rows(views: Mapping[str, ZoneView]) -> list[dict[str, Any]]:

@@ -9,23 +9,22 @@ from typing import Any
 import pandas as pd
 
 from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes, zones_in_words
-from ..study.report.figures import days_figure, in_two_widths, weeks_figure
-from ..study.report.html import html_cards, html_page
+from ..study.report.figures import days_figure, weeks_figure
+from ..study.report.html import html_page
 from ..study.report.words import number, percent
 from ..study.verdict import Verdict
 from .page import (
     LINKS,
     NO_FORECAST,
-    NO_PAST,
     REFRESH,
     SPANS,
-    UNSCALED,
-    age_words,
+    day_to_come,
+    days_before,
     drift_words,
     energy_cards,
     last_past,
+    past_day,
     rows_words,
-    stamp_words,
 )
 from .zone_view import ZoneView, compared
 
@@ -58,29 +57,15 @@ def _tomorrow(views: Mapping[str, ZoneView]) -> str:
     loads = [frame["Q_hvac"] for frame in rows.values() if "Q_hvac" in frame]
     if scaled and loads:
         cards += energy_cards(pd.DataFrame({"Q_hvac": sum(loads[1:], loads[0])}))
-    scale = "" if scaled or not loads else UNSCALED
-    power = "kW" if scaled else "relative"
-    return (
-        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {stamp_words(origin)}; the bands are meant to "
-        f"hold 80 % of the measurements.{scale}{age_words(origin)}</p>\n"
-        + in_two_widths(
-            lambda width: days_figure(rows, width, power), "Forecast of each zone: temperature and heat.", "day"
-        )
-    )
+    power, unscaled = "kW" if scaled else "relative", not scaled and bool(loads)
+    return day_to_come(cards, origin, "bands are", unscaled, lambda width: days_figure(rows, width, power))
 
 
 def _yesterday(views: Mapping[str, ZoneView]) -> str:
     past = {zone: last_past(view) for zone, view in views.items() if len(view.past) and view.past["T_za"].notna().any()}
-    if not past:
-        return NO_PAST
     rows = {zone: frame for zone, (_, frame) in past.items()}
-    origin = next(iter(past.values()))[0]
-    return (
-        f"<h2>Forecast and measured</h2>\n<p>The last forecast that has run out, from {stamp_words(origin)}.</p>\n"
-        + in_two_widths(
-            lambda width: days_figure(rows, width), "The last forecast that has run out, and measurements.", "past"
-        )
-    )
+    origin = next((origin for origin, _ in past.values()), None)
+    return past_day(origin, lambda width: days_figure(rows, width))
 
 
 def _week(views: Mapping[str, ZoneView]) -> str:
@@ -91,9 +76,7 @@ def _week(views: Mapping[str, ZoneView]) -> str:
     if not known:
         return ""
     rows = pd.concat(known.values(), ignore_index=True)
-    return "<p>The days before; a vertical line is the origin of a forecast.</p>\n" + in_two_widths(
-        lambda width: weeks_figure({"forecast": rows}, SPANS[width], width), "Past forecasts and measurements.", "week"
-    )
+    return days_before(lambda width: weeks_figure({"forecast": rows}, SPANS[width], width))
 
 
 def _state(status: dict[str, Any]) -> str:

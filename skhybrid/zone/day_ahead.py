@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from .outages import BRIDGED, like_index, refuse_stuck
-from .tomorrow import Schedules, rows_ahead
+from .rows_ahead import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
 _FIRST = 4  # rows on each side of the origin whose weather is compared
@@ -89,7 +89,8 @@ def day_ahead(
     measured = settings.roles_of("T_za")
     refuse_stuck(frame, measured, origin)
     later = _not_past(frame[frame.index > origin], measured)
-    given = later if weather is None else read_ahead(weather, settings, origin.tz, origin.year)
+    end = origin + pd.Timedelta(settings.horizon)
+    given = later if weather is None else read_ahead(weather, settings, origin.tz, range(origin.year, end.year + 1))
     inputs = [str(role) for role in inputs_of(history) if role not in (*measured, *settings.setpoints)]
     ahead, planned = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead).drop(columns=settings.roles_of("zeta"), errors="ignore")
@@ -125,13 +126,16 @@ def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
     return later.drop(columns=measured)
 
 
-def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, year: int) -> pd.DataFrame:
+def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, years: Iterable[int]) -> pd.DataFrame:
     """Weather of the rows ahead by role, in the time zone of the log.
 
-    Columns of a CSV that have the names of the log's are read as the log is; others are found by names and values.
+    Columns of a CSV that have the names of the log's are read as the log is; others are found by names and values.  An
+    EPW is that of some ``years``.
     """
-    if Path(path).suffix.lower() in (".epw", ".json") or is_open_meteo_csv(path):
-        frame = read_weather(path, year=year, **dict(settings.site))
+    if Path(path).suffix.lower() == ".epw":
+        frame = pd.concat([read_weather(path, year=year, **dict(settings.site)) for year in years])
+    elif Path(path).suffix.lower() == ".json" or is_open_meteo_csv(path):
+        frame = read_weather(path, **dict(settings.site))
     else:
         given = {} if settings.timezone is None else {"timezone": settings.timezone}
         raw = read_any_log(path, **given)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from os import PathLike, fspath
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from .._sqlite import open_database
+from .._sqlite import open_database, transaction
 
 _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
@@ -48,28 +48,16 @@ class ForecastArchive:
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
-        self._database = database
+        self.database = database
 
-    @contextmanager
-    def transaction(self) -> Iterator[None]:
-        """Keep all that the block writes, or nothing; no other process can begin one meanwhile.
-
-        The lock is SQLite's own, so it vanishes with the process.
-        """
-        self._database.execute("BEGIN IMMEDIATE")
-        try:
-            yield
-        except BaseException:
-            # SQLite has rolled back by itself if the disk is full, and cannot if it is gone
-            with suppress(sqlite3.Error):
-                self._database.execute("ROLLBACK")
-            raise
-        self._database.execute("COMMIT")
+    def transaction(self) -> AbstractContextManager[None]:
+        """Keep all that the block writes, or nothing; no other process can begin one meanwhile."""
+        return transaction(self.database)
 
     def add_forecast(self, origin: pd.Timestamp, frame: pd.DataFrame, zones: Sequence[str] = ()) -> None:
         """Keep a forecast; one from the same origin is replaced.  Columns of several ``zones`` end with their names."""
         (first,) = _texts(pd.DatetimeIndex([origin]))
-        self._database.execute("DELETE FROM forecast WHERE origin = ?", (first,))
+        self.database.execute("DELETE FROM forecast WHERE origin = ?", (first,))
         self._insert("forecast", frame, _of_zones(_FORECAST, zones), first)
 
     def add_measured(self, frame: pd.DataFrame, zones: Sequence[str] = ()) -> None:
@@ -100,7 +88,7 @@ class ForecastArchive:
         return self._read(_FINISHED.format(measured=named), _texts(pd.DatetimeIndex([since])))
 
     def _read(self, query: str, values: list[str] | tuple[()] = ()) -> pd.DataFrame:
-        rows = self._database.execute(query, values)
+        rows = self.database.execute(query, values)
         found = pd.DataFrame(rows.fetchall(), columns=[column[0] for column in rows.description])
         return found.astype({name: np.float64 for name in found if name not in ("origin", "time")})
 
@@ -124,21 +112,21 @@ class ForecastArchive:
             return
         stamps, roles = _texts(pd.DatetimeIndex(frame.index)), [str(role) for role in frame]
         if kind == EVEN:
-            self._database.execute(f"DELETE FROM log WHERE role NOT IN ({', '.join('?' * len(roles))})", roles)
+            self.database.execute(f"DELETE FROM log WHERE role NOT IN ({', '.join('?' * len(roles))})", roles)
         for role in roles:
             values = frame[role].to_numpy(dtype=np.float64)
             known = np.flatnonzero(~np.isnan(values))
             last = {EVEN: max(stamps), AHEAD: "9999" if len(known) else ""}.get(kind, "")
             where = (kind, role, min(stamps), last)
-            self._database.execute("DELETE FROM log WHERE kind = ? AND role = ? AND time BETWEEN ? AND ?", where)
-            self._database.executemany(
+            self.database.execute("DELETE FROM log WHERE kind = ? AND role = ? AND time BETWEEN ? AND ?", where)
+            self.database.executemany(
                 "INSERT OR REPLACE INTO log VALUES (?, ?, ?, ?)",
                 [(kind, role, stamps[i], float(values[i])) for i in known],
             )
 
     def log(self, kind: int) -> pd.DataFrame:
         """The rows of the log of one kind: one column per role, by time."""
-        found = self._database.execute("SELECT time, role, value FROM log WHERE kind = ?", (kind,)).fetchall()
+        found = self.database.execute("SELECT time, role, value FROM log WHERE kind = ?", (kind,)).fetchall()
         table = pd.DataFrame(found, columns=["time", "role", "value"]).pivot_table(
             index="time", columns="role", values="value"
         )
@@ -146,24 +134,24 @@ class ForecastArchive:
 
     def keep_held(self, roles: Sequence[str]) -> None:
         """Keep which roles of the log are logged by change."""
-        self._database.execute("DELETE FROM held")
-        self._database.executemany("INSERT INTO held VALUES (?)", [(role,) for role in ("", *roles)])
+        self.database.execute("DELETE FROM held")
+        self.database.executemany("INSERT INTO held VALUES (?)", [(role,) for role in ("", *roles)])
 
     def held(self) -> list[str] | None:
         """The roles that are logged by change; None where no log has told."""
-        found = [role for (role,) in self._database.execute("SELECT role FROM held")]
+        found = [role for (role,) in self.database.execute("SELECT role FROM held")]
         return [role for role in found if role] if found else None
 
     def forget_log(self, kind: int, before: pd.Timestamp) -> None:
         """Remove the rows of one kind before a stamp."""
         (text,) = _texts(pd.DatetimeIndex([before]))
-        self._database.execute("DELETE FROM log WHERE kind = ? AND time < ?", (kind, text))
+        self.database.execute("DELETE FROM log WHERE kind = ? AND time < ?", (kind, text))
 
     def _columns(self, table: str) -> list[str]:
-        return [row[1] for row in self._database.execute(f"PRAGMA table_info({table})")]
+        return [row[1] for row in self.database.execute(f"PRAGMA table_info({table})")]
 
     def _last(self, table: str, column: str, where: str = "") -> pd.Timestamp | None:
-        (text,) = self._database.execute(f"SELECT max({column}) FROM {table} {where}").fetchone()
+        (text,) = self.database.execute(f"SELECT max({column}) FROM {table} {where}").fetchone()
         return None if text is None else pd.Timestamp(text)
 
     def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:
@@ -171,13 +159,13 @@ class ForecastArchive:
         values = (*values, *(str(name) for name in frame if str(name).startswith("u_") or name == BEYOND))
         known = self._columns(table)
         for name in [name for name in dict.fromkeys(values) if name not in known]:  # a stage or zone that is new
-            self._database.execute(f'ALTER TABLE {table} ADD COLUMN "{name}" REAL')
+            self.database.execute(f'ALTER TABLE {table} ADD COLUMN "{name}" REAL')
         named = ", ".join(f'"{name}"' for name in (*("origin",)[: len(keys)], "time", *values))
         numbers = frame.reindex(columns=list(values)).astype(object)
         rows = numbers.where(numbers.notna(), None).to_numpy().tolist()
         stamps = _texts(pd.DatetimeIndex(frame.index))
         marks = ", ".join("?" * (len(keys) + 1 + len(values)))
-        self._database.executemany(
+        self.database.executemany(
             f"INSERT OR REPLACE INTO {table} ({named}) VALUES ({marks})",
             [(*keys, stamp, *row) for stamp, row in zip(stamps, rows, strict=True)],
         )

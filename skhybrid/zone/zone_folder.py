@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import pandas as pd
 
-from .._files import atomic_path
+from .._files import remove_leftovers, write_text
 from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
 from ..exceptions import ModelFileError
@@ -23,7 +25,7 @@ from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .outages import BRIDGED, complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
-from .tomorrow import Schedules
+from .rows_ahead import Schedules
 from .zone_model import ZoneModel
 from .zone_state import measured_rows, status_of
 
@@ -34,19 +36,13 @@ _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor
 _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
 
-class Tick(NamedTuple):
-    """Result of a tick."""
-
-    forecast: DayAhead
-    n_new: int  # rows of the log that were new
-    learned: str  # why the model was fitted again, "" where it was not
-    remarks: tuple[str, ...]
+_Forecast = TypeVar("_Forecast", bound=DayAhead | None)
 
 
-class Posted(NamedTuple):
-    """The effect of posted rows."""
+class Tick(NamedTuple, Generic[_Forecast]):
+    """Result of a tick, or of posted rows."""
 
-    forecast: DayAhead | None  # None where no step is new, or the weather to come is not known
+    forecast: _Forecast  # of posted rows None where no step is new, or the weather to come is not known
     n_new: int  # steps of the zone that were new
     learned: str  # why the model was fitted again, "" where it was not
     remarks: tuple[str, ...]
@@ -102,8 +98,7 @@ class ZoneFolder:
             folder._remove_leftovers()
             if config is not None or not folder.config.exists():
                 text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
-                with atomic_path(folder.config) as made:
-                    made.write_text(text, encoding="utf-8")
+                write_text(folder.config, text)
             settings = read_settings(folder.config)
             frame, held = _read_past(log, settings)
             zone = ZoneModel.fit(settings, frame)
@@ -136,7 +131,7 @@ class ZoneFolder:
         weather: str | PathLike[str] | None = None,
         schedule: Schedules | None = None,
         refit_after: pd.Timedelta = _REFIT_AFTER,
-    ) -> Tick:
+    ) -> Tick[DayAhead]:
         """Take in the new rows of a log, forecast from its end, and archive both; a tick that fails changes nothing.
 
         The model is fitted again where its errors have drifted, where it is old, where an outage of more than twelve
@@ -156,10 +151,7 @@ class ZoneFolder:
         FileNotFoundError, ValueError
             If there is no model, or the log or the weather cannot be used.
         """
-        self._require_model()
-        with open_archive(self.archive) as archive, archive.transaction():
-            self._remove_leftovers()
-            zone, settings = self.load(), read_settings(self.config)
+        with self._at_work() as (archive, zone, settings):
             frame, held = _read_past(log, settings)
             if _of_model(settings) == _of_model(zone.settings):
                 _refuse_other(frame, archive, settings)
@@ -178,7 +170,7 @@ class ZoneFolder:
         refit_after: pd.Timedelta = _REFIT_AFTER,
         *,
         plain: bool = False,
-    ) -> Posted:
+    ) -> Tick[DayAhead | None]:
         """Take in rows beside the log that the archive keeps, as a tick takes in those of a log.
 
         Rows after the last temperature are weather and plans of the day to come.  Rows that cannot be used change
@@ -198,10 +190,7 @@ class ZoneFolder:
         FileNotFoundError, ValueError
             If there is no model, or the rows cannot be used.
         """
-        self._require_model()
-        with open_archive(self.archive) as archive, archive.transaction():
-            self._remove_leftovers()
-            zone, settings = self.load(), read_settings(self.config)
+        with self._at_work() as (archive, zone, settings):
             given, held = read_posted(rows, settings, archive.held(), plain=plain)
             frame, n_ahead = keep_posted(archive, given, settings, held)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
@@ -215,7 +204,7 @@ class ZoneFolder:
                 remarks.append(f"there is no new forecast: {error}")
             origin = zone.history(frame).index[-1]
             self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
-        return Posted(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
+        return Tick(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
 
     def status(self, model: ZoneModel | None = None) -> dict[str, Any]:
         """Report the last row, drift, verdicts and errors of past forecasts, as plain values; of several zones by zone.
@@ -233,6 +222,14 @@ class ZoneFolder:
         zone = self.load() if model is None else model
         with open_archive(self.archive) as archive:
             return status_of(archive, zone)
+
+    @contextmanager
+    def _at_work(self) -> Iterator[tuple[ForecastArchive, ZoneModel, Settings]]:
+        """The archive in a transaction, the model, and the settings as they are now."""
+        self._require_model()
+        with open_archive(self.archive) as archive, archive.transaction():
+            self._remove_leftovers()
+            yield archive, self.load(), read_settings(self.config)
 
     def _keep(
         self,
@@ -266,10 +263,7 @@ class ZoneFolder:
             raise FileExistsError(f"{self.path} holds a zone already; use skhybrid zone tick, or give another folder.")
 
     def _remove_leftovers(self) -> None:
-        """Remove the temporary files of processes that were killed."""
-        for file in (self.config, self.model):
-            for left in self.path.glob(f".{file.name}.*"):
-                left.unlink(missing_ok=True)
+        remove_leftovers(self.path, self.config.name, self.model.name)
 
 
 def _read_past(log: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[str]]:

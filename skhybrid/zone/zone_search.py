@@ -36,8 +36,6 @@ def search_zone(
     common = {"horizon": settings.horizon, "holidays": settings.holidays, "random_state": settings.random_state}
     estimator = HybridPredictor(make_gray_box(settings), DisturbanceForecaster("ridge"), **common)
     folder = Path(store)
-    if folder.is_file():
-        raise ValueError(f"store {folder} is a file; give a folder.")
     folder.mkdir(parents=True, exist_ok=True)
     search = DesignMatrixSearchCV(
         estimator,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 
@@ -25,46 +25,38 @@ _SCORED = pd.Timedelta(days=28)
 _MEASURED = "_measured"  # how columns of a finished forecast end that were measured
 
 
-class ZoneArchive(NamedTuple):
+class ZoneArchive(ForecastArchive):
     """The part of one zone in the archive of a building, by the names that a single zone has."""
 
-    archive: ForecastArchive
-    settings: Settings  # of the building
-    zone: str
+    def __init__(self, archive: ForecastArchive, settings: Settings, zone: str) -> None:
+        super().__init__(archive.database)
+        self._settings, self._zone = settings, zone  # of the building; name
 
-    def last_measured(self) -> pd.Timestamp | None:
-        """As that of the archive."""
-        return self.archive.last_measured()
-
-    def last_temperature(self) -> pd.Timestamp | None:
+    def last_temperature(self, zone: str = "") -> pd.Timestamp | None:
         """Stamp of the zone's last temperature, None where there is none."""
-        return self.archive.last_temperature(self.zone)
-
-    def last_origin(self) -> pd.Timestamp | None:
-        """As that of the archive."""
-        return self.archive.last_origin()
+        return super().last_temperature(zone or self._zone)
 
     def finished(self, since: pd.Timestamp) -> pd.DataFrame:
         """The forecasts whose rows are all in the past, with what was measured."""
-        rows = self.archive.finished(since)
+        rows = super().finished(since)
         ends = {str(name): str(name).removesuffix(_MEASURED) for name in rows if str(name).endswith(_MEASURED)}
         measured = self._own(rows[list(ends)].rename(columns=ends)).add_suffix(_MEASURED)
         return pd.concat([rows[["origin", "time"]], self._own(rows.drop(columns=list(ends))), measured], axis=1)
 
     def measured(self, since: pd.Timestamp) -> pd.DataFrame:
         """Measured temperature and delivered heat by time."""
-        return self._own(self.archive.measured(since))
+        return self._own(super().measured(since))
 
     def latest(self) -> pd.DataFrame:
         """The rows of the last forecast by time."""
-        return self._own(self.archive.latest())
+        return self._own(super().latest())
 
     def _own(self, rows: pd.DataFrame) -> pd.DataFrame:
-        own = forecast_of(rows, self.settings, self.zone)
+        own = forecast_of(rows, self._settings, self._zone)
         return own.assign(**{BEYOND: rows[BEYOND]}) if BEYOND in rows else own
 
 
-def archives_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, ForecastArchive | ZoneArchive]:
+def archives_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, ForecastArchive]:
     """The archive of each zone by its name; of one zone by an empty name."""
     return {name: ZoneArchive(archive, zone.settings, name) for name in zone.zones} or {"": archive}
 
@@ -85,7 +77,7 @@ def status_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
     return found | {"zones": {name: states[name] for name in worst_first(levels)}}
 
 
-def _state_of(archive: ForecastArchive | ZoneArchive, zone: ZoneModel) -> dict[str, Any]:
+def _state_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
     """Drift, verdicts, and errors of the last forecast that has been measured and of those of the last four weeks."""
     last, silent = archive.last_measured(), _silent(archive, zone)
     days = drift_days(zone.predictor) if silent is None else pd.DataFrame()  # later days say nothing of the errors
@@ -103,7 +95,7 @@ def _state_of(archive: ForecastArchive | ZoneArchive, zone: ZoneModel) -> dict[s
     }
 
 
-def _silent(archive: ForecastArchive | ZoneArchive, zone: ZoneModel) -> str | None:
+def _silent(archive: ForecastArchive, zone: ZoneModel) -> str | None:
     """The last temperature and its age, where other zones were measured for a day after it."""
     last, own = archive.last_measured(), archive.last_temperature()
     if last is None or own is None or last - own < _SILENT:

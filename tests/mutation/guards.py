@@ -108,7 +108,7 @@ GUARDS = {
     "zone/building.py": ["test_zone_tools"],
     "zone/zone_backtest.py": ["test_zone_tools"],
     "zone/zone_search.py": ["test_zone_tools"],
-    "zone/tomorrow.py": [_BY_THE_CLOCK, _ZONE],
+    "zone/rows_ahead.py": [_BY_THE_CLOCK, _ZONE],
     "zone/zone_folder.py": ["test_zone_tools", _ZONE],
     "zone/*.py": [_ZONE, "test_daily_work -k not texts and not sun and not command_line"],
     "_calendar.py": ["test_holidays", "test_forecasting_baselines"],

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from ..._arguments import is_integer
 from ...forecasting.named_models import is_network
 from .candidates import forecaster_prefix, model_of
 from .store import Result
@@ -28,8 +29,7 @@ class Outcome(NamedTuple):
 def check_halving(halving: Any) -> tuple[int, int]:
     """Epochs of the first rung and the factor, which is 3 unless it is given."""
     given = halving if isinstance(halving, tuple | list) else (halving, 3)
-    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in given)
-    if not whole or len(given) != 2 or given[0] < 1 or given[1] < 2:
+    if not all(map(is_integer, given)) or len(given) != 2 or given[0] < 1 or given[1] < 2:
         raise ValueError(
             f"halving={halving!r} must be a number of epochs from 1 on, or a pair of it and a factor from 2 on."
         )

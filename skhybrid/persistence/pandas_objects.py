@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._time import zone_name
+from .._time import zone_name
 
 _MOST_ROWS, _MOST_STAMPS = 10**8, 10**6  # of an index that is not written out, in which stamps take memory
 _SIZE = 1000  # values of an array that is worth packing
