@@ -319,6 +319,7 @@ def test_two_stages_are_told_apart():
         (({"za": "C_za"}, {"R_zo": ("za", 5)}), "R_zo needs two ends"),
         (({"za": "C_za"}, {"R_zo": 5}), "R_zo needs two ends"),
         (({"za": "C_za", 1: "C_1"}, {"R_zo": ("za", "T_oa")}), "1 cannot name a node"),
+        ((*LONE, {}, "za", "za", "za", {1: (1.0, 2.0)}), "bounds names 1, which is not one of its parameters"),
         ((*LONE, {}, "za", "za", "za", {"C_za": 5.0}), "bounds of C_za are 5.0; give two finite numbers"),
         ((*LONE, {}, "za", "za", "za", {"C_za": (1.0, 2.0, 3.0)}), r"bounds of C_za are .*; give two finite numbers"),
         (

@@ -167,7 +167,7 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
     kinds = {"C": network.capacitances.values(), "R": network.resistors, "f": network.fractions}
     kind_of = {name: kind for kind, names in kinds.items() for name in names}
     for name, bounds in network.bounds.items():
-        if name not in kind_of and not name.startswith(SOURCE_PARAMETERS):
+        if name not in kind_of and not str(name).startswith(SOURCE_PARAMETERS):
             yield f"bounds names {name!r}, which is not one of its parameters."
         try:
             make_parameter(name, kind_of.get(name, name[0]), "").bounded(bounds)
