@@ -208,7 +208,7 @@ def test_other_steps(step):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"n_days": 0}, "n_days=0 must be a positive integer"),
+        ({"n_days": 0}, "n_days=0 must be an integer of at least 1"),
         ({"n_days": 1.5}, "n_days=1.5"),
         ({"climate": "paris"}, "climate='paris' is unknown; choose one of 'oakland', 'chicago'"),
         ({"excitation": "prbs"}, "excitation='prbs' is unknown"),

@@ -17,7 +17,7 @@ from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experim
 from skhybrid.identification.disturbance_models import HIDDEN_SD, MEASURED_SD
 from skhybrid.identification.experiment_design.information import FilterInformation, relative_errors, walk_root
 from skhybrid.identification.experiment_design.plan import _Case, _fitted_gain, _make_plan
-from skhybrid.identification.experiment_design.zone import Calendar, Zone, draw_gain, mean_over, run_thermostat
+from skhybrid.identification.experiment_design.zone import Calendar, Zone, draw_gain, run_thermostat
 from skhybrid.thermal import get_network
 
 THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -5.0}
@@ -246,10 +246,6 @@ def test_drawn_gains_have_the_statistics_asked_for():
     gain = draw_gain(zone(), clock, HOURS, rng) - GAIN.profile[0, 0]
     assert gain.std() == pytest.approx(GAIN.weekday_day, rel=0.05)
     assert np.corrcoef(gain[1:], gain[:-1])[0, 1] == pytest.approx(np.exp(-HOURS / GAIN.tau), abs=0.01)
-
-
-def test_rows_of_a_log_are_means_of_its_steps():
-    np.testing.assert_array_equal(mean_over(np.arange(12.0).reshape(6, 2), 3), [[2, 3], [8, 9]])
 
 
 # ------------------------------------------------------------------------------------------------------------- the plan

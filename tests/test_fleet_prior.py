@@ -52,7 +52,7 @@ def prior(schedules):
 
 def heat_response(model, n_leads=6):
     """Response to a unit of heat over one step [K/kW]."""
-    return model.input_response("Q_hvac", model.coef_, n_leads)
+    return model.design_.input_response("Q_hvac", model.coef_, n_leads)
 
 
 # --------------------------------------------------------------------------------------------------------- learning

@@ -81,7 +81,7 @@ def test_a_refit_is_a_fit_on_training_plus_history():
         whole = ARXRegressor(**settings)
         # only the coefficients are fitted again: means and scales are those of the training
         whole.fit(X.iloc[:cut], y.iloc[:cut])
-        D, d, _ = whole._design.pairs(whole.view(whole._read_X(X.iloc[:known]), y.iloc[:known].to_numpy()))
+        D, d, _ = whole.design_.pairs(whole.design_.view(whole._read_X(X.iloc[:known]), y.iloc[:known].to_numpy()))
         whole.coef_ = _solved(D, d, 3.0)
         np.testing.assert_allclose(path, whole.predict_from(later, [origin])[0], rtol=1e-9)
     static = ARXRegressor(**settings).fit(X.iloc[:cut], y.iloc[:cut]).predict_from(later, origins)

@@ -78,7 +78,10 @@ def test_a_case_of_the_user():
     for wrong, message in [
         ({"past": ("CO2",)}, "past of case 'x' has the unknown feature 'CO2'"),
         ({"future": ("zeta",)}, "not known ahead"),
-        *[({"pattern_days": days}, "give an integer of at least 1") for days in (0, 8.0, None, "4", True)],
+        *[
+            ({"pattern_days": days}, "case 'x': pattern_days=.* must be an integer")
+            for days in (0, 8.0, None, "4", True)
+        ],
         ({"past": (), "future": ()}, "has no feature"),
     ]:
         with pytest.raises(ValueError, match=message):

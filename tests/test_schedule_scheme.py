@@ -294,13 +294,13 @@ def test_a_block_that_is_all_there_is_cannot_be_left_out(arx, X):
 def test_refitted_coefficients_are_of_training_and_what_is_known(arx, X):
     table, T = arx._read_X(X.drop(columns="T_za")), X["T_za"].to_numpy()
     origins = np.array([13 * DAY, N_TRAIN - 1, N_TRAIN + 4])  # in any order
-    view = arx.view(table, T)
+    view = arx.design_.view(table, T)
     found = arx.refitted(view, origins, N_TRAIN)
     own = plain(X, len(X))
     np.testing.assert_allclose(found[1], arx.coef_, atol=1e-10)
     for coef, origin in zip(found, origins, strict=True):
         np.testing.assert_allclose(coef, own.solve(range(origin)), atol=1e-8)
-    paths = arx.iterate(view, origins, DAY, found)
+    paths = arx.design_.iterate(view, origins, DAY, found)
     for path, coef, origin in zip(paths, found, origins, strict=True):
         np.testing.assert_allclose(path, list(own.path(coef, origin, DAY)), atol=1e-8)
 
@@ -322,7 +322,7 @@ def test_the_black_boxes_know_their_errors_as_of_the_morning(name, fitted, X):
         o = rows.begin + 2 * place
         morning = rows.begin + (o - rows.begin) // DAY * DAY
         coef = box.arx_.refitted(view, np.array([morning]), rows.begin)
-        path = box.arx_.iterate(view, np.array([o]), DAY, coef)[0]
+        path = box.arx_.design_.iterate(view, np.array([o]), DAY, coef)[0]
         expected = np.where(o + leads <= origin, rows.T[o + leads] - path[leads - 1], np.nan)
         np.testing.assert_allclose(rolling.errors[place, :, 0], expected, atol=1e-10)
 

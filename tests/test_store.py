@@ -17,6 +17,7 @@ from sklearn.metrics import make_scorer, mean_squared_error
 
 from skhybrid import DisturbanceForecaster
 from skhybrid.exceptions import SkhybridWarning
+from skhybrid.forecasting.arx_prior import ARXPrior
 from skhybrid.model_selection.search.fingerprint import candidate_id, settings_of
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
 from skhybrid.parallel.stored_settings import as_plain
@@ -266,5 +267,9 @@ def test_values_in_words_are_the_same_in_another_process():
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.strip() == candidate_id({"values": values})
     assert as_plain(np.arange(2000.0)) != as_plain(np.append(np.arange(1999.0), 0.0))
+    one, other = (ARXPrior(None, np.zeros(50), np.eye(50), 0.1, 5.0) for _ in range(2))
+    assert as_plain(one) == as_plain(other)
+    other.precision[25, 25] = 2.0  # which the text of a large array leaves out
+    assert as_plain(one) != as_plain(other)
     assert as_plain({"Q_h": 6.0, "f": 0.3}) == as_plain({"f": 0.3, "Q_h": 6.0})
     assert candidate_id({"a": 1, "b": 2}) == candidate_id({"b": 2, "a": 1}) != candidate_id({"a": 2, "b": 1})

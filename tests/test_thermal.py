@@ -257,7 +257,7 @@ def test_bounds_of_a_parameter():
     assert p.name == "Q_c"
     assert p.bounded((-3.0, -9.0)).free_bounds == pytest.approx((np.log(3.0), np.log(9.0)))
     assert p.bounded(None) is p
-    with pytest.raises(ValueError, match="both must have the same sign"):
+    with pytest.raises(ValueError, match="both must be < 0"):
         p.bounded((-3.0, 3.0))
     for wrong, message in (
         ((3.0, 9.0), r"bounds of Q_c are \(3, 9\); both must be < 0"),

@@ -319,6 +319,7 @@ def test_two_stages_are_told_apart():
         (({"za": "C_za"}, {"R_zo": ("za", 5)}), "R_zo needs two ends"),
         (({"za": "C_za"}, {"R_zo": 5}), "R_zo needs two ends"),
         (({"za": "C_za", 1: "C_1"}, {"R_zo": ("za", "T_oa")}), "1 cannot name a node"),
+        ((*LONE, {}, "za", "za", "za", {1: (1.0, 2.0)}), "bounds names 1, which is not one of its parameters"),
         ((*LONE, {}, "za", "za", "za", {"C_za": 5.0}), "bounds of C_za are 5.0; give two finite numbers"),
         ((*LONE, {}, "za", "za", "za", {"C_za": (1.0, 2.0, 3.0)}), r"bounds of C_za are .*; give two finite numbers"),
         (
@@ -337,9 +338,9 @@ def test_two_stages_are_told_apart():
             (*LONE, {}, "za", "za", "za", {"R_zw": (1.0, 2.0)}),
             "bounds names 'R_zw', which is not one of its parameters",
         ),
-        ((*LONE, {}, "za", "za", "za", {"R_zo": (0.0, 2.0)}), r"bounds of R_zo are \(0, 2\); both must be positive"),
-        ((*LONE, {}, "za", "za", "za", {"A_win": (-1.0, 2.0)}), "bounds of A_win are .* must be positive"),
-        ((*LONE, {}, "za", "za", "za", {"Q_h": (-1.0, 2.0)}), "bounds of Q_h are .* the same sign"),
+        ((*LONE, {}, "za", "za", "za", {"R_zo": (0.0, 2.0)}), r"bounds of R_zo are \(0, 2\); both must be > 0"),
+        ((*LONE, {}, "za", "za", "za", {"A_win": (-1.0, 2.0)}), "bounds of A_win are .* must be > 0"),
+        ((*LONE, {}, "za", "za", "za", {"Q_h": (-1.0, 2.0)}), "bounds of Q_h are .* must be > 0"),
         (
             (*LONE, {}, "za", "za", "za", {"C_za": (2.0, 2.0)}),
             "bounds of C_za are .* must be less than the upper",

@@ -270,6 +270,8 @@ def test_profile_is_that_of_whole_fits(office, output):
     np.testing.assert_allclose(at_ends, profile.threshold, rtol=0.1)
     np.testing.assert_allclose([profile.lower, profile.upper], output.theta_interval().loc["C_za"], rtol=0.02)
     assert "C_za = " in str(profile)
+    more = profile_likelihood(output, office.X, office.y, "C_za", values=3).curve
+    assert ((more.index > profile.lower) & (more.index < profile.upper)).sum() >= 4
 
 
 def test_profile_of_a_parameter_that_is_solved_inside(office, periodic):

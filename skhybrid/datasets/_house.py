@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from .._arguments import check_integer
 from ..thermal import RCNetwork, building_network
 from ._gains import draw_gains
 from ._office import HYSTERESIS, SIMULATION_STEP, check_arguments
@@ -142,8 +143,7 @@ def make_house(
 
 
 def _check_rooms(zones: int, partition: float) -> None:
-    if not isinstance(zones, int | np.integer) or not 2 <= zones <= len(_ROOMS):
-        raise ValueError(f"zones={zones!r} must be an integer from 2 to {len(_ROOMS)}.")
+    check_integer("zones", zones, 2, len(_ROOMS))
     if not (np.isfinite(partition) and partition > 0):
         raise ValueError(f"partition={partition!r} must be a positive resistance [K/kW].")
 

@@ -10,6 +10,7 @@ from numba import njit
 from scipy.signal import cont2discrete
 from sklearn.utils import Bunch
 
+from .._arguments import check_integer
 from .._holidays import read_holidays
 from .._time import rows_of
 from ._epw import resample_weather
@@ -128,8 +129,7 @@ def make_office(
 
 def check_arguments(n_days: int, pattern: str, excitation: str | None, noise_std: float, sampling_time: Any) -> int:
     """Refuse arguments that are out of range; return the number of simulation steps per step of the log."""
-    if not isinstance(n_days, int | np.integer) or n_days < 1:
-        raise ValueError(f"n_days={n_days!r} must be a positive integer.")
+    check_integer("n_days", n_days)
     if pattern not in PATTERNS:
         raise ValueError(f"pattern={pattern!r} is unknown; choose one of {', '.join(map(repr, PATTERNS))}.")
     if excitation not in ("weekend_prbs", "none", None):

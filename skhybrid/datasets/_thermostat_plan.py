@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._arguments import check_integer
 from .._holidays import NO_HOLIDAYS, Holidays
 from .._time import positive_duration, rows_of
 from ._random import spawn_generators
@@ -61,8 +62,7 @@ def make_prbs(
     """
     from scipy.signal import max_len_seq
 
-    if not isinstance(order, int | np.integer) or not 2 <= order <= 32:
-        raise ValueError(f"order={order!r} must be an integer from 2 to 32.")
+    check_integer("order", order, 2, 32)
     delta = positive_duration(step, "step")
     hold = rows_of(scale, delta, "scale")
     n_rows = hold * (2**order - 1) if duration is None else rows_of(duration, delta, "duration")

@@ -146,13 +146,19 @@ def window_irradiance(
     middle: pd.DatetimeIndex, light: pd.DataFrame, site: dict[str, Any], azimuth: float, tilt: float
 ) -> np.ndarray:
     """(n,) irradiance on a tilted plane [units of ``light``]; ``middle`` is that of each step, in standard time."""
+    dni, ghi, dhi = (light[name].to_numpy() for name in ("dni", "ghi", "dhi"))
+    return np.nan_to_num(tilted_irradiance(sun(site, middle), dni, ghi, dhi, azimuth, tilt))
+
+
+def tilted_irradiance(
+    position: pd.DataFrame, dni: np.ndarray, ghi: np.ndarray, dhi: np.ndarray, azimuth: float, tilt: float
+) -> np.ndarray:
+    """(n,) irradiance on a tilted plane under an isotropic sky, by the ``position`` of the sun; not negative."""
     from pvlib.irradiance import get_total_irradiance
 
-    position = sun(site, middle)
     zenith, facing = position["zenith"].to_numpy(), position["azimuth"].to_numpy()
-    parts = [light[name].to_numpy() for name in ("dni", "ghi", "dhi")]
-    total = get_total_irradiance(tilt, azimuth, zenith, facing, *parts, albedo=ALBEDO, model="isotropic")
-    return np.maximum(np.nan_to_num(np.asarray(total["poa_global"])), 0.0)
+    total = get_total_irradiance(tilt, azimuth, zenith, facing, dni, ghi, dhi, albedo=ALBEDO, model="isotropic")
+    return np.asarray(total["poa_global"]).clip(min=0.0)
 
 
 def _monthly(time: pd.DatetimeIndex, anchors: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
 from ..preprocessing._units import conversion_of, convert
 from ._epw import checked_weather, read_epw
-from ._weather import ALBEDO, clear_sky
+from ._weather import clear_sky, tilted_irradiance
 
 _UNITS = {"°C": "degC", "°F": "degF", "W/m²": "W/m2", "kW/m²": "kW/m2", "BTU/h/ft²": "Btu/(h ft2)"}
 #: hourly variables that are read, also by their names before 2023 -> role that has their kind of unit
@@ -278,11 +278,7 @@ def _from_clouds(named: Mapping[str, np.ndarray], zenith: np.ndarray, where: str
 
 
 def _on_plane(light: Mapping[str, np.ndarray], sun: pd.DataFrame, azimuth: float, tilt: float) -> np.ndarray:
-    """Irradiance (n,) [kW/m2] on a tilted plane, isotropic sky."""
-    from pvlib.irradiance import get_total_irradiance
-
+    """Irradiance (n,) [kW/m2] on a tilted plane."""
     zenith, day = sun["zenith"].to_numpy(), pd.DatetimeIndex(sun.index).day_of_year.to_numpy()
-    beam, diffuse, total = split(light[_LIGHT[0]], light.get(_LIGHT[1]), light.get(_LIGHT[2]), zenith, day)
-    facing = sun["azimuth"].to_numpy()
-    plane = get_total_irradiance(tilt, azimuth, zenith, facing, beam, total, diffuse, albedo=ALBEDO, model="isotropic")
-    return np.asarray(plane["poa_global"]).clip(min=0.0)
+    direct, diffuse, total = split(light[_LIGHT[0]], light.get(_LIGHT[1]), light.get(_LIGHT[2]), zenith, day)
+    return tilted_irradiance(sun, direct, total, diffuse, azimuth, tilt)

@@ -11,3 +11,5 @@ from numba import njit
 compiled = njit(cache=True)
 #: the same with sums in any order, so that they become vector instructions; NaN stays NaN
 compiled_sums = njit(cache=True, fastmath={"reassoc", "contract"})
+#: the same for a few lines that are put into their callers: a call with views of arrays takes longer than they do
+inlined = njit(inline="always")

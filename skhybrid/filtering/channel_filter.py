@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled, compiled_sums
+from .covariance import measure, propagate
 
 
 class ChannelFilter(NamedTuple):
@@ -41,40 +42,13 @@ class ChannelAdjoint(NamedTuple):
 @compiled
 def _covariance_pass(A, Q, noise_class, C, R, y, P0, S, gains, covariances):
     """Gains, innovation variances and filtered covariances of every row, into the last three arguments."""
-    N, o = y.shape
-    n = A.shape[0]
-    P, work = P0.copy(), np.empty((n, n))
-    for k in range(N):
-        for q in range(o):
-            if np.isnan(y[k, q]):
-                continue
-            s = R[q]
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += P[i, j] * C[q, j]
-                gains[k, q, i] = total
-                s += C[q, i] * total
-            S[k, q] = s
-            for i in range(n):
-                gains[k, q, i] /= s
-            for i in range(n):
-                for j in range(n):
-                    P[i, j] -= s * gains[k, q, i] * gains[k, q, j]
-        for i in range(n):
-            for j in range(n):
-                covariances[k, i, j] = P[i, j]
-                total = 0.0
-                for m in range(n):
-                    total += A[i, m] * P[m, j]
-                work[i, j] = total
-        for i in range(n):
-            for j in range(i + 1):
-                total = Q[noise_class[k], i, j]
-                for m in range(n):
-                    total += work[i, m] * A[j, m]
-                P[i, j] = total
-                P[j, i] = total
+    P, AP = P0.copy(), np.empty_like(P0)
+    for k in range(len(y)):
+        for q in range(y.shape[1]):
+            if not np.isnan(y[k, q]):
+                S[k, q] = measure(P, C[q], R[q], gains[k, q])
+        covariances[k] = P
+        propagate(A, P, Q[noise_class[k]], AP)
 
 
 @compiled_sums

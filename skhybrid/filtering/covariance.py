@@ -2,26 +2,43 @@
 
 from __future__ import annotations
 
-from ._compile import compiled
+from ._compile import compiled, inlined
 
 
 @compiled
-def propagate(A, P, Q, work):
-    """``P = A P A' + Q``, in place and symmetric to the bit; ``work`` (n, n) is work space."""
+def propagate(A, P, Q, AP):
+    """``P = A P A' + Q``, in place and symmetric to the bit; ``AP`` (n, n) becomes ``A P``."""
     n = A.shape[0]
     for i in range(n):
         for j in range(n):
             total = 0.0
             for m in range(n):
                 total += A[i, m] * P[m, j]
-            work[i, j] = total
+            AP[i, j] = total
     for i in range(n):
         for j in range(i + 1):
             total = Q[i, j]
             for m in range(n):
-                total += work[i, m] * A[j, m]
+                total += AP[i, m] * A[j, m]
             P[i, j] = total
             P[j, i] = total
+
+
+@inlined
+def measure(P, c, R, gain):
+    """Update P by a measurement ``c x`` of variance R, in place; writes ``gain`` (n,), returns the error's variance."""
+    n, S = len(c), R
+    for i in range(n):
+        gain[i] = 0.0
+        for m in range(n):
+            gain[i] += P[i, m] * c[m]
+        S += c[i] * gain[i]
+    for i in range(n):
+        gain[i] /= S
+    for i in range(n):
+        for m in range(n):
+            P[i, m] -= S * gain[i] * gain[m]
+    return S
 
 
 @compiled
@@ -75,12 +92,7 @@ def update_covariance(P, dP, C, R, seen, gain, dgain, Pc, dPc):
 def propagate_covariance(A, Q, dA, dQ, P, dP, AP, AdP, work):
     """Propagate a covariance and its derivatives by one row, in place; ``AP``, ``AdP`` and ``work`` are work space."""
     n, p = A.shape[0], dP.shape[2]
-    for i in range(n):
-        for j in range(n):
-            value = 0.0
-            for m in range(n):
-                value += A[i, m] * P[m, j]
-            AP[i, j] = value
+    propagate(A, P, Q, AP)
     # A dP A' is symmetric, and dA P A' and its transpose need A P only
     for i in range(n):
         for j in range(n):
@@ -100,8 +112,3 @@ def propagate_covariance(A, Q, dA, dQ, P, dP, AP, AdP, work):
                     dP[i, j, q] += AdP[i, m, q] * A[j, m]
             for q in range(p):
                 dP[j, i, q] = dP[i, j, q]
-            value = Q[i, j]
-            for m in range(n):
-                value += AP[i, m] * A[j, m]
-            P[i, j] = value
-            P[j, i] = value

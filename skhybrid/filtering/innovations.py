@@ -235,10 +235,7 @@ def run_predictor(
                 _correct_after_gap(
                     model, k, seen, begun, errors, derrors, after, dafter, gap, dgap, variances, dvariances
                 )
-        for i in range(n):
-            s[i] = after[i]
-            for q in range(p):
-                ds[i, q] = dafter[i, q]
+        s, after, ds, dafter = after, s, dafter, ds
         at = _store_prediction(rows, at, k, s, ds, states, dstates)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled
-from .covariance import propagate
+from .covariance import measure, propagate
 
 
 class Filtered(NamedTuple):
@@ -27,28 +27,6 @@ class Smoothed(NamedTuple):
 
 
 @compiled
-def _update(x, P, C, R, row, gain):
-    """Update state and covariance by one row's measurements, one after the other, in place; NaN is skipped."""
-    o, n = C.shape
-    for j in range(o):
-        if np.isnan(row[j]):
-            continue
-        e, S = row[j], R[j]
-        for i in range(n):
-            value = 0.0
-            for m in range(n):
-                value += P[i, m] * C[j, m]
-            gain[i] = value
-        for i in range(n):
-            e -= C[j, i] * x[i]
-            S += C[j, i] * gain[i]
-        for i in range(n):
-            x[i] += gain[i] * e / S
-            for m in range(n):
-                P[i, m] -= gain[i] * gain[m] / S
-
-
-@compiled
 def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
     """States of every row given its own measurements and all earlier ones.
 
@@ -60,23 +38,25 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
     filtered, covariances = np.empty((N, n)), np.empty((N, n, n))
     predicted, before = np.empty((N, n)), np.empty((N, n, n))
     x, P, after = s0.copy(), P0.copy(), np.empty(n)
-    work, gain = np.empty((n, n)), np.empty(n)
+    AP, gain = np.empty((n, n)), np.empty(n)
     for k in range(N):
+        predicted[k], before[k] = x, P
+        for j in range(len(C)):  # one measurement after the other
+            if np.isnan(y[k, j]):
+                continue
+            measure(P, C[j], R[j], gain)
+            e = y[k, j]
+            for i in range(n):
+                e -= C[j, i] * x[i]
+            for i in range(n):
+                x[i] += gain[i] * e
+        filtered[k], covariances[k] = x, P
         for i in range(n):
-            predicted[k, i] = x[i]
+            after[i] = forcing[k, i]
             for j in range(n):
-                before[k, i, j] = P[i, j]
-        _update(x, P, C, R, y[k], gain)
-        for i in range(n):
-            filtered[k, i] = x[i]
-            value = forcing[k, i]
-            for j in range(n):
-                covariances[k, i, j] = P[i, j]
-                value += A[i, j] * x[j]
-            after[i] = value
-        propagate(A, P, Q[noise_class[k]], work)
-        for i in range(n):
-            x[i] = after[i]
+                after[i] += A[i, j] * x[j]
+        x, after = after, x
+        propagate(A, P, Q[noise_class[k]], AP)
     return Filtered(filtered, covariances, predicted, before)
 
 

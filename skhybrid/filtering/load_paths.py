@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._compile import compiled
+from ._compile import compiled, inlined
 
 _PASSES = 4  # in which the steps that cool are found, where heating and cooling have different effects
 
@@ -21,6 +21,25 @@ class LoadPath(NamedTuple):
 
     applied: np.ndarray  # (N,) heat over each step [kW], within the limits
     path: np.ndarray  # (N,) output at the end of each step under it
+
+
+@inlined
+def _step(A, s, forcing, k, heat, side, load, after):
+    """``after = A s + forcing[k] + heat[side] load``."""
+    for i in range(len(s)):
+        value = forcing[k, i] + heat[side, i] * load
+        for j in range(len(s)):
+            value += A[i, j] * s[j]
+        after[i] = value
+
+
+@inlined
+def _output(c, s):
+    """``c s``."""
+    value = 0.0
+    for i in range(len(s)):
+        value += c[i] * s[i]
+    return value
 
 
 @compiled
@@ -34,45 +53,31 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
     """
     N, n = forcing.shape
     applied, path = np.empty(N), np.empty(N)
-    s, free, held, new = s0.copy(), np.empty(n), np.zeros(n), np.empty(n)
-    effect = np.zeros(2)  # of 1 kW, held, on the output
-    for side in range(2):
+    s, held, new, effect = s0.copy(), np.empty(n), np.empty(n), np.empty(2)
+    for side in range(2):  # effect of 1 kW, held, on the output
         held[:] = 0.0
         for _ in range(ahead):
-            for i in range(n):
-                new[i] = heat[side, i]
-                for j in range(n):
-                    new[i] += A[i, j] * held[j]
+            _step(A, held, heat, side, heat, side, 0.0, new)
             held[:] = new
-        for i in range(n):
-            effect[side] += c[i] * held[i]
+        effect[side] = _output(c, held)
     for k in range(N):
-        free[:] = s
+        held[:] = s  # without any heat
         last = k
         for step in range(ahead):
             last = min(k + step, N - 1)
-            for i in range(n):
-                new[i] = forcing[last, i]
-                if unforeseen is not None:
-                    new[i] += unforeseen[k, i]
-                for j in range(n):
-                    new[i] += A[i, j] * free[j]
-            free[:] = new
-        output = 0.0
-        for i in range(n):
-            output += c[i] * free[i]
+            _step(A, held, forcing, last, heat, 0, 0.0, new)
+            if unforeseen is not None:
+                new += unforeseen[k]
+            held[:] = new
+        output = _output(c, held)
         wanted = min(max(output, lowest[last]), highest[last])
         side = 0 if wanted >= output else 1
         applied[k] = min(max((wanted - output) / effect[side], lower[k]), upper[k])
         side = 0 if applied[k] >= 0.0 else 1
-        path[k] = 0.0
-        for i in range(n):
-            new[i] = forcing[k, i] + heat[side, i] * applied[k]
-            if unforeseen is not None:
-                new[i] += unforeseen[k, i]
-            for j in range(n):
-                new[i] += A[i, j] * s[j]
-            path[k] += c[i] * new[i]
+        _step(A, s, forcing, k, heat, side, applied[k], new)
+        if unforeseen is not None:
+            new += unforeseen[k]
+        path[k] = _output(c, new)
         s[:] = new
     return LoadPath(applied, path)
 
@@ -179,12 +184,9 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
             before = applied[k] = min(max(best, lower[k]), upper[k])
             side = 0 if before >= 0.0 else 1
             n_moved += side != sides[k]
-            sides[k], path[k] = side, 0.0
-            for i in range(n):
-                new[i] = forcing[k, i] + heat[side, i] * before
-                for j in range(n):
-                    new[i] += A[i, j] * s[j]
-                path[k] += c[i] * new[i]
+            sides[k] = side
+            _step(A, s, forcing, k, heat, side, before, new)
+            path[k] = _output(c, new)
             s[:] = new
         if n_moved == 0 or np.array_equal(heat[0], heat[1]):
             break

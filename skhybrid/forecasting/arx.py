@@ -87,6 +87,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     calendar_alpha_, one_step_weight_ : float
         With ``objective="multi_step"``: the further penalty on calendar columns, and the weight of squared one-step
         errors, in units of the ratio of the two sums of squares at the one-step solution.
+    design_ : ARXDesign
+        Columns of the regression, in units of the training table.
     input_names_ : list of str
         Roles of the inputs, in the order of ``coef_``.
     intervals_ : LeadIntervals
@@ -157,7 +159,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self._solve(table, T, like)
         self._intervals = self._left_out_intervals(table, T) if self.intervals else None
-        end = slice(-self._design.warmup, None)
+        end = slice(-self.design_.warmup, None)
         self._tail = table.rows(end).replace(history={"T_za": T[end]}).owned()
         return self
 
@@ -166,22 +168,22 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         daily = self.objective == "multi_step"
         prior = None if self.prior is None else prior_of(self.prior, self.objective)
         lags = int(self.n_lags), int(self.n_input_lags)
-        self._design = ARXDesign.of_training(table, T, *lags, self.calendar, daily, prior is not None)
-        view = self.view(table, T)
+        self.design_ = ARXDesign.of_training(table, T, *lags, self.calendar, daily, prior is not None)
+        view = self.design_.view(table, T)
         if daily:
             n_leads = min(self._leads_of_horizon(table.step), _MOST_DAYS * rows_per_day(table.step))
             penalties, refits = self.alpha if like is None else like._fit.penalties, self.adapt is not None
-            self._fit = fit_multi_step(self._design, table, view, n_leads, penalties, refits, prior)
+            self._fit = fit_multi_step(self.design_, table, view, n_leads, penalties, refits, prior)
             self.coef_, (self.alpha_, self.calendar_alpha_, self.one_step_weight_) = self._fit.coef, self._fit.penalties
             return
         for name in ("_fit", "calendar_alpha_", "one_step_weight_"):  # of an earlier fit with the other objective
             self.__dict__.pop(name, None)
-        pairs = self._design.pairs(view)
+        pairs = self.design_.pairs(view)
         self._moments, squares = Moments.of(pairs), float(pairs.d @ pairs.d)
         given = self.alpha if like is None else like.alpha_
         self._prior = None
         if prior is not None:
-            self._prior, given = prior.pseudo_rows(self._design, table.step, self._moments, squares, len(pairs.d)), 0.0
+            self._prior, given = prior.pseudo_rows(self.design_, table.step, self._moments, squares, len(pairs.d)), 0.0
         self.alpha_ = self._choose_alpha(view, pairs) if given is None else float(given)
         self.coef_ = self._moments.ridge(self.alpha_, self._prior)
         self._noise = pairs.squares(self.coef_) / max(len(pairs.d), 1)
@@ -191,15 +193,15 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """Normal equations of the fit, from which a :class:`~skhybrid.fleet.FleetPrior` is learned."""
         check_is_fitted(self)
         if self._has_multi_step:
-            sums = ZoneSums(self._design, self.sampling_time_, self._fit.information(), self._fit.noise)
+            sums = ZoneSums(self.design_, self.sampling_time_, self._fit.information(), self._fit.noise)
         else:
-            sums = ZoneSums(self._design, self.sampling_time_, self._moments, self._noise)
+            sums = ZoneSums(self.design_, self.sampling_time_, self._moments, self._noise)
         return ZoneEvidence({self.objective: sums})
 
     @property
     def _has_multi_step(self) -> bool:
         """Whether it was fitted on errors at many leads."""
-        return self._design.daily is not None
+        return self.design_.daily is not None
 
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self.input_names_), "alpha": f"{self.alpha_:g}"}
@@ -236,7 +238,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             origins = np.arange(start, stop - n_leads, max(1, n_leads // 6))
             truth = view.T[target_rows(origins, n_leads)]
             for i, alpha in enumerate(_ALPHAS):
-                paths = self.iterate(view, origins, n_leads, rest.ridge(alpha)[None, :])
+                paths = self.design_.iterate(view, origins, n_leads, rest.ridge(alpha)[None, :])
                 errors[i] += np.nansum((paths - truth) ** 2)
         return _ALPHAS[int(np.argmin(errors))]
 
@@ -254,8 +256,8 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         blocks : ndarray of int, shape (n_origins,)
             The block of every origin, from its first origin to its last target; NaN where no other rows are left.
         """
-        view = self.view(table, T)
-        pairs = self._design.pairs(view)
+        view = self.design_.view(table, T)
+        pairs = self.design_.pairs(view)
         out = np.full((len(origins), n_leads), np.nan)
         for block in np.unique(blocks):
             mine = np.flatnonzero(blocks == block)
@@ -267,7 +269,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
                 coef = self._fit.without(view, begin, end, left_out)
             else:
                 coef = self._moments.with_pairs(left_out, sign=-1).ridge(self.alpha_, self._prior)
-            out[mine] = self.iterate(view, origins[mine], n_leads, coef[None, :])
+            out[mine] = self.design_.iterate(view, origins[mine], n_leads, coef[None, :])
         return out
 
     def _left_out_intervals(self, table: ZoneTable, T: np.ndarray) -> LeadIntervals | None:
@@ -286,58 +288,18 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _cold_value(self, table: ZoneTable) -> float:
         first = float(table.measured()[0])
-        return first if np.isfinite(first) else self._design.T_mean
+        return first if np.isfinite(first) else self.design_.T_mean
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        view = self.view(table, table.measured())
+        view = self.design_.view(table, table.measured())
         coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, self._n_learned(table))
-        return self.iterate(view, origins, n_leads, coefs)
+        return self.design_.iterate(view, origins, n_leads, coefs)
 
     def _n_learned(self, table: ZoneTable) -> int:
         """Number of rows of a table that are not later than the training table."""
         if self._tail.utc is None or table.utc is None:
             return 0
         return int((table.utc <= self._tail.utc[-1]).sum())
-
-    def view(
-        self, table: ZoneTable, T: np.ndarray, first: int = 0, before: Mapping[str, np.ndarray] | None = None
-    ) -> ARXData:
-        """A table as the regression reads it.
-
-        Parameters
-        ----------
-        table, T : ZoneTable, ndarray of shape (n_rows,); rows and their measured temperature [degC], NaN where missing
-        first : int; number of the table's first row
-        before : mapping of role to array, optional
-            Inputs of the rows before the table, from which filtered inputs are computed.
-        """
-        return self._design.view(table, T, first, before)
-
-    def iterate(
-        self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True
-    ) -> np.ndarray:
-        """Forecasts (n_origins, n_leads) [degC] by the recursion from each origin.
-
-        Parameters
-        ----------
-        view : ARXData
-            The temperature is read up to each origin; after the last row the inputs are held.
-        origins, n_leads : ndarray of int, shape (n_origins,), and int
-        coefs : ndarray of shape (n_origins, n_columns) or (1, n_columns)
-        clipped : bool; whether nothing far outside of the training temperatures is forecast
-        """
-        return self._design.iterate(view, origins, n_leads, coefs, clipped=clipped)
-
-    def input_response(self, role: str, coef: np.ndarray, n_leads: int) -> np.ndarray:
-        """Response (n_leads,) [K] of the temperature after 1, 2 ... steps to a unit of an input over one step.
-
-        Parameters
-        ----------
-        role : str
-        coef : ndarray of shape (n_columns,)
-        n_leads : int
-        """
-        return self._design.input_response(role, coef, n_leads)
 
     def recursive(self, begin: int = 0) -> RecursiveARX | RecursiveMultiStep:
         """The regression, ready to be updated by later rows.
@@ -348,7 +310,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         """
         if self._has_multi_step:
             return RecursiveMultiStep(self._fit, begin)
-        return RecursiveARX(self._design, self._moments, self.alpha_, begin, self._prior)
+        return RecursiveARX(self.design_, self._moments, self.alpha_, begin, self._prior)
 
     def refitted(self, view: ARXData, origins: np.ndarray, begin: int = 0) -> np.ndarray:
         """Coefficients (n_origins, n_columns) from the training rows and those of ``view`` up to each origin.

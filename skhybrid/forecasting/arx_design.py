@@ -220,7 +220,10 @@ class ARXDesign:
     def view(
         self, table: ZoneTable, T: np.ndarray, first: int = 0, before: Mapping[str, np.ndarray] | None = None
     ) -> ARXData:
-        """See :meth:`ARXRegressor.view`."""
+        """A table and its measured temperature (n_rows,) [degC], NaN where missing, as the regression reads them.
+
+        Its rows are numbered from ``first``; inputs are filtered from those of the rows ``before`` on.
+        """
         return ARXData(T, carried_forward(T), first, partial(self._exogenous, table, before))
 
     def _exogenous(self, table: ZoneTable, before: Mapping[str, np.ndarray] | None) -> np.ndarray:
@@ -268,7 +271,11 @@ class ARXDesign:
     def iterate(
         self, view: ARXData, origins: np.ndarray, n_leads: int, coefs: np.ndarray, *, clipped: bool = True
     ) -> np.ndarray:
-        """See :meth:`ARXRegressor.iterate`; not ``clipped``: without the limits to what is forecast."""
+        """Forecasts (n_origins, n_leads) [degC] from each origin, by coefficients of each or of all (1, n_columns).
+
+        The temperature is read up to each origin; after the last row inputs are held.  Where ``clipped``, nothing far
+        outside of the training temperatures is forecast.
+        """
         lag_coefs, drive = coefs[:, : self.n_lags] / self.T_scale, coefs[:, self.n_lags :] / self.T_scale
         if len(coefs) == 1:
             first = int(origins.min(initial=view.end))

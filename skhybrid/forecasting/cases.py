@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 
-import numpy as np
 import pandas as pd
+
+from .._arguments import check_integer
 
 #: all features that a case can have
 FEATURES = ("zeta", "how", "hod", "dow", "weekday", "T_oa", "q_sol", "i_heat", "i_cool")
@@ -52,9 +53,7 @@ class ModelCase:
             raise ValueError(f"future of case {self.name!r} has 'zeta', which is not known ahead; put it in past.")
         if not self.past and not self.future:
             raise ValueError(f"case {self.name!r} has no feature; give past or future at least one.")
-        days = self.pattern_days
-        if isinstance(days, bool) or not isinstance(days, int | np.integer) or days < 1:
-            raise ValueError(f"case {self.name!r} has pattern_days={days!r}; give an integer of at least 1.")
+        check_integer(f"case {self.name!r}: pattern_days", self.pattern_days)
 
     @property
     def features(self) -> tuple[str, ...]:

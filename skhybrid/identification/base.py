@@ -320,20 +320,3 @@ class NetworkIdentifier(ForecastingNetwork):
         made._begin_at(experiment, kalman)
         made._know(kalman, table, experiment, made._first_state)
         return made
-
-    def take_rows(self, table: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
-        """Take rows that follow the last known one into the state, from which the next forecast starts.
-
-        Parameters
-        ----------
-        table : ZoneTable
-            With what was measured as history; its last row becomes the kept end of the known rows.
-
-        Returns
-        -------
-        tuple of ndarray of shape (n_rows, d) and (n_rows, o)
-            Causal input disturbance [kW] and output disturbance [K].
-        """
-        check_is_fitted(self)
-        self.filtered_network_, states, beyond = self.filtered_network_.advanced(table)
-        return states.gain, beyond

@@ -18,6 +18,7 @@ from .experiment import Experiment
 
 HIDDEN_SD = 2.0  # standard deviation of a node's temperature that was not measured at the first row [K]
 MEASURED_SD = 0.5  # standard deviation of the measured node at the first row [K]
+PROCESS_SD = 0.05  # of each node over a step while the filter of CONV runs [K]
 ZETA_SD = 1.0  # standard deviation of the disturbance at the first row [kW]
 FIRST = "T0_"  # begins the name of a hidden node's temperature at the first row of a segment
 
@@ -93,7 +94,6 @@ class Conventional(_Disturbance):
     """CONV (paper 2.2.1): no disturbance; a Kalman filter over the first rows sets the state, then pure simulation."""
 
     warmup_rows: int
-    process_sd: float = 0.05  # of each node over a step while the filter runs [K]
     own: tuple[Parameter, ...] = ()
     weighted: ClassVar[bool] = False  # a simulation is no less certain after a missing row
 
@@ -102,18 +102,13 @@ class Conventional(_Disturbance):
 
     first_counted = filtered
 
-    def noise(self, network: RCNetwork) -> np.ndarray:
-        """(1, s, s) process noise while the filter runs; gain states have none."""
-        none = np.zeros(len(network.disturbed_nodes))
-        return np.diag(np.append(np.full(len(network.nodes), self.process_sd**2), none))[None]
-
     def build(
         self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
         S, n = d.A.shape[:2]
         s0, R = first_state(network, segment.firsts), measurement_variance(segment.hours)
         model = _appended(d, np.zeros((S, 0)), 0, 0, np.eye(n)[measured_rows(network)], s0, R)
-        Q = np.tile(self.process_sd**2 * np.eye(n), (S, 1, 1))
+        Q = np.tile(PROCESS_SD**2 * np.eye(n), (S, 1, 1))
         return model._replace(Q=Q, P0=first_covariance(network))
 
 

@@ -12,8 +12,8 @@ from .._calendar import N_CELLS
 from ..filtering import kalman_filter, simulate_path, smooth_states
 from ..thermal import RCNetwork
 from .disturbance_models import (
+    PROCESS_SD,
     ZETA_SD,
-    Conventional,
     first_covariance,
     first_state,
     measured_rows,
@@ -100,6 +100,12 @@ class GainFilter:
         end = FilterStart(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[classes[-1]])
         return FilteredStates(states[:, : self.n].copy(), states[:, self.n :] + profile, end, (predicted, before))
 
+    def innovations(self, experiment: Experiment, start: FilterStart) -> tuple[np.ndarray, np.ndarray]:
+        """(N, o) one-step errors of one segment of rows [K], and their variances [K2]."""
+        C = self.augmented()[1]
+        means, covariances = self.run(experiment, start).starts
+        return experiment.outputs - means @ C.T, np.einsum("os,kst,ot->ko", C, covariances, C) + self.R
+
     def drive(self, experiment: Experiment, origin: int, state: np.ndarray, heat: np.ndarray) -> np.ndarray:
         """(H, n) node temperatures of the rows after an origin; ``heat`` (H, d) [kW] is that of the rows origin ....
 
@@ -112,26 +118,17 @@ class GainFilter:
 
 def without_disturbance(kalman: GainFilter, hours: float) -> GainFilter:
     """The filter that gives CONV its states: noise on every node, no unmeasured heat."""
-    return replace(kalman, phi=0.0, Q=Conventional(0).noise(kalman.network), R=measurement_variance(hours), g_sd=0.0)
+    Q = walk_noise(kalman.network, PROCESS_SD, 0.0)
+    return replace(kalman, phi=0.0, Q=Q, R=measurement_variance(hours), g_sd=0.0)
 
 
 def fit_walk_noise(kalman: GainFilter, experiment: Experiment) -> tuple[float, float]:
     """Most likely (sigma_x [K], sigma_zeta [kW]) of the random-walk filter, for CONV and OD to estimate the gain."""
-    A, C = kalman.augmented()
-    R, n = np.full(len(C), kalman.R), kalman.n
-    segments = []
-    for segment in experiment.segments:
-        forcing = np.zeros((len(segment.y), len(A)))
-        forcing[:, :n] = segment.inputs @ kalman.B.T
-        segments.append((forcing, segment.outputs, kalman.cold(segment.firsts)))
 
     def negative_log_likelihood(logs: np.ndarray) -> float:
-        Q, value = walk_noise(kalman.network, *np.exp(logs)), 0.0
-        for forcing, y, start in segments:
-            klass = np.zeros(len(y), np.int64)
-            _, _, predicted, before = kalman_filter(A, forcing, Q, klass, C, R, y, start.mean, start.covariance)
-            e = y - predicted @ C.T
-            S = np.einsum("os,kst,ot->ko", C, before, C) + R
+        trial, value = replace(kalman, Q=walk_noise(kalman.network, *np.exp(logs))), 0.0
+        for segment in experiment.segments:
+            e, S = trial.innovations(segment, trial.cold(segment.firsts))
             seen = np.isfinite(e)
             value += float((np.log(S[seen]) + e[seen] ** 2 / S[seen]).sum())
         return value if np.isfinite(value) else 1e12

@@ -39,12 +39,10 @@ def innovations_table(filtered: FilteredNetwork, table: ZoneTable, parts: Sequen
 def kalman_innovations(filtered: FilteredNetwork, table: ZoneTable, segment: int | None) -> Innovations:
     """Of the filter with the gain state, which starts as in ``fit`` or from the end of the training table."""
     kalman, experiment = filtered.kalman, filtered.experiment(table)
-    C = kalman.augmented()[1]
     follows = segment is None and filtered.is_tail(table)
     start = filtered.start(table) if follows else kalman.cold(experiment.firsts)
-    means, covariances = kalman.run(experiment, start).starts
-    variance = np.einsum("os,kst,ot->ko", C, covariances, C) + kalman.R
-    return Innovations(experiment.outputs - means @ C.T, np.sqrt(variance))
+    error, variance = kalman.innovations(experiment, start)
+    return Innovations(error, np.sqrt(variance))
 
 
 def scaled_innovations(

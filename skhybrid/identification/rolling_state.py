@@ -47,8 +47,8 @@ def advance(model: Any, table: ZoneTable, kind: str = "input") -> np.ndarray:
 
     Returns the causal disturbance (n_rows, d) of each, [kW] or [K] by ``kind``.
     """
-    heat, beyond = model.take_rows(table)
-    return heat if checked_kind(kind) == "input" else beyond
+    model.filtered_network_, states, beyond = model.filtered_network_.advanced(table)
+    return states.gain if checked_kind(kind) == "input" else beyond
 
 
 def drive_on(model: Any, future: ZoneTable, disturbance: np.ndarray, kind: str = "input") -> np.ndarray:

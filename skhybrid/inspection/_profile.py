@@ -44,10 +44,7 @@ class ProfileDisplay(Display):
         level : float, default=0.9
         %(drawing)s
         """
-        found = profile_likelihood(estimator, X, y, parameter, level=level)
-        if found.lower * found.upper > 0 and np.isfinite([found.lower, found.upper]).all():
-            between = np.geomspace(found.lower, found.upper, 8)[1:-1]  # more points, for a smooth curve
-            found = profile_likelihood(estimator, X, y, parameter, level=level, values=list(between))
+        found = profile_likelihood(estimator, X, y, parameter, level=level, values=6)  # for a smooth curve
         return cls.from_predictions(found, ax=ax, **kwargs)
 
     @classmethod

@@ -34,7 +34,7 @@ def as_plain(value: Any) -> str:
     if inspect.isroutine(value) or inspect.isclass(value):
         return name_of(value)
     text = repr(value)
-    if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in text:
+    if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in text or "..." in text:
         return f"{name_of(type(value))} {joblib.hash(value)}"  # its text is cut short, or differs between processes
     return text
 

@@ -85,6 +85,11 @@ def roles_by_position(n_columns: int) -> list[str]:
     return [("T_oa", "q_sol")[j] if j < 2 else f"u_{j}" for j in range(n_columns)]
 
 
+def names_of(table: pd.DataFrame | np.ndarray) -> list[Any]:
+    """Names of the columns of a frame, roles by position of an array."""
+    return list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
+
+
 def position_of(column: Any, names: list[Any]) -> int | None:
     """Position of a column given by its name or its position; None if there is no such column."""
     if column in names:

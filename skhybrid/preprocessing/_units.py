@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import as_mapping
 from .._table import numeric
-from ._frames import TableTransformer, position_of, read_input, roles_by_position
+from ._frames import TableTransformer, names_of, position_of, read_input
 
 #: unit of each kind of quantity in the data contract.
 CONTRACT_UNIT = {"temperature": "degC", "irradiance": "kW/m2", "fraction": "-", "power": "kW"}
@@ -108,7 +108,7 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
         self.units = units
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
-        names = list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
+        names = names_of(table)
         self.conversions_: dict[int, Conversion] = {}
         for column, unit in as_mapping("units", self.units, "columns to units, such as {'T_oa': 'degF'}").items():
             position = position_of(column, names)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from .declaration import ROLE_PREFIXES, SOURCE_PARAMETERS, Declaration, all_shares, is_by_role, own_parameters
-from .parameters import as_bounds, make_parameter
+from .parameters import make_parameter
 
 _NODE = re.compile(r"[A-Za-z]\w*\Z")
 _BOUNDARY = re.compile(r"T_\w+\Z")
@@ -164,20 +164,15 @@ def _connected_nodes(network: Declaration) -> list[set[str]]:
 
 
 def _bound_problems(network: Declaration) -> Iterator[str]:
-    own = {*network.capacitances.values(), *network.resistors, *network.fractions}
+    kinds = {"C": network.capacitances.values(), "R": network.resistors, "f": network.fractions}
+    kind_of = {name: kind for kind, names in kinds.items() for name in names}
     for name, bounds in network.bounds.items():
-        if name not in own and not name.startswith(SOURCE_PARAMETERS):
+        if name not in kind_of and not str(name).startswith(SOURCE_PARAMETERS):
             yield f"bounds names {name!r}, which is not one of its parameters."
         try:
-            lower, upper = as_bounds(name, bounds)
-            if name.startswith("Q_"):
-                make_parameter(name, "Q", "").bounded(bounds)
+            make_parameter(name, kind_of.get(name, name[0]), "").bounded(bounds)
         except ValueError as error:
             yield str(error)
-        if not name.startswith("Q_") and lower <= 0.0:
-            yield f"bounds of {name} are ({lower:g}, {upper:g}); both must be positive."
-        if name in network.fractions and upper > 1.0:
-            yield f"bounds of {name} are ({lower:g}, {upper:g}); a share is at most 1."
 
 
 def _zone_problems(network: Declaration) -> Iterator[str]:

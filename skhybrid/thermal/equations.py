@@ -12,11 +12,11 @@ def equations(network: Declaration, roles: Iterable[str] | None = None, *, latex
     roles = tuple(network.usual_roles if roles is None else roles)
     lines = []
     for node, capacitance in network.capacitances.items():
-        flows = [*_conduction(network, node, latex), *heat_inputs(network, node, roles, latex=latex)]
-        if latex:
-            lines.append(rf"{symbol(capacitance)} \frac{{dT{_subscript(node)}}}{{dt}} &= {' + '.join(flows)}")
-        else:
-            lines.append(f"{capacitance} dT_{node}/dt = {' + '.join(flows)}")
+        flows = " + ".join([*_conduction(network, node, latex), *heat_inputs(network, node, roles, latex=latex)])
+        rate = (
+            rf"{symbol(capacitance)} \frac{{dT{_subscript(node)}}}{{dt}} &" if latex else f"{capacitance} dT_{node}/dt "
+        )
+        lines.append(f"{rate}= {flows}")
     return (" \\\\\n" if latex else "\n").join(lines)
 
 
@@ -27,10 +27,8 @@ def _conduction(network: Declaration, node: str, latex: bool) -> list[str]:
         if node in ends:
             other = ends[1] if ends[0] == node else ends[0]
             there, here = (f"T_{other}" if other in network.capacitances else other), f"T_{node}"
-            if latex:
-                flows.append(rf"\frac{{{symbol(there)} - {symbol(here)}}}{{{symbol(name)}}}")
-            else:
-                flows.append(f"({there} - {here})/{name}")
+            fraction = rf"\frac{{{symbol(there)} - {symbol(here)}}}{{{symbol(name)}}}"
+            flows.append(fraction if latex else f"({there} - {here})/{name}")
     return flows
 
 

@@ -116,14 +116,13 @@ class Parameter:
         if bounds is None:
             return self
         lower, upper = as_bounds(self.name, bounds)
-        made = replace(self, lower=lower, upper=upper)
-        if made.sign != self.sign:
+        if self.transform == "log" and min(lower * self.sign, upper * self.sign) <= 0.0:
             raise ValueError(
                 f"bounds of {self.name} are ({lower:g}, {upper:g}); both must be {'<' if self.sign < 0 else '>'} 0."
             )
         if self.unit == "-" and self.transform == "log" and upper > 1.0:
             raise ValueError(f"bounds of {self.name} are ({lower:g}, {upper:g}); a share is at most 1.")
-        return made
+        return replace(self, lower=lower, upper=upper)
 
 
 def as_bounds(name: str, given: Any) -> tuple[float, float]:

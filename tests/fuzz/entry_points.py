@@ -28,8 +28,8 @@ _SHARE |= dict.fromkeys((*NETWORKS, "fit_many, networks", "save and load, mlp"),
 _SHARE |= {name: 1 for name in FUNCTIONS if "Display" in name or name == "skhybrid run"}
 #: public methods that take no table of a user: they take what another method has read, or no table at all
 NO_TABLE = {
-    "left_out_paths", "view", "iterate", "refitted", "recursive", "take_rows", "published", "theta_interval",
-    "origin_state", "input_response", "get_feature_names_out", "set_params", "get_params", "summary",
+    "left_out_paths", "refitted", "recursive", "published", "theta_interval",
+    "origin_state", "get_feature_names_out", "set_params", "get_params", "summary",
     "without_neighbours", "left_out_errors",
 }  # fmt: skip
 #: methods that change the estimator

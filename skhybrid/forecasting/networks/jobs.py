@@ -142,10 +142,11 @@ def torch_device(device: str) -> str:
 def _plan(job: TrainingJob, shared: dict[Any, _Data]) -> _Plan:
     """Shape and settings of a job, and its windows, which ``shared`` may have from an earlier job."""
     settings, is_recurrent = job.settings, job.settings.model in RECURRENT
-    key = (id(job.table), id(job.target), id(job.base), settings.case_, settings.time_encoding, is_recurrent, job.split)
-    if (*key, job.n_leads) not in shared:
-        shared[*key, job.n_leads] = _data(job)
-    data = shared[*key, job.n_leads]
+    rows = id(job.table), id(job.target), id(job.base), job.split, job.n_leads
+    key = (*rows, settings.case_, settings.time_encoding, is_recurrent)
+    if key not in shared:
+        shared[key] = _data(job)
+    data = shared[key]
     unstopped = job.n_epochs or min(settings.max_epochs, EPOCHS_WITHOUT_VALIDATION)
     n_epochs = settings.max_epochs if data.valid is not None else unstopped
     device = torch_device(settings.device)

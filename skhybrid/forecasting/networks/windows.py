@@ -193,7 +193,6 @@ def columns_of(table: ZoneTable, case: ModelCase, kind: str, encoding: str) -> t
     blocks = [row_features(table, (feature,), encoding) for feature in both]
     n_read = sum(block.shape[1] for block in blocks) + 2  # with zeta and the bias
     empty = [np.zeros((table.n_rows, -n_read % _COLUMNS))]
-    return (
-        np.hstack([block * (feature in past) for feature, block in zip(both, blocks, strict=True)] + empty),
-        np.hstack([block * (feature in future) for feature, block in zip(both, blocks, strict=True)] + empty),
-    )
+    named = list(zip(both, blocks, strict=True))
+    part = [np.hstack([block * (feature in read) for feature, block in named] + empty) for read in (past, future)]
+    return part[0], part[1]

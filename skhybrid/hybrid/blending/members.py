@@ -190,14 +190,14 @@ class ARXMember:
         origin, T = max(rows.n_rows - n_leads, 0), rows.history["T_za"]
         step = _SMALL / capacity * (np.arange(rows.n_rows) >= origin)
         more = rows.replace(inputs={**rows.inputs, role: rows.inputs[role] + step})
+        design, coefs = self.arx_.design_, self.arx_.coef_[None]
         before, after = (
-            self.arx_.iterate(self.arx_.view(table, T), np.array([origin]), n_leads, self.arx_.coef_[None])[0]
-            for table in (rows, more)
+            design.iterate(design.view(table, T), np.array([origin]), n_leads, coefs)[0] for table in (rows, more)
         )
         return (after - before) / _SMALL
 
     def view(self, rows: NumberedTable) -> ARXData:
-        return self.arx_.view(rows.table, rows.T, rows.first, rows.before)
+        return self.arx_.design_.view(rows.table, rows.T, rows.first, rows.before)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingARX:
         return RollingARX(self.arx_, rows.begin, sample.leads, adapt)
@@ -287,11 +287,12 @@ class RollingARX(_RollingErrors):
         for d in np.unique(day):
             own = day == d
             coef = self._coefs[d][None, :]
-            paths[own] = self.arx.iterate(view, origins[own], int(self.leads[-1]), coef)[:, self.leads - 1]
+            paths[own] = self.arx.design_.iterate(view, origins[own], int(self.leads[-1]), coef)[:, self.leads - 1]
         return paths
 
     def forecast(self, view: ARXData, n_leads: int, clipped: bool = True) -> tuple[np.ndarray, None]:
-        return self.arx.iterate(view, np.array([self._row]), n_leads, self._coef[None, :], clipped=clipped), None
+        origin, coefs = np.array([self._row]), self._coef[None, :]
+        return self.arx.design_.iterate(view, origin, n_leads, coefs, clipped=clipped), None
 
     @property
     def _coef(self) -> np.ndarray:
@@ -299,7 +300,7 @@ class RollingARX(_RollingErrors):
         return self.arx.coef_ if self.adapt is None else self._recursive.coef()
 
     def gain(self, plan: Plan) -> np.ndarray:
-        responses = [self.arx.input_response(role, self._coef, len(plan.values)) for role in plan.inputs]
+        responses = [self.arx.design_.input_response(role, self._coef, len(plan.values)) for role in plan.inputs]
         return gain_of(np.column_stack(responses))[None]
 
 

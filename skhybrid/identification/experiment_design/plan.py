@@ -23,7 +23,7 @@ from ..fitting.excitation import scaling_of
 from ..gain_model import DAY_TYPES
 from ..state_space import checked_theta
 from .information import FilterInformation, relative_errors
-from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, mean_over, run_thermostat
+from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, run_thermostat
 
 HALF_BAND = 0.5  # half the distance of heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 _NONE = "none"
@@ -361,7 +361,7 @@ def _expected_errors(
 ) -> np.ndarray:
     """(cases, free) relative standard errors, from the information averaged over draws of gain and noise."""
     setpoints = np.stack([c.setpoints for c in cases], axis=2)
-    calendar = log.calendar.every(log.per_row)
+    calendar = Calendar(*(part[:: log.per_row] for part in log.calendar))
     information = FilterInformation(zone, calendar, log.hours * log.per_row, free)
     mean_gain = zone.gain.profile.T.ravel()[calendar.cell]
     total = np.zeros(())
@@ -373,7 +373,7 @@ def _expected_errors(
         for j, role in enumerate(_STAGES):
             if role in zone.roles:
                 inputs[:, :, zone.column(role)] = run.stages[:, j]
-        rows = mean_over(inputs, log.per_row)
+        rows = inputs.reshape(-1, log.per_row, *inputs.shape[1:]).mean(axis=1)
         rows[:, :, -1] = mean_gain[:, None]  # what the identification expects of it
         noise = zone.gain.noise_std * rng.standard_normal((len(rows), 1))
         total = total + information.of_logs(run.room[:: log.per_row] + noise, rows) / n_draws

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ..._calendar import profile_cell
 from ...filtering import Discrete
@@ -82,10 +83,6 @@ class Calendar(NamedTuple):
         cell = profile_cell(hour, weekend)
         return cls(CLASSES.of_cell[cell], cell)
 
-    def every(self, rows: int) -> Calendar:
-        """The calendar of every ``rows``-th row."""
-        return Calendar(self.klass[::rows], self.cell[::rows])
-
 
 @dataclass(frozen=True)
 class Zone:
@@ -126,11 +123,8 @@ def draw_gain(zone: Zone, calendar: Calendar, hours: float, rng: np.random.Gener
     phi = float(np.exp(-hours / zone.gain.tau))
     sd = zone.gain.sigma[calendar.klass]
     pushes = sd * np.sqrt(1.0 - phi**2) * rng.standard_normal(len(sd))
-    out, level = np.empty(len(sd)), sd[0] * rng.standard_normal()
-    for k, push in enumerate(pushes):
-        out[k] = level
-        level = phi * level + push
-    return out + zone.gain.profile.T.ravel()[calendar.cell]
+    first = sd[0] * rng.standard_normal()
+    return lfilter([1.0], [1.0, -phi], np.append(first, pushes[:-1])) + zone.gain.profile.T.ravel()[calendar.cell]
 
 
 def run_thermostat(
@@ -163,8 +157,3 @@ def run_thermostat(
             u[k, j] = on[j]
             x = x + np.outer(effect, on[j])
     return Run(u, room)
-
-
-def mean_over(values: np.ndarray, rows: int) -> np.ndarray:
-    """Means over every ``rows`` consecutive rows."""
-    return values.reshape(-1, rows, *values.shape[1:]).mean(axis=1)

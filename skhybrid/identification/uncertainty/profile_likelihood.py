@@ -11,7 +11,7 @@ import pandas as pd
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
-from ..._arguments import check_level
+from ..._arguments import check_integer, check_level
 from ..._warnings import percent
 from ...thermal import Parameter
 from .constrained_problem import ConstrainedProblem, free_point
@@ -103,7 +103,7 @@ class _Search:
 
 
 def profile_likelihood(
-    estimator: Any, X: Any, y: Any, parameter: str, *, values: Sequence[float] | None = None, level: float = 0.9
+    estimator: Any, X: Any, y: Any, parameter: str, *, values: Any = None, level: float = 0.9
 ) -> ProfileLikelihood:
     """Hold one parameter at value after value, identify all others anew, and see how the likelihood falls.
 
@@ -115,8 +115,8 @@ def profile_likelihood(
         As in ``fit``.
     parameter : str
         Such as ``"C_w"``; one that was not identified is refused.
-    values : sequence of float, optional
-        Further values to try [the parameter's unit], such as for a picture.
+    values : sequence of float or int, optional
+        Further values to try [the parameter's unit], such as for a picture; an int: how many within the interval.
     level : float, default=0.9
         Of the interval, between 0 and 1.
 
@@ -147,7 +147,8 @@ def profile_likelihood(
     True
     """
     check_level(level)
-    tried = list(values) if values is not None else []
+    tried, n_inside = (list(values), 0) if np.ndim(values) else ([], values or 0)
+    check_integer("values", n_inside, 0)
     constrained = ConstrainedProblem.of(estimator, X, y)
     fitted = constrained.estimator
     known = _checked(fitted, parameter, tried)
@@ -161,8 +162,11 @@ def profile_likelihood(
     step = quantile * _standard_error(fitted, known)
     threshold = inflation * quantile**2
     ends = [search.end(start, sign * step, threshold) for sign in (-1.0, 1.0)]
-    for value in tried:
-        search.deviance(known.to_free(float(value)))
+    more = [known.to_free(float(value)) for value in tried]
+    reached = [x for x in ends if x is not None]
+    more += np.linspace(reached[0], reached[1], n_inside + 2)[1:-1].tolist() if len(reached) == 2 else []
+    for x in more:
+        search.deviance(x)
     return _collected(search, ends, level, threshold, inflation, list(fitted.theta_.index))
 
 
