@@ -76,6 +76,8 @@ def clash(frame: pd.DataFrame) -> str | None:
     if again.mean() <= _CLASHING or len(stamps) < 2 or (stamps[1:] - stamps[:-1]).min() <= pd.Timedelta("1min"):
         return None
     later, first = frame[again], frame[~again].loc[index[again]]
+    if frame.empty:
+        return None
     other = (later.to_numpy() != first.to_numpy()) & later.notna().to_numpy() & first.notna().to_numpy()
     rows = np.flatnonzero(other.any(axis=1))
     if len(rows) <= _CLASHING * len(frame):
