@@ -12,7 +12,7 @@ from .._ranges import is_in_watts, range_of
 from .._table import SETPOINT_ROLES, is_plant, listed
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
-from .counters import counter_jumps, counter_resets
+from .counters import counter_jumps, counter_resets, counter_tick
 from .standstills import room_standstills, standstills
 
 _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so long
@@ -30,6 +30,9 @@ _HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so
 _RUNS, _MOST_RUN = 0.1, 0.4  # heat, relative to its peaks, and share of such hours in which a heater may give more
 _ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
+
+
+_COARSE = 6.0  # hours of a step of a counter, beyond which the course of a day is lost
 
 
 class Finding(NamedTuple):
@@ -182,7 +185,14 @@ def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:
 
 
 def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
-    """A remark on the jumps of a counter [kWh]."""
+    """Remarks on the jumps of a counter [kWh], its resets, and its steps where they are coarse."""
+    if (coarse := counter_tick(readings)) is not None:
+        text = (
+            f"counts in steps of {coarse[0]:g} kWh, one in about {coarse[1]:.2g} h: its heat is spread over that time"
+        )
+        yield Finding(
+            "note" if coarse[1] <= _COARSE else "warning", name, f"{text}; log a finer meter if there is one."
+        )
     at = counter_jumps(readings)
     if len(at):
         more = f" and at {len(at) - 1} more; these rows are" if len(at) > 1 else "; that row is"
