@@ -18,15 +18,18 @@ _zone: ContextVar[str] = ContextVar("zone", default="")
 _receiver: ContextVar[Callable[[SkhybridWarning], object] | None] = ContextVar("receiver", default=None)
 _dropped: ContextVar[tuple[type[SkhybridWarning], ...]] = ContextVar("dropped", default=())
 _PACKAGE = __name__.partition(".")[0]
+_EMPTY = "leave such cells of the log empty"
+_CONVERT = r"convert (?:it|the column) with skhybrid\.preprocessing\.UnitConverter"
 #: what was said of objects of which it is said once
 _said: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "contextlib", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
 
 
-def without_class(message: object) -> str:
-    """A message without the name of the class that it begins with, for those who use no Python."""
-    return re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message))
+def without_python(message: object) -> str:
+    """A message for those who use no Python: without the name of its class, and with what they can do to a log."""
+    text = re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message)).replace("set such values to NaN", _EMPTY)
+    return re.sub(_CONVERT, "give its unit under [units] of the configuration", text)
 
 
 def several(n: int, thing: str) -> str:

@@ -6,8 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid._warnings import without_python
 from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import LogReport, read_log
+from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.study.data import plant_heat
+from skhybrid.study.settings import settings_from
 
 STAMPS = pd.date_range("2024-03-01", periods=60, freq="1h")
 ROOM = 20.0 + np.arange(60) / 100.0
@@ -142,3 +146,96 @@ def test_files_that_are_no_tables_are_told(tmp_path, content, told):
     (tmp_path / "log.xls").write_bytes(content)
     with pytest.raises(ValueError, match=told):
         read_log(tmp_path / "log.xls")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("", 1.0), (" (°F)", 1.8), (" (K)", 1.0)])
+def test_fill_values_are_missing_and_told(write, unit, factor):
+    """They are no refusal that names a class of Python, and no unit is guessed from them."""
+    room = factor * ROOM + {"": 0.0, " (°F)": 32.0, " (K)": 273.15}[unit]
+    frame = pd.DataFrame({f"Room temp{unit}": room, "Heating stage": np.arange(60) % 2, "Solar (W/m2)": 940.0 + np.arange(60)}, STAMPS)
+    for place, (row, code) in enumerate([(7, -9999.0), (9, -9999.0), (11, 9.96921e36)]):
+        frame.iloc[row, place] = code
+    frame.iloc[13, 2] = -999.0
+    report = LogReport(read_log(write(frame.rename_axis("time").to_csv())))
+    missing = report.frame.isna()
+    assert missing.sum().tolist() == [1, 1, 2]
+    assert missing.iloc[7, 0]
+    np.testing.assert_allclose(report.frame["T_za"].dropna(), np.delete(ROOM, 7), atol=1e-9)
+    assert report.frame["u_heat"].max() == 1.0
+    assert report.frame["q_sol"].max() == 0.999
+    told = [f.text for f in report.findings if "taken as missing" in f.text]
+    assert told[0] == "1 value such as -9999 taken as missing."
+    assert len(told) == 3
+
+
+def test_energy_of_a_row_and_power_in_watts_may_be_9999(write):
+    heat = np.where(np.arange(60) == 7, 9999.0, 6000.0 + 50.0 * np.arange(60))
+    path = write(pd.DataFrame({"HVAC (W)": heat}, STAMPS).rename_axis("time").to_csv())
+    assert LogReport(read_log(path)).frame["Q_hvac"].iloc[7] == 9.999
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "role", "told"),
+    [
+        ("solarIntensity", ROOM * 4.0, None, "may be percent, or W/m2 of a dark season"),
+        ("solarIntensity (W/m2)", ROOM * 4.0, "q_sol", "irradiance"),
+        ("q_sol", ROOM * 4.0, "q_sol", "W/m2 is assumed"),
+        ("heatingPower", np.arange(60.0), "u_heat", "as those of a stage; values reach 59: percent is assumed"),
+        ("heatingPower", 30.0 + 0.5 * np.arange(60) * (-1) ** np.arange(60), "Q_heat", "kW is assumed"),
+        ("heatingPower (kW)", np.arange(60.0), "Q_heat", "power or energy"),
+    ],
+)
+def test_percent_without_a_unit_is_neither_irradiance_nor_heat(name, values, role, told):
+    report = LogReport(pd.DataFrame({name: values}, STAMPS))
+    assert report.columns.loc[name, "role"] == role
+    assert told in report.columns.loc[name, "reason"]
+
+
+def test_cooling_with_both_signs_is_the_heat_of_the_plant():
+    frame = pd.DataFrame({"T_za": ROOM, "Cooling power (kW)": np.sin(np.arange(60.0))}, STAMPS)
+    (found,) = (f for f in LogReport(frame).findings if f.level == "error")
+    assert (
+        found.text
+        == "goes from -1 to 0.9999 kW: if it heats and cools, give it as Q_hvac, positive where it heats."
+    )
+    settings = settings_from({"name": "z", "columns": {"T_za": "T_za", "Q_cool": "Cooling power (kW)"}, "step": "1h"})
+    with pytest.raises(ValueError, match=r"Cooling power \(kW\) \(Q_cool\) is often positive and often negative"):
+        plant_heat(frame.rename(columns={"Cooling power (kW)": "Q_cool"}), settings)
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (
+            "ValueError-like: T_za holds 999 degC: set such values to NaN, or convert the column with "
+            "skhybrid.preprocessing.UnitConverter.",
+            "leave such cells of the log empty, or give its unit under [units] of the configuration.",
+        ),
+        (
+            "UnitWarning: convert it with skhybrid.preprocessing.UnitConverter.",
+            "give its unit under [units] of the configuration.",
+        ),
+    ],
+)
+def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
+    assert without_python(said).endswith(shown)
+    assert "UnitWarning" not in without_python(said)
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("ZONE_TEMP.PV", "T_za"),
+        ("OUTDOOR TEMP.PresentValue", "T_oa"),
+        ("sensor.pv", None),
+        ("R001'RTemp [°C]", "T_za"),
+        ("Puissance CVC (kW)", "Q_hvac"),
+        ("Potencia climatización (kW)", "Q_hvac"),
+        ("Puissance climatisation (kW)", "Q_cool"),
+        ("Consigna calefacción", "T_heat_set"),
+        ("Setpunt koeling", "T_cool_set"),
+        ("drybulb", "T_oa"),
+    ],
+)
+def test_names_of_building_systems(name, role):
+    assert guess_role(name, unit_in_name(name)).role == role

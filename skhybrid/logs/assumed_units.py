@@ -10,7 +10,9 @@ import pandas as pd
 from .._ranges import range_of
 from .conversion import Channel, contract_unit
 from .counters import is_counter
+from .naming import NAMED_BY_ROLE, SURE, Guess
 
+_LEAST_PERCENT = 20.0  # that is neither kW/m2 nor the kW of a room
 _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
 _WARM = 42.0  # median of a temperature [degC] that is in another unit, or counts
 _PARTS = ((0.1, "tenths", 120.0, 255.0), (0.01, "hundredths", 1200.0, 3500.0))  # of a degree: the median of a room
@@ -33,6 +35,26 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
         unit = "W/m2" if role.startswith("q_sol") else "W"
         return unit, factor, f"values reach {max(high, -low):.0f}: {unit} is assumed"
     return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"
+
+
+def named_again(
+    guesses: Mapping[str, Guess], stated: Mapping[str, str | None], frame: pd.DataFrame
+) -> dict[str, Guess]:
+    """Guesses from names without a unit whose values are those of percent: powers are stages, irradiance is none."""
+    found = dict(guesses)
+    for name, guess in guesses.items():
+        if stated[name] is None and guess.certainty < SURE and guess.reason != NAMED_BY_ROLE:
+            known, role = frame[name].dropna(), str(guess.role)
+            low, high = known.min(), known.max()
+            if not (len(known) and low >= 0.0 and _LEAST_PERCENT < high <= 100.0):
+                continue
+            if role in ("Q_heat", "Q_cool") and (known % 1.0 == 0.0).all():
+                reason = "its name is that of a power, but its values are whole numbers up to 100, as those of a stage"
+                found[name] = Guess(f"u_{role[2:]}", guess.certainty, reason)
+            elif role.startswith("q_sol"):
+                why = f"values up to {high:g} may be percent, or W/m2 of a dark season"
+                found[name] = Guess(None, 0, f"{why}; give q_sol and its unit, or 0.01 under [scale] for percent")
+    return found
 
 
 def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:

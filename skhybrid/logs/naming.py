@@ -38,7 +38,7 @@ _COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
     r"froid|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b"
 )
-_TEMPERATURE = r"temp|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+_TEMPERATURE = r"temp|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
@@ -69,6 +69,9 @@ _OTHER = (
 
 #: the reason where a column has the name of its role, whose unit it then has
 NAMED_BY_ROLE = "it is named after its role"
+
+#: the certainty of a role that was given
+SURE = 99
 
 #: names of roles that nobody chooses by accident, as ``T_ctrl`` is
 _STANDARD = re.compile(r"T_(oa|za|heat_set|cool_set)|q_sol(_\w+)?|[uQ]_(heat|cool|hvac)")
@@ -186,10 +189,10 @@ def assign_roles(
 
     ``units`` are those of the columns in their order; ``given`` and ``of_format`` are columns by role.
     """
-    known = {column: Guess(role, 99, "this format names it so") for role, column in (of_format or {}).items()}
+    known = {column: Guess(role, SURE, "this format names it so") for role, column in (of_format or {}).items()}
     known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}
     for own, column in (given or {}).items():
-        known[column] = Guess(own, 99, NAMED_BY_ROLE if own == column else "it was given")
+        known[column] = Guess(own, SURE, NAMED_BY_ROLE if own == column else "it was given")
     guesses = {c: known.get(c) or guess_role(c, u) for c, u in units.items()}
     taken: dict[str, str] = {}
     for column in sorted(guesses, key=lambda c: -guesses[c].certainty):
