@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from types import FrameType
@@ -81,6 +81,20 @@ def warnings_to(receiver: Callable[[SkhybridWarning], object]) -> Iterator[None]
         yield
     finally:
         _receiver.reset(outer)
+
+
+def kept_warnings(work: Callable[..., Any], *args: Any) -> tuple[Any, list[SkhybridWarning]]:
+    """The result of some work and the package's warnings in it, which another process would show by itself."""
+    told: list[SkhybridWarning] = []
+    with warnings_to(told.append):
+        return work(*args), told
+
+
+def warn_of_zone(zone: str, told: Iterable[SkhybridWarning]) -> None:
+    """Give the warnings that work on a zone has kept."""
+    with warnings_of_zone(zone):
+        for warning in told:
+            warn_user(str(warning).removeprefix(_named(zone)), type(warning))
 
 
 @contextmanager

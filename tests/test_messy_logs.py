@@ -12,6 +12,7 @@ from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.naming import guess_role, unit_in_name
 from skhybrid.study.data import plant_heat
 from skhybrid.study.settings import settings_from
+from skhybrid.zone.day_ahead import read_ahead
 
 STAMPS = pd.date_range("2024-03-01", periods=60, freq="1h")
 ROOM = 20.0 + np.arange(60) / 100.0
@@ -152,7 +153,9 @@ def test_files_that_are_no_tables_are_told(tmp_path, content, told):
 def test_fill_values_are_missing_and_told(write, unit, factor):
     """They are no refusal that names a class of Python, and no unit is guessed from them."""
     room = factor * ROOM + {"": 0.0, " (°F)": 32.0, " (K)": 273.15}[unit]
-    frame = pd.DataFrame({f"Room temp{unit}": room, "Heating stage": np.arange(60) % 2, "Solar (W/m2)": 940.0 + np.arange(60)}, STAMPS)
+    frame = pd.DataFrame(
+        {f"Room temp{unit}": room, "Heating stage": np.arange(60) % 2, "Solar (W/m2)": 940.0 + np.arange(60)}, STAMPS
+    )
     for place, (row, code) in enumerate([(7, -9999.0), (9, -9999.0), (11, 9.96921e36)]):
         frame.iloc[row, place] = code
     frame.iloc[13, 2] = -999.0
@@ -194,11 +197,10 @@ def test_percent_without_a_unit_is_neither_irradiance_nor_heat(name, values, rol
 def test_cooling_with_both_signs_is_the_heat_of_the_plant():
     frame = pd.DataFrame({"T_za": ROOM, "Cooling power (kW)": np.sin(np.arange(60.0))}, STAMPS)
     (found,) = (f for f in LogReport(frame).findings if f.level == "error")
-    assert (
-        found.text
-        == "goes from -1 to 0.9999 kW: if it heats and cools, give it as Q_hvac, positive where it heats."
+    assert found.text == "goes from -1 to 0.9999 kW: if it heats and cools, give it as Q_hvac, positive where it heats."
+    settings = settings_from(
+        {"name": "z", "columns": {"T_za": "a", "T_oa": "b", "Q_cool": "Cooling power (kW)"}, "step": "1h"}
     )
-    settings = settings_from({"name": "z", "columns": {"T_za": "T_za", "Q_cool": "Cooling power (kW)"}, "step": "1h"})
     with pytest.raises(ValueError, match=r"Cooling power \(kW\) \(Q_cool\) is often positive and often negative"):
         plant_heat(frame.rename(columns={"Cooling power (kW)": "Q_cool"}), settings)
 
@@ -239,3 +241,22 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
 )
 def test_names_of_building_systems(name, role):
     assert guess_role(name, unit_in_name(name)).role == role
+
+
+def test_outdoor_air_in_tenths_of_a_degree_without_a_room(write):
+    """KNMI writes T in 0.1 degC; on a cold day no value is too high."""
+    outdoor = np.round(60.0 + 70.0 * np.sin(np.arange(60) / 4.0))
+    report = LogReport(pd.DataFrame({"Outdoor temperature": outdoor}, STAMPS))
+    np.testing.assert_allclose(report.frame["T_oa"], outdoor / 10.0)
+    slow = LogReport(pd.DataFrame({"Outdoor temperature": np.round(outdoor / 10.0)}, STAMPS))
+    np.testing.assert_allclose(slow.frame["T_oa"], np.round(outdoor / 10.0))
+
+
+@pytest.mark.parametrize(("name", "hours"), [("period_end", 1), ("time", 0)])
+def test_weather_whose_stamps_end_its_hours(write, name, hours):
+    """Solcast stamps the end; the irradiance of the hour before it belongs to its beginning."""
+    sun = 100.0 + np.arange(60)
+    frame = pd.DataFrame({"air_temp": ROOM, "ghi": sun}, (STAMPS + pd.Timedelta(hours=hours)).rename(name))
+    settings = settings_from({"name": "z", "columns": {"T_za": "a", "T_oa": "b"}, "step": "1h"})
+    found = read_ahead(write(frame.to_csv()), settings, None, 2024)
+    np.testing.assert_allclose(found["q_sol"].reindex(STAMPS[1:-2]), sun[1:-2] / 1000.0)

@@ -27,6 +27,7 @@ _FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few valu
 _REPEATS, _OFTEN, _SKIPPED = 0.01, 10, 0.2  # equal neighbours; long intervals: their number, their share of the time
 _DENSE = 0.8  # share of the rows of a wide table, from which on a channel is sampled with them
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
+_ENDS = re.compile(r"(?i)(period|interval|hour|time|date)s?[ _-]?end(ing|s|ed)?|end[ _-]?(time|date)|bis|hasta|fin|tot")
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 _CELLS = 1 << 19  # cells of a piece
 
@@ -212,7 +213,8 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
         cells, pieces.stamps, pieces.where, dayfirst=choice.dayfirst, timezone=choice.timezone, year=choice.year
     )
     pieces.notes.extend(found.notes)
-    pieces.label = "right" if found.ends_days else None
+    ends = found.ends_days or any(map(_ENDS.fullmatch, pieces.stamps))
+    pieces.label = "right" if ends else None
     return cells, found.stamps
 
 
