@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from types import FrameType
@@ -18,15 +18,18 @@ _zone: ContextVar[str] = ContextVar("zone", default="")
 _receiver: ContextVar[Callable[[SkhybridWarning], object] | None] = ContextVar("receiver", default=None)
 _dropped: ContextVar[tuple[type[SkhybridWarning], ...]] = ContextVar("dropped", default=())
 _PACKAGE = __name__.partition(".")[0]
+_EMPTY = "leave such cells of the log empty"
+_CONVERT = r"convert (?:it|the column) with skhybrid\.preprocessing\.UnitConverter"
 #: what was said of objects of which it is said once
 _said: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "contextlib", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
 
 
-def without_class(message: object) -> str:
-    """A message without the name of the class that it begins with, for those who use no Python."""
-    return re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message))
+def without_python(message: object) -> str:
+    """A message for those who use no Python: without the name of its class, and with what they can do to a log."""
+    text = re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message)).replace("set such values to NaN", _EMPTY)
+    return re.sub(_CONVERT, "give its unit under [units] of the configuration", text)
 
 
 def several(n: int, thing: str) -> str:
@@ -78,6 +81,20 @@ def warnings_to(receiver: Callable[[SkhybridWarning], object]) -> AbstractContex
     ``warnings.catch_warnings`` would take the warnings of all threads, and leave them caught where two blocks overlap.
     """
     return _held(_receiver, receiver)
+
+
+def kept_warnings(work: Callable[..., Any], *args: Any) -> tuple[Any, list[SkhybridWarning]]:
+    """The result of some work and the package's warnings in it, which another process would show by itself."""
+    told: list[SkhybridWarning] = []
+    with warnings_to(told.append):
+        return work(*args), told
+
+
+def warn_of_zone(zone: str, told: Iterable[SkhybridWarning]) -> None:
+    """Give the warnings that work on a zone has kept."""
+    with warnings_of_zone(zone):
+        for warning in told:
+            warn_user(str(warning).removeprefix(_named(zone)), type(warning))
 
 
 def warnings_dropped(*categories: type[SkhybridWarning]) -> AbstractContextManager[None]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from joblib import parallel_config
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
@@ -530,14 +531,18 @@ def test_a_failed_update_changes_nothing(building, later):
         pd.testing.assert_frame_equal(model.predict(later[:30]), before)
 
 
-def test_what_is_warned_of_several_zones_is_told_once(rooms):
-    """At the line of the user, with the zones' names, and of the third zone, whose heat is measured, not at all."""
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_what_is_warned_of_several_zones_is_told_once(rooms, n_jobs):
+    """At the line of the user, with the zones' names, and of the third zone, whose heat is measured, not at all.
+
+    Workers do not know who receives the warnings, be they threads or processes.
+    """
     X = rooms[0][:N_TRAIN].copy()
     for zone in ZONES[:2]:
         X[f"u_heat_{zone}"] = X.pop(f"Q_hvac_{zone}").clip(lower=0.0) / 6.0
-    model = by_themselves()
+    model = by_themselves().set_params(n_jobs=n_jobs)
     for learn in (model.fit, model.partial_fit):
-        with pytest.warns(ScaleNotIdentifiableWarning) as caught:
+        with pytest.warns(ScaleNotIdentifiableWarning) as caught, parallel_config(backend="threading"):
             learn(X, rooms[1][:N_TRAIN])
         (found,) = [w for w in caught if w.category is ScaleNotIdentifiableWarning]
         assert str(found.message).startswith(f"zones {ZONES[0]!r}, {ZONES[1]!r}: InputDisturbanceID: the scale")

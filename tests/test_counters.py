@@ -8,6 +8,7 @@ import pytest
 
 from skhybrid.logs import LogReport
 from skhybrid.logs.counters import counter_jumps, is_counter, power_of_counter
+from skhybrid.logs.log_findings import counter_findings
 
 N = 960
 
@@ -73,7 +74,6 @@ def _late(n):
     "energy",
     [
         np.where(np.arange(N) % 200 == 199, 1.0, 0.0),  # ticks of 1 kWh
-        np.where(np.arange(N) % 40 == 39, 1.0, 0.0),
         np.where(np.arange(N) < N - 5, 0.0, 2.0),  # a plant that starts late
         np.where(np.arange(N) < N - 1, 0.0, 5.0),
         np.where(np.arange(N) == N - 2, 9.0, 0.0),
@@ -86,6 +86,25 @@ def _late(n):
 )
 def test_what_a_plant_does_is_no_jump(energy):
     _check(counter(energy, 12345.0), [], energy / 0.25, 0)
+
+
+@pytest.mark.parametrize("tick", [1.0, 10.0])
+def test_steps_of_a_coarse_counter_are_spread(tick):
+    """A meter that counts 10 kWh says nothing until the next, which is no 40 kW in a quarter of an hour."""
+    truth = 1.2 + np.sin(np.arange(N) / 96.0)  # [kW]
+    exact = np.append(0.0, 0.25 * truth.cumsum())
+    readings = counter(np.diff(tick * np.floor(exact / tick), append=0.0), 700.0)
+    power = power_of_counter(readings)[:-1]
+    used = readings.iloc[-1] - readings.iloc[0]
+    assert used <= 0.25 * np.nansum(power) < used + tick
+    assert np.abs(power - truth).mean() < 0.2  # as steps of 40 kW it is 2
+    # every step of the counter is reached when it was
+    np.testing.assert_array_less(np.abs(0.25 * power.cumsum() - exact[1:]), tick)
+    (found,) = counter_findings("meter", readings)
+    assert found.text.startswith(f"counts in steps of {tick:g} kWh, one in about")
+    # a day's course is lost where the next step takes a good part of the day
+    seldom = readings.set_axis(readings.index[0] + 2 * (readings.index - readings.index[0]))
+    assert [found.level for found in counter_findings("meter", seldom)] == ["warning" if tick == 10.0 else "note"]
 
 
 def test_a_counter_that_is_set_to_zero_is_no_failed_reading():

@@ -71,9 +71,9 @@ def report_stop() -> int:
 
 def one_line(text: object) -> str:
     """A message without its line breaks, and without the name of the class that it begins with."""
-    from .._warnings import without_class  # here, since signals are handled by now
+    from .._warnings import without_python  # here, since signals are handled by now
 
-    return " ".join(without_class(text).split())
+    return " ".join(without_python(text).split())
 
 
 def stop_on_signals() -> None:

@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from .._ranges import check_range
 from .._table import listed
-from ..logs.open_meteo import answer_of_csv, is_open_meteo_csv
+from ..logs.open_meteo import answer_of, is_open_meteo_csv
 from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
@@ -200,8 +200,7 @@ def _read_open_meteo(
 
 def _answer(file: Path, where: str) -> Mapping[str, Any]:
     try:
-        text = file.read_text(encoding="utf-8-sig")
-        answer = answer_of_csv(text) if is_open_meteo_csv(file) else json.loads(text)
+        answer = answer_of(file.read_text(encoding="utf-8-sig"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{where} is not a complete JSON file ({error}); download it again.") from error
     if isinstance(answer, list):

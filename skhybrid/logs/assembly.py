@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import listed
 from .._warnings import several
 from .cell_numbers import NumberColumn
-from .named_zones import in_named_zones, offset_in_name, without_names, zone_names
+from .named_zones import zoned_stamps
 from .naming import unit_in_name
 from .raw_log import RawLog
-from .stamp_cells import joined_cells, read_stamps
+from .stamp_parts import joined_cells
 from .stamps import in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
 
@@ -28,6 +27,7 @@ _FEW_A_DAY = (pd.Timedelta("3h").value, pd.Timedelta("20h").value)  # a few valu
 _REPEATS, _OFTEN, _SKIPPED = 0.01, 10, 0.2  # equal neighbours; long intervals: their number, their share of the time
 _DENSE = 0.8  # share of the rows of a wide table, from which on a channel is sampled with them
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
+_ENDS = re.compile(r"(?i)(period|interval|hour|time|date)s?[ _-]?end(ing|s|ed)?|end[ _-]?(time|date)|bis|hasta|fin|tot")
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
 _CELLS = 1 << 19  # cells of a piece
 
@@ -41,6 +41,7 @@ class Choice:
     timezone: str | None = None  # of stamps without an offset, or to convert stamps with an offset to
     dayfirst: bool | None = None  # whether dates such as 02/03/2024 begin with the day
     held: bool | Sequence[str] | None = None  # channels that keep their value; by default those logged by change
+    year: int | None = None  # of the first stamp, where stamps have none
 
     def __post_init__(self) -> None:
         for name in ("columns", "held"):
@@ -71,6 +72,7 @@ class Pieces:
     decimal: str = "."
     first_line: int = 2  # of the file, that holds the first row
     notes: list[str] = field(default_factory=list)
+    label: str | None = None  # "right" where stamps show that they end their rows
 
 
 def assemble_columns(
@@ -207,16 +209,13 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
     if cells.dtype == object and not isinstance(first := cells.iloc[0], str) and hasattr(first, "year"):
         mixed = any(getattr(one, "tzinfo", None) is not None for one in (first, cells.iloc[-1]))
         cells = pd.Series(pd.to_datetime(cells, utc=mixed), index=cells.index)
-    names = zone_names(cells)
-    plain = cells if names is None else without_names(cells)
-    stamps, notes = read_stamps(plain, choice.dayfirst, pieces.where)
-    pieces.notes.extend(notes)
-    if names is not None:
-        stamps = in_named_zones(stamps, names, choice.timezone, cells, pieces.where)
-    elif stamps.tz is None and (offset := offset_in_name(pieces.stamps)) is not None:
-        pieces.notes.append(f"stamps are UTC{offset.removeprefix('UTC')}, as {listed(pieces.stamps)} says")
-        stamps = stamps.tz_localize(offset)
-    return cells, stamps
+    found = zoned_stamps(
+        cells, pieces.stamps, pieces.where, dayfirst=choice.dayfirst, timezone=choice.timezone, year=choice.year
+    )
+    pieces.notes.extend(found.notes)
+    ends = found.ends_days or any(map(_ENDS.fullmatch, pieces.stamps))
+    pieces.label = "right" if ends else None
+    return cells, found.stamps
 
 
 def _stamps(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.DatetimeIndex, slice]:
@@ -294,7 +293,7 @@ def _finish(
     if held and not frame.index.is_unique:
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     switches = frozenset(str(name) for name, channel in channels.items() if channel.n_switches)
-    return RawLog(frame, pieces.format, units=units, held=held, switches=switches, notes=notes)
+    return RawLog(frame, pieces.format, units=units, held=held, label=pieces.label, notes=notes, switches=switches)
 
 
 def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:

@@ -8,10 +8,13 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import range_of
-from .conversion import Channel, contract_unit
+from .conversion import Channel, contract_unit, row_hours
 from .counters import is_counter
+from .naming import NAMED_BY_ROLE, SURE, Guess
 
+_LEAST_PERCENT = 20.0  # that is neither kW/m2 nor the kW of a room
 _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
+_FASTEST, _FEWEST = 4.0, 24  # mean move of outdoor air within an hour, in any degree, and values that show it
 _WARM = 42.0  # median of a temperature [degC] that is in another unit, or counts
 _PARTS = ((0.1, "tenths", 120.0, 255.0), (0.01, "hundredths", 1200.0, 3500.0))  # of a degree: the median of a room
 
@@ -24,6 +27,8 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
         return None, factor, ""
     if role.startswith("u_"):
         return _of_stage(float(known.min()), float(known.max()), role, factor)
+    if role == "T_oa" and factor == 1.0 and _moves_by_tenths(values):
+        return None, 0.1, "whole numbers that move by several in an hour are those of tenths of a degree"
     if role.startswith("T_"):
         return _of_temperature(known, role, factor)
     low, high = float(known.min()), float(known.max())
@@ -33,6 +38,26 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
         unit = "W/m2" if role.startswith("q_sol") else "W"
         return unit, factor, f"values reach {max(high, -low):.0f}: {unit} is assumed"
     return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"
+
+
+def named_again(
+    guesses: Mapping[str, Guess], stated: Mapping[str, str | None], frame: pd.DataFrame
+) -> dict[str, Guess]:
+    """Guesses from names without a unit whose values are those of percent: powers are stages, irradiance is none."""
+    found = dict(guesses)
+    for name, guess in guesses.items():
+        if stated[name] is None and guess.certainty < SURE and guess.reason != NAMED_BY_ROLE:
+            known, role = frame[name].dropna(), str(guess.role)
+            low, high = known.min(), known.max()
+            if not (len(known) and low >= 0.0 and _LEAST_PERCENT < high <= 100.0):
+                continue
+            if role in ("Q_heat", "Q_cool") and (known % 1.0 == 0.0).all():
+                reason = "its name is that of a power, but its values are whole numbers up to 100, as those of a stage"
+                found[name] = Guess(f"u_{role[2:]}", guess.certainty, reason)
+            elif role.startswith("q_sol"):
+                why = f"values up to {high:g} may be percent, or W/m2 of a dark season"
+                found[name] = Guess(None, 0, f"{why}; give q_sol and its unit, or 0.01 under [scale] for percent")
+    return found
 
 
 def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:
@@ -49,6 +74,14 @@ def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | 
         )
         return None, factor, why
     return "percent", factor, f"values reach {high:g}: percent is assumed, so kW have no certain scale"
+
+
+def _moves_by_tenths(values: pd.Series) -> bool:
+    """Whether an outdoor temperature in whole numbers moves within an hour by more than air does, but not in hundredths."""
+    known = values.dropna()
+    hour = round(1.0 / row_hours(known)) if len(known) > _FEWEST else 0
+    moves = np.abs(known.to_numpy()[hour:] - known.to_numpy()[:-hour]) if hour else np.zeros(1)
+    return bool((known % 1.0 == 0.0).all() and _FASTEST < moves.mean() < 10.0 * _FASTEST)
 
 
 def _of_temperature(known: np.ndarray, role: str, factor: float) -> tuple[str | None, float, str]:

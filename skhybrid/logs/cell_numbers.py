@@ -36,6 +36,7 @@ _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
 
 def decimal_sign(cells: list[str], sep: str) -> str:
     """The decimal sign of the numbers in a sample of cells of a file with the separator ``sep``."""
+    cells = [apart[1] if (apart := _WITH_UNIT.fullmatch(cell)) and unit_named(apart[2]) else cell for cell in cells]
     commas = [found for cell in cells if (found := _ONE_COMMA.fullmatch(cell)) or _GROUPED_DOT.fullmatch(cell)]
     # 1,234 in quotes is a thousand in a file with commas between cells, and a decimal in one with semicolons
     sure = [found for found in commas if sep != "," or found is None or len(found[1]) != 3]

@@ -11,6 +11,7 @@ import pandas as pd
 from .._table import listed, role_of
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
+from .fill_values import fill_remark, fill_values, without_huge
 from .raw_log import RawLog
 from .unit_names import COUNTERS, ENERGY, IRRADIATION
 
@@ -86,8 +87,19 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
     return pd.DataFrame({c.role: _converted(raw, c) for c in channels}, index=raw.frame.index)
 
 
+def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:
+    """A remark on each channel with numbers that stand for a missing value, by the name of its column."""
+    filled = {c.name: (raw.frame[c.name], _filled(raw, c)) for c in channels}
+    return {name: fill_remark(*both) for name, both in filled.items() if both[1].any()}
+
+
+def _filled(raw: RawLog, channel: Channel) -> pd.Series:
+    return fill_values(raw.frame[channel.name], channel.role, counter_of(raw, channel) is not None)
+
+
 def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     series, unit = raw.frame[channel.name], channel.unit
+    series = series.mask(_filled(raw, channel))
     if channel.role.startswith("T_") and channel.name in raw.switches:
         series = series.where(~series.isin((0.0, 1.0)))
     values = series.to_numpy(dtype=np.float64)
@@ -111,7 +123,7 @@ def roles_without_label(raw: RawLog, channels: list[Channel]) -> list[str]:
 
 def counter_of(raw: RawLog, channel: Channel) -> pd.Series | None:
     """The readings of a channel that is a counter [kWh]; None for any other."""
-    series, unit = raw.frame[channel.name], channel.unit or ""
+    series, unit = without_huge(raw.frame[channel.name]), channel.unit or ""
     if not channel.role.startswith("Q_") or not (unit in COUNTERS or (unit in ENERGY and is_counter(series))):
         return None
     return (COUNTERS | ENERGY)[unit] * series

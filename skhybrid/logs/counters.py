@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 
@@ -18,6 +20,7 @@ _FAR_ABOVE = 20.0  # a rise this many times above all others is a replaced meter
 _BACK_ABOVE = 2.0  # and one this many times above them, that makes up for a fall, ends a failed reading
 _LEAST_JUMP = 20.0  # [kW]; a plant that starts may rise that much above its losses at rest
 _FEWEST_RISES = 10  # that show what is usual
+_OFF_TICK, _ALONE = 0.01, 0.8  # of a step of a coarse counter; share of its steps that come alone
 _LONGEST_DIP = 1000  # failed readings in a row
 
 
@@ -38,22 +41,27 @@ def is_counter(values: pd.Series) -> bool:
 
 def _is_set_to_zero_daily(known: pd.Series) -> bool:
     """Whether readings fall to about zero, and always at about the same time of the day."""
-    readings, day = known.to_numpy(dtype=np.float64), pd.Timedelta("1D").value
+    readings = known.to_numpy(dtype=np.float64)
     at = np.flatnonzero(np.diff(readings) < 0.0) + 1
-    ticks = pd.DatetimeIndex(known.index).as_unit("ns").asi8[at]
-    apart = (ticks - ticks[0] + day // 2) % day - day // 2
-    return bool(np.ptp(apart) <= _DAILY and (readings[at] <= _LEFT * readings[at - 1]).all())
+    return _at_one_time(known.index[at]) and bool((readings[at] <= _LEFT * readings[at - 1]).all())
+
+
+def _at_one_time(stamps: pd.Index) -> bool:
+    """Whether stamps are at about the same time of the day."""
+    ticks, day = pd.DatetimeIndex(stamps).as_unit("ns").asi8, pd.Timedelta("1D").value
+    return bool(np.ptp((ticks - ticks[0] + day // 2) % day - day // 2) <= _DAILY)
 
 
 def power_of_counter(readings: pd.Series) -> np.ndarray:
     """Readings of a counter [kWh] as mean power from each to the next [kW].
 
-    What :func:`counter_jumps` finds is missing, as are falls: the counter was set to zero, or replaced.
+    What :func:`counter_jumps` finds is missing, as are falls: the counter was set to zero, or replaced.  The steps of a
+    coarse counter are spread over the time since the one before, so that energy is conserved.
     """
     known = readings.dropna()
     known = known[~known.index.duplicated()]
     failed, replaced = _jumps(known)
-    known, replaced = known[~failed], replaced[~failed]
+    known, replaced = _between_ticks(known[~failed], replaced[~failed]), replaced[~failed]
     used = np.append(np.diff(known.to_numpy(dtype=np.float64)), np.nan)
     hours = np.append(hours_between(known), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -67,6 +75,40 @@ def counter_jumps(readings: pd.Series) -> pd.DatetimeIndex:
     failed, replaced = _jumps(known)
     begins = failed & ~np.append(False, failed[:-1])
     return pd.DatetimeIndex(known.index[begins | np.append(False, replaced[:-1])])
+
+
+def counter_tick(readings: pd.Series) -> tuple[float, float] | None:
+    """Step of a coarse counter [kWh] and its usual time [h]; None for one that counts finely enough for its rows."""
+    known = readings.dropna()
+    rises = np.diff(known.to_numpy(dtype=np.float64))
+    at = np.flatnonzero(rises > 0.0)
+    if len(at) < _FEWEST_RISES:
+        return None
+    tick = float(f"{rises[at].min():.3g}")
+    whole = np.abs(rises[at] / tick - np.round(rises[at] / tick)) < _OFF_TICK
+    alone = (np.diff(at) > 1).mean()  # a plant that goes on and off rises in rows that follow each other
+    if f"{tick:.0e}"[0] not in "125" or not whole.all() or alone < _ALONE or _at_one_time(known.index[at]):
+        return None
+    hours = hours_between(known).cumsum()[at]
+    return tick, float(np.median(np.diff(hours)))
+
+
+def _between_ticks(known: pd.Series, replaced: np.ndarray) -> pd.Series:
+    """Readings of a coarse counter on the lines between its steps; others as they are."""
+    found = counter_tick(known)
+    if found is None:
+        return known
+    values, hours = known.to_numpy(dtype=np.float64).copy(), np.append(0.0, hours_between(known).cumsum())
+    at = np.append(0, np.flatnonzero(np.diff(values) != 0.0) + 1)
+    power = 0.0
+    for a, b in pairwise(at):
+        if values[b] > values[a] and not replaced[b - 1]:
+            power = (values[b] - values[a]) / (hours[b] - hours[a])
+            values[a:b] = values[a] + power * (hours[a:b] - hours[a])
+    rest = hours[at[-1] :] - hours[at[-1]]
+    most = found[0] / rest[-1] if rest[-1] > 0.0 else 0.0  # as the next step has not come yet
+    values[at[-1] :] += min(power, most) * rest
+    return pd.Series(values, known.index)
 
 
 def counter_resets(readings: pd.Series) -> pd.DatetimeIndex:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import re
+from codecs import BOM_UTF8
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +25,14 @@ from .readers import (
 )
 from .text_files import existing, head_of
 
+#: what begins a file that is no table, with what it is and what to do
+_NO_TABLES = (
+    (re.compile(rb"\xd0\xcf\x11\xe0"), "a workbook of Excel before 2007; open it in Excel and save it as .xlsx or CSV"),
+    (re.compile(rb"PK\x03\x04"), "a ZIP archive; unpack it and give the log in it"),
+    (re.compile(rb"%PDF"), "a PDF; export the log as CSV"),
+    (re.compile(rb"\s*<"), "a web page or XML; open it in Excel and save it as .xlsx, or export the log as CSV"),
+    (re.compile(rb'\s*[\[{]\s*["{\[]'), "JSON; write it as CSV, one row for each time stamp"),
+)
 _BLANK = 1 << 16  # bytes without any character, after which a file is taken as empty
 #: the module of each format, which offers ``looks_like(path, head)`` and ``read(path, ...)``; the first that fits is
 #: taken, so that special formats come before general ones
@@ -92,12 +102,15 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
 def format_of(path: Path) -> str:
     """The name of the first format that a file looks like."""
     with path.open("rb") as file:
-        if not file.read(_BLANK).strip():
-            raise ValueError(f"{path.name!r} is empty.")
+        start = file.read(_BLANK)
+    if not start.strip():
+        raise ValueError(f"{path.name!r} is empty.")
     head = head_of(path)
     for name, module in FORMATS.items():
         if module.looks_like(path, head):
             return name
+    if found := next((what for begins, what in _NO_TABLES if begins.match(start.removeprefix(BOM_UTF8))), None):
+        raise ValueError(f"{path.name!r} is {found}.")
     if head.strip():
         return "CSV"  # its reader says what is wrong
     raise ValueError(f"the format of {path.name!r} is none of {', '.join(FORMATS)}; export the log as CSV.")

@@ -12,7 +12,7 @@ from .._ranges import is_in_watts, range_of
 from .._table import SETPOINT_ROLES, is_plant, listed
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
-from .counters import counter_jumps, counter_resets
+from .counters import counter_jumps, counter_resets, counter_tick
 from .standstills import room_standstills, standstills
 
 _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so long
@@ -28,8 +28,12 @@ _MORE_MOVED = 1.5  # range of the room's temperature relative to that outdoors
 _AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
 _HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so that no heating is needed [K]
 _RUNS, _MOST_RUN = 0.1, 0.4  # heat, relative to its peaks, and share of such hours in which a heater may give more
+_OFTEN = 0.05  # share of the rows in which a plant heats or cools
 _ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
+
+
+_COARSE = 6.0  # hours of a step of a counter, beyond which the course of a day is lost
 
 
 class Finding(NamedTuple):
@@ -76,6 +80,8 @@ def clash(frame: pd.DataFrame) -> str | None:
     if again.mean() <= _CLASHING or len(stamps) < 2 or (stamps[1:] - stamps[:-1]).min() <= pd.Timedelta("1min"):
         return None
     later, first = frame[again], frame[~again].loc[index[again]]
+    if frame.empty:
+        return None
     other = (later.to_numpy() != first.to_numpy()) & later.notna().to_numpy() & first.notna().to_numpy()
     rows = np.flatnonzero(other.any(axis=1))
     if len(rows) <= _CLASHING * len(frame):
@@ -160,6 +166,11 @@ def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
     elif role.startswith("Q_heat") and low < 0.0 >= high:
         text = f"heat into the room is positive, but this is never: give [scale] {role} = -1 if its sign is reversed"
         yield Finding("warning", name, f"{text}, or Q_cool if it is cooling.")
+    elif role.startswith(("Q_heat", "Q_cool")) and has_both_signs(known):
+        text = (
+            f"goes from {low:.4g} to {high:.4g} kW: if it heats and cools, give it as Q_hvac, positive where it heats"
+        )
+        yield Finding("error" if role.startswith("Q_cool") else "warning", name, f"{text}.")
     elif role.startswith("u_") and 0.0 < high <= _ONE_PERCENT:
         yield Finding("warning", name, f"reaches {100 * high:.2g} % only: is it a fraction? Then give '-' as its unit.")
     elif role.startswith("Q_") and low == 0.0 and high == 1.0 and known.nunique() == 2:
@@ -167,6 +178,12 @@ def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
     elif role.startswith("Q_") and is_in_watts(known.to_numpy(dtype=np.float64), None):
         text = f"values reach {max(high, -low):.4g} kW: are they W? Then give that as its unit."
         yield Finding("warning", name, text)
+
+
+def has_both_signs(heat: pd.Series) -> bool:
+    """Whether the values of a plant are often above and often below 0 [kW], beside their largest."""
+    runs = heat[heat.abs() > _RUNS * heat.abs().quantile(0.99)]
+    return bool(len(runs)) and min((runs > 0.0).mean(), (runs < 0.0).mean()) > _OFTEN
 
 
 def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:
@@ -180,7 +197,14 @@ def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:
 
 
 def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
-    """A remark on the jumps of a counter [kWh]."""
+    """Remarks on the jumps of a counter [kWh], its resets, and its steps where they are coarse."""
+    if (coarse := counter_tick(readings)) is not None:
+        text = (
+            f"counts in steps of {coarse[0]:g} kWh, one in about {coarse[1]:.2g} h: its heat is spread over that time"
+        )
+        yield Finding(
+            "note" if coarse[1] <= _COARSE else "warning", name, f"{text}; log a finer meter if there is one."
+        )
     at = counter_jumps(readings)
     if len(at):
         more = f" and at {len(at) - 1} more; these rows are" if len(at) > 1 else "; that row is"

@@ -14,10 +14,11 @@ from .._table import is_plant
 from .._time import spell, wall_clock
 from .._warnings import several
 from .abilities import abilities, excitation
-from .assumed_units import assumed_unit, outdoor_as_room
-from .conversion import Channel, contract_unit, counter_of, fitting_unit, to_roles
+from .assumed_units import assumed_unit, named_again, outdoor_as_room
+from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
+from .fill_values import fill_values
 from .log_findings import (
     Finding,
     clash,
@@ -119,7 +120,8 @@ class LogReport:
         ordered = replace(raw, frame=raw.frame.sort_index(kind="stable"))
         stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
         rooms = {} if columns or raw.roles else zone_roles(stated)
-        self._guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
+        guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
+        self._guesses = guesses if rooms else named_again(guesses, stated, raw.frame)
         self.zones = zones_of(columns or rooms)
         self._rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         channels = [
@@ -243,7 +245,8 @@ class LogReport:
         role = str(guess.role)
         unit, factor = units.get(role, fitting_unit(stated, role)), scale.get(role, raw.scale.get(name, 1.0))
         if unit is None:
-            unit, factor, why = assumed_unit(raw.frame[name], role, factor, guess.reason == NAMED_BY_ROLE)
+            values = raw.frame[name].mask(fill_values(raw.frame[name], role, is_counter(raw.frame[name])))
+            unit, factor, why = assumed_unit(values, role, factor, guess.reason == NAMED_BY_ROLE)
             self._assumed |= {role: why} if why else {}
         if unit in ENERGY and role not in units and role.startswith("Q_") and is_counter(raw.frame[name]):
             unit = f"{unit} counter"
@@ -313,6 +316,7 @@ class LogReport:
                 found.append(Finding("warning", channel.name, text))
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
+        found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
         found += set_point_findings(self.even)
         found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)

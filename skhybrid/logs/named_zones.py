@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from .._table import listed
+from .stamp_cells import read_stamps
 from .stamps import cell, line, zone_of
 
 _NAME = r"(?:\d|\d\s*[AaPp]\.?[Mm]\.?)\s*([A-Z]{3,5})$"
@@ -23,6 +26,36 @@ def offset_in_name(columns: Sequence[str]) -> str | None:
         return None
     sign, hours, minutes = found.groups()
     return "UTC" if sign is None else f"{sign}{int(hours):02d}:{minutes or '00'}"
+
+
+class Stamps(NamedTuple):
+    """Stamps as they are written, in the zone that they name."""
+
+    stamps: pd.DatetimeIndex
+    notes: list[str]
+    ends_days: bool  # whether one is 24:00, so that stamps end their rows
+
+
+def zoned_stamps(
+    cells: pd.Series,
+    columns: Sequence[str],
+    where: str,
+    *,
+    dayfirst: bool | None = None,
+    timezone: str | None = None,
+    year: int | None = None,
+    guesses: bool = True,
+) -> Stamps:
+    """The stamps of cells from some columns: naive where neither the cells nor the columns' names tell a zone."""
+    names = zone_names(cells)
+    plain = cells if names is None else without_names(cells)
+    stamps, notes, ends = read_stamps(plain, dayfirst, where, year, guesses)
+    if names is not None:
+        stamps = in_named_zones(stamps, names, timezone, cells, where)
+    elif stamps.tz is None and (offset := offset_in_name(columns)) is not None:
+        notes = [*notes, f"stamps are UTC{offset.removeprefix('UTC')}, as {listed(columns)} says"]
+        stamps = stamps.tz_localize(offset)
+    return Stamps(stamps, notes, ends)
 
 
 def zone_names(cells: pd.Series) -> pd.Series | None:

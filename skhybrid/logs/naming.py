@@ -13,8 +13,8 @@ from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_te
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _ROOM = (
-    r"\b(zone|zn|room|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|ambiente)\b|"
-    r"raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion"
+    r"\b(zone|zn|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|"
+    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion"
 )
 _OUT = (
     r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
@@ -24,7 +24,10 @@ _SET = (
     r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
     r"consigna|gewenst|streef|setpunt|instel"
 )
-_SET_POINT = r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|\bset (heat|cool)\b|\b(heat|cool)(ing)? set\b"
+_SET_POINT = (
+    r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
+    r"\b(heat|cool)(ing)? set\b"
+)
 _IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
 _OF_A_MODE = r"\b(un)?occ\b|night|standby|stand by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
 _HEAT = (
@@ -32,19 +35,21 @@ _HEAT = (
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
 )
 _COOL = (
-    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati|chill|(?<!heat pump )(?<!heatpump )compressor|froid|refrig|"
-    r"raffresc|\bac\b|air ?con|clg|\bchwv?\b"
+    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
+    r"froid|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b"
 )
-_TEMPERATURE = r"temp|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+_TEMPERATURE = r"temp|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
 )
+_OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
+_PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
 #: not the temperature of the air now, or not that of all the sun, where there are several
 _OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
 _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
-_PLANT = r"hvac|thermal|delivered|\bload\b|\b(pac|wp|hp)\b"  # of heat, where no word says whether it heats or cools
+_PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
 _ELECTRICITY = (
@@ -64,6 +69,9 @@ _OTHER = (
 
 #: the reason where a column has the name of its role, whose unit it then has
 NAMED_BY_ROLE = "it is named after its role"
+
+#: the certainty of a role that was given
+SURE = 99
 
 #: names of roles that nobody chooses by accident, as ``T_ctrl`` is
 _STANDARD = re.compile(r"T_(oa|za|heat_set|cool_set)|q_sol(_\w+)?|[uQ]_(heat|cool|hvac)")
@@ -94,7 +102,8 @@ def unit_in_name(name: str) -> str | None:
 
 def plain(name: str) -> str:
     """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
-    text = re.sub(r"[\[(][^\])]*[\])]", " ", name).replace("ß", "ss")
+    text = re.sub(rf"{_OF_INTERVAL}\(([^)]*)\)", r"\1", name)
+    text = re.sub(r"[\[(][^\])]*[\])]", " ", re.sub(_PRESENT, r"\1", text)).replace("ß", "ss")
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     return " ".join(re.sub(r"[^0-9A-Za-z]+", " ", text).lower().split())
@@ -180,10 +189,10 @@ def assign_roles(
 
     ``units`` are those of the columns in their order; ``given`` and ``of_format`` are columns by role.
     """
-    known = {column: Guess(role, 99, "this format names it so") for role, column in (of_format or {}).items()}
+    known = {column: Guess(role, SURE, "this format names it so") for role, column in (of_format or {}).items()}
     known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}
     for own, column in (given or {}).items():
-        known[column] = Guess(own, 99, NAMED_BY_ROLE if own == column else "it was given")
+        known[column] = Guess(own, SURE, NAMED_BY_ROLE if own == column else "it was given")
     guesses = {c: known.get(c) or guess_role(c, u) for c, u in units.items()}
     taken: dict[str, str] = {}
     for column in sorted(guesses, key=lambda c: -guesses[c].certainty):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
+from codecs import BOM_UTF8
 from os import PathLike
 from pathlib import Path
 from typing import Any
-
-from .text_files import head_of
 
 _PLACE = "latitude,longitude,elevation,utc_offset_seconds,timezone"  # its first line begins so
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
@@ -17,10 +17,18 @@ _NAME = re.compile(r"(\w+)(?: \((.*)\))?")  # of a variable, with its unit
 
 def is_open_meteo_csv(path: str | PathLike[str]) -> bool:
     """Whether a file is a CSV of Open-Meteo, whose stamps have the offset of its second line."""
-    return Path(path).is_file() and head_of(Path(path)).startswith(_PLACE)
+    if not Path(path).is_file():
+        return False
+    with Path(path).open("rb") as file:
+        return file.read(len(BOM_UTF8) + len(_PLACE)).removeprefix(BOM_UTF8).startswith(_PLACE.encode())
 
 
-def answer_of_csv(text: str) -> dict[str, Any]:
+def answer_of(text: str) -> Any:
+    """The content of a file of Open-Meteo, as its JSON has it."""
+    return _answer_of_csv(text) if text.startswith(_PLACE) else json.loads(text)
+
+
+def _answer_of_csv(text: str) -> dict[str, Any]:
     """The CSV of Open-Meteo as its JSON: a table of the place, and one of hours, apart by an empty line."""
     place, *tables = (list(csv.reader(table.splitlines())) for table in text.strip().split("\n\n"))
     if len(place) > 2:

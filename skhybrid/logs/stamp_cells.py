@@ -8,12 +8,15 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from .stamp_numbers import ANY, are_serials, in_words, is_digits, is_epoch, stamps_of_numbers
+from .stamp_parts import hour_column, part_columns
 from .stamps import blocks, cell, numbered_dates, parse_stamps
 
 _USUAL_NAMES = re.compile(
     r"#?\s*(time ?stamps?|date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|"
     r"datum[ _/-]*(uhr)?zeit|index|ts|_time|when|epoch|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|"
-    r"(created|recorded|last_changed)(_at)?|dt|tijd|tijdstip|heure|date[ _]heure|horodatage)\s*(\(.*\)|\[.*\])?\s*\Z",
+    r"(created|recorded|last_changed)(_at)?|dt|tijd|tijdstip|heure|date[ _]heure|horodatage|fecha|hora|data|ora|"
+    r"(fecha|data)[ _/-]*(y[ _]|e[ _])?h?ora|marca temporal)\s*(\(.*\)|\[.*\])?\s*\Z",
     re.IGNORECASE,
 )
 _MONTHS = {
@@ -41,11 +44,13 @@ _DATE = (
 _ZONE = r"\s*(?:Z|UTC|GMT|[A-Z]{3,4}|[+-]\d{2}(?::?\d{2})?)?"
 _IS_DATE = re.compile(_DATE, re.IGNORECASE)
 _IS_TIME = re.compile(_TIME, re.IGNORECASE)
-_IS_EPOCH = re.compile(r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?")
+_WITHOUT_YEAR = r"\d{1,2}/\d{1,2}\s+\d{1,2}:\d{2}(?::\d{2})?"  # of EnergyPlus
 _IS_STAMP = re.compile(
-    rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_IS_EPOCH.pattern}", re.IGNORECASE
+    rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_WITHOUT_YEAR}|{ANY}", re.IGNORECASE
 )
-_EPOCH_UNITS = ((1e11, "s", 1e9), (1e14, "ms", 1e6), (1e17, "us", 1e3), (np.inf, "ns", 1.0))  # limit, unit, nanoseconds
+_POINTS = r"(?<=\d[T\s])\d{1,2}\.\d{2}(?:\.\d{2})?$"  # between hour and minute, as in Italy
+_LATE = r"[T\s]24:00(?::00)?\b"
+_SUNDAY, _LEAP_SUNDAY = 2017, 2012  # years that begin on a Sunday
 
 
 def is_stamp(text: str) -> bool:
@@ -70,12 +75,16 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
                     f"{', '.join(map(repr, names))}."
                 )
         return wanted
-    held = {name: _kind(sample[name]) for name in names}
+    held = {name: _kind(sample[name], str(name)) for name in names}
     dates, times = ([name for name in names if held[name] == kind] for kind in ("date", "time"))
-    if dates and times and not any(kind == "stamp" for kind in held.values()):
-        return (dates[0], times[0])
+    if not any(kind == "stamp" for kind in held.values()):
+        if dates and (times or (hour := hour_column(names, sample))):
+            return (dates[0], times[0] if times else str(hour))
+        if not dates and (parts := part_columns(names)):
+            return parts
     usual = [name for name in names if is_stamp_name(str(name))]
-    for kind, among in (("stamp", usual), ("stamp", names), ("date", names), ("epoch", usual), (None, usual)):
+    order = (("stamp", usual), ("epoch", usual), ("stamp", names), ("date", names), ("serial", usual), (None, usual))
+    for kind, among in order:
         found = [name for name in among if held[name] == kind]
         if found:
             return (found[0],)
@@ -84,56 +93,68 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
     )
 
 
-def joined_cells(table: pd.DataFrame, stamps: Sequence[str]) -> pd.Series:
-    """The cells of time stamps, date and time joined."""
-    cells = table[stamps[0]]
-    for other in stamps[1:]:
-        cells = cells.astype(str).str.strip() + " " + table[other].astype(str).str.strip()
-    return cells
+def holds_stamps(cells: pd.Series, name: str) -> bool:
+    """Whether the cells of a column are dates with times, or numbers that stand for such."""
+    kind = _kind(cells, name)
+    return kind in ("stamp", "date") or (kind in ("epoch", "serial") and is_stamp_name(re.sub(r" \(\d+\)$", "", name)))
 
 
-def _kind(cells: pd.Series) -> str | None:
-    """The kind of a column's cells: a stamp, a date, a time or seconds since 1970."""
+def _kind(cells: pd.Series, name: str) -> str | None:
+    """The kind of a column's cells: a stamp, a date, a time, or seconds or days since some year."""
     if pd.api.types.is_datetime64_any_dtype(cells):
         return "stamp"
     text = cells.dropna().astype(str).str.strip()
     text = text[text != ""].head(100)
-    for kind, pattern in (("date", _IS_DATE), ("time", _IS_TIME), ("epoch", _IS_EPOCH), ("stamp", _IS_STAMP)):
-        if len(text) and sum(pattern.fullmatch(one) is not None for one in text) > 0.5 * len(text):
+    if are_serials(list(text)):
+        return "serial"
+    for kind, fits in (
+        ("date", _IS_DATE.fullmatch), ("time", _IS_TIME.fullmatch), ("stamp", is_digits), ("epoch", is_epoch),
+        ("stamp", _IS_STAMP.fullmatch),
+    ):  # fmt: skip
+        if len(text) and sum(bool(fits(one)) for one in text) > 0.5 * len(text):
+            if kind == "time" and not (text.str.contains(r"[:h]").any() or is_stamp_name(name)):
+                return None  # 18.15 is a number
             midnight = kind == "date" and text.str.contains(":").any()
             return "stamp" if midnight else kind
     return None
 
 
-def read_stamps(cells: pd.Series, dayfirst: bool | None, where: str) -> tuple[pd.DatetimeIndex, list[str]]:
-    """Stamps of cells of any kind, and remarks on how they were read; ``cells`` are indexed by the rows of the file."""
+def read_stamps(
+    cells: pd.Series, dayfirst: bool | None, where: str, year: int | None = None, guesses: bool = True
+) -> tuple[pd.DatetimeIndex, list[str], bool]:
+    """Stamps of cells of any kind, remarks on how they were read, and whether one is 24:00, the end of a day.
+
+    ``cells`` are indexed by the rows of the file; ``year`` is that of the first where they have none.  What only their
+    order tells, or nothing, is refused without ``guesses``.
+    """
     if pd.api.types.is_datetime64_any_dtype(cells):
-        return pd.DatetimeIndex(cells), []
-    numbers = pd.to_numeric(cells.iloc[:1000], errors="coerce")
-    if cells.iloc[:1000].astype(str).str.fullmatch(_IS_EPOCH.pattern).all() and (numbers > 0).all():
-        return _from_epoch(cells, where)
-    text, next_day = _plain(cells)
-    notes = []
+        return pd.DatetimeIndex(cells), [], False
+    if (numbers := stamps_of_numbers(cells, where)) is not None:
+        return *numbers, False
+    text, notes = _with_years(cells, year) if guesses or year is not None else (cells, [])
+    text, next_day = _plain(text)
     if dayfirst is None and re.match(r"\d{1,2}\.\d{1,2}\.", text.iloc[0]):
         dayfirst = True  # nobody writes the month first with points
-    if dayfirst is None and (dayfirst := _day_first_by_order(text)) is not None:
+    if guesses and dayfirst is None and (dayfirst := _day_first_by_order(text)) is not None:
         first = "day" if dayfirst else "month"
         notes.append(f"dates such as {cell(text.iloc[0])} are read with the {first} first")
-    return parse_stamps(text, dayfirst, where, next_day), notes
+    return parse_stamps(text, dayfirst, where, next_day), notes, bool(next_day.any())
 
 
-def _from_epoch(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[str]]:
-    numbers = pd.to_numeric(cells, errors="coerce")
-    known = numbers.notna().to_numpy()
-    if not known.all():
-        row = int(np.argmax(~known))
-        raise ValueError(f"row {cells.index[row] + 2} of {where}: the stamp {cell(cells.iloc[row])} is not a number.")
-    unit, scale = next((unit, scale) for limit, unit, scale in _EPOCH_UNITS if numbers.iloc[0] < limit)
-    ticks = numbers.astype(np.int64) * int(scale) if (numbers % 1 == 0).all() else (numbers * scale).round()
-    if not (ticks.abs() < 9e18).all():
-        raise ValueError(f"{where} has time stamps beyond the year 2250; are they {unit} since 1970?")
-    stamps = pd.DatetimeIndex(ticks.to_numpy(dtype=np.int64).astype("datetime64[ns]"), tz="UTC")
-    return stamps, [f"stamps are {unit} since 1970, UTC"]
+def _with_years(cells: pd.Series, year: int | None) -> tuple[pd.Series, list[str]]:
+    """Stamps that have a month and a day alone, with a year, and a remark on it; others as they are."""
+    if not cells.iloc[:1000].astype(str).str.strip().str.fullmatch(_WITHOUT_YEAR).all():
+        return cells, []
+    text = cells.astype(str).str.strip()
+    apart = text.str.extract(r"^(\d{1,2})/(\d{1,2})\s+(.*)$")
+    month = pd.to_numeric(apart[0])
+    leap = ((month == 2) & (pd.to_numeric(apart[1]) == 29)).any()
+    first = year or (_LEAP_SUNDAY if leap else _SUNDAY)
+    notes = [] if year else [
+        f"the stamps have no year: {first} is assumed, which begins on a Sunday; give year = in [log]"
+    ]  # fmt: skip
+    years = (first + (month.diff() < -6).cumsum()).astype(str)
+    return years + "-" + apart[0].str.zfill(2) + "-" + apart[1].str.zfill(2) + " " + apart[2], notes
 
 
 def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
@@ -148,12 +169,15 @@ def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
 
 def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
     """The stamps of a block, None where they need no change; marks those at 24:00 in ``late``."""
-    text = cells.astype(str).str.strip()
-    late[:] = text.str.contains(r"[T\s]24:00(?::00)?\b", regex=True).to_numpy(dtype=bool)
+    plain = cells.astype(str).str.strip()
+    text = in_words(plain)
+    if text.iloc[:1000].str.contains(_POINTS, regex=True).any():
+        text = text.str.replace(_POINTS, lambda m: m[0].replace(".", ":"), regex=True)
+    late[:] = text.str.contains(_LATE, regex=True).to_numpy(dtype=bool)
     if late.any():
         text = text.where(~late, text.str.replace(r"([T\s])24:", r"\g<1>00:", regex=True))
     if not text.iloc[:1000].str.contains(r"[A-SU-Ya-su-y]", regex=True).any():  # other than T and Z
-        return text if late.any() else None
+        return None if text is plain else text
     for old, new in (
         (rf"(?i)^(?!{_MONTH}){_WEEKDAY}(?=\d|{_MONTH})", ""),
         (r"(?i)\s*([ap])\.?m\.?(?=\W|$)", r" \1M"),

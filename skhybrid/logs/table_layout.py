@@ -10,6 +10,8 @@ from typing import NamedTuple
 import pandas as pd
 
 from .stamp_cells import is_stamp, is_stamp_name
+from .stamp_numbers import are_serials, is_serial
+from .stamp_parts import is_year, part_columns
 from .unit_names import is_unit, unit_named
 
 _SEPARATORS = ("\t", ";", "|", ",")
@@ -61,17 +63,39 @@ def find_layout(rows: Sequence[Sequence[str]]) -> Layout | None:
     """Layout of a table whose first rows are given; None where no row holds a time stamp."""
     width, _ = usual_width([row for row in rows if any(row)])
     places = Counter(j for row in rows if len(row) >= width for j, cell in enumerate(row) if is_stamp(cell))
-    if not places or width < 2:
+    if width < 2:
         return None
-    most = max(places.values())
-    place = min(j for j, n in places.items() if n == most)
-    first = next(i for i, row in enumerate(rows) if len(row) > place and len(row) >= width - 1 and is_stamp(row[place]))
+    if places:
+        most = max(places.values())
+        place = min(j for j, n in places.items() if n == most)
+        long = (i for i, row in enumerate(rows) if len(row) > place and len(row) >= width - 1)
+        first = next(i for i in long if is_stamp(rows[i][place]))
+    elif (found := _below_names(rows, width)) is not None:
+        place, first, most = found
+    else:
+        return None
     header, units = _header(rows, first, width, place)
     unnamed = place == 0 and len(header) == width - 1 and bool(rows[first][-1]) and not is_stamp_name(header[0])
     names = _names(["time", *header] if unnamed else header, width, place)
     stated = {name: text for name, text in zip(names, units, strict=False) if text and is_unit(text)}
     stated.pop(names[place], None)
     return Layout(names, stated, first, not header, most)
+
+
+def _below_names(rows: Sequence[Sequence[str]], width: int) -> tuple[int, int, int] | None:
+    """Place, first row and number of stamps whose cells alone do not show that they are: only their names do.
+
+    These are years beside months and days, and days since 1900 as Excel counts them.
+    """
+    for i, row in enumerate(rows[:-1]):
+        parts = part_columns(row) if len(row) >= width - 1 else ()
+        places = [row.index(parts[0])] if parts else [j for j, cell in enumerate(row) if is_stamp_name(cell)]
+        for place in places:
+            fits = is_year if parts else is_serial
+            at = [k for k in range(i + 1, len(rows)) if len(rows[k]) > place and fits(rows[k][place])]
+            if 2 * len(at) > len(rows) - i and (parts or are_serials([rows[k][place] for k in at])):
+                return place, at[0], len(at)
+    return None
 
 
 def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -> tuple[list[str], list[str]]:

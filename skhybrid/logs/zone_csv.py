@@ -12,8 +12,10 @@ import pandas as pd
 from .._table import is_instant, role_of
 from ..preprocessing._units import conversion_of, convert
 from .even_steps import CONTIGUOUS, typical_step, usual_step
-from .stamp_cells import find_stamp_columns, joined_cells
-from .stamps import cell, in_zone, line, parse_stamps
+from .named_zones import zoned_stamps
+from .stamp_cells import find_stamp_columns
+from .stamp_parts import joined_cells
+from .stamps import cell, in_zone, line
 from .text_files import existing
 
 
@@ -72,7 +74,8 @@ def read_zone_csv(
     of_stamps = find_stamp_columns(table, time_column, where)
     chosen = _columns_by_role(table, columns, of_stamps, where)
     cells = joined_cells(table, of_stamps)
-    stamps = in_zone(parse_stamps(cells, dayfirst, where), timezone, cells, where)
+    found = zoned_stamps(cells, of_stamps, where, dayfirst=dayfirst, timezone=timezone, guesses=False)
+    stamps = in_zone(found.stamps, timezone, cells, where)
     frame = pd.DataFrame({role: _to_numbers(table[column], column, where) for role, column in chosen.items()})
     frame.index = stamps.rename("time")
     if stamps[0] > stamps[-1]:  # the newest row comes first

@@ -131,7 +131,7 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
         if given is None or name != given.model:
             baseline, _ = _two_stage(settings, DisturbanceForecaster(name), memory)
             made.append(StudyModel(label, baseline.set_params(intervals=False), note))
-    return [*made, StudyModel(YESTERDAY, Yesterday(), "the temperature 24 h before")]
+    return [*made, StudyModel(YESTERDAY, Yesterday(), "the temperature at this time of the last day before")]
 
 
 def identified_by(settings: Settings) -> str:

@@ -13,9 +13,9 @@ from .._table import HISTORY_ROLES, SETPOINT_ROLES, is_plant, numeric, refuse_in
 from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
-from ..logs.conversion import Channel, channels_of, roles_without_label, to_roles
+from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import clash, doubts_on_temperatures, unit_switch
+from ..logs.log_findings import clash, doubts_on_temperatures, has_both_signs, unit_switch
 from ..logs.standstills import without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
@@ -98,7 +98,7 @@ def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.Dat
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
-    return plant_heat(frame, settings), str(report), log.held
+    return plant_heat(frame, settings), "\n".join([str(report), *log.remarks]), log.held
 
 
 class LogByRole(NamedTuple):
@@ -108,6 +108,7 @@ class LogByRole(NamedTuple):
     channels: list[Channel]
     held: list[str]  # roles that were logged by change
     without_label: list[str]  # roles whose values begin at their stamps, whatever the label
+    remarks: list[str]  # on values that were taken as missing
 
 
 def by_role(raw: RawLog, settings: Settings) -> LogByRole:
@@ -125,7 +126,8 @@ def by_role(raw: RawLog, settings: Settings) -> LogByRole:
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
         frame = frame.tz_convert(settings.timezone)
     held = [c.role for c in channels if c.name in raw.held]
-    return LogByRole(frame, channels, held, roles_without_label(raw, channels))
+    remarks = [f"{name}: {text}" for name, text in fill_remarks(raw, channels).items()]
+    return LogByRole(frame, channels, held, roles_without_label(raw, channels), remarks)
 
 
 def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
@@ -180,6 +182,11 @@ def plant_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
         return frame
     powers = frame[meters]
     if "Q_cool" in meters:
+        if has_both_signs(powers["Q_cool"].dropna()):
+            raise ValueError(
+                f"{settings.columns.get('Q_cool', 'Q_cool')} (Q_cool) is often positive and often negative; if it "
+                "heats and cools, give it as Q_hvac, positive where it heats."
+            )
         powers = powers.assign(Q_cool=-powers["Q_cool"].abs())
     if performance is not None and settings.plant.get("electricity"):  # each by itself: both may run within a step
         T_oa = frame["T_oa"].interpolate(limit_direction="both").to_numpy()

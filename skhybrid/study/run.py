@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, ZoneTable, is_plant
-from .._warnings import recorded_warnings, warnings_dropped, without_class
+from .._warnings import recorded_warnings, warnings_dropped, without_python
 from ..exceptions import PlanWarning
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
@@ -211,7 +211,7 @@ def counted(progress: Progress | None, total: int) -> Callable[[str], None]:
 
 def each_once(remarks: Sequence[str], caught: Sequence[warnings.WarningMessage]) -> list[str]:
     """Remarks and the warnings for a user, each once."""
-    said = (without_class(w.message) for w in caught if issubclass(w.category, UserWarning))
+    said = (without_python(w.message) for w in caught if issubclass(w.category, UserWarning))
     return list(dict.fromkeys([*remarks, *said]))
 
 

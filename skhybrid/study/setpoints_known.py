@@ -21,9 +21,9 @@ from .verdict import Verdict
 #: rows of the table that are rules, with a note on each
 _NOTES = {
     HYBRID: "network, thermostat and plant as learned, blended with a direct regression and last week",
-    YESTERDAY: "the temperature 24 h before",
-    YESTERDAYS_LOAD: "that of 24 h before",
-    LAST_WEEK: "that of a week before",
+    YESTERDAY: "the temperature at this time of the last day before",
+    YESTERDAYS_LOAD: "that at this time of the last day before",
+    LAST_WEEK: "that at this time of the last week before",
     USUAL: "mean of all earlier working days, or weekends",
 }
 KNOWN = "the weather and the set-points were known ahead, the heat was not"  # the first reason of a verdict

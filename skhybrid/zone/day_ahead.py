@@ -146,7 +146,7 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, years: It
         if outdoor := _outdoor(report):
             report = LogReport(raw, {**report.roles, "T_oa": outdoor}, units, scale)
         frame = report.frame
-        if own and settings.label == "right":
+        if settings.label == "right" if own else raw.label == "right":
             frame = to_left_label(frame, [role for role, column in own.items() if column in raw.held])
     index = pd.DatetimeIndex(frame.index)
     if tz is None and index.tz is not None:

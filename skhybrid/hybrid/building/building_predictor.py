@@ -21,7 +21,7 @@ from ..._table import as_numbers, as_pandas
 from ..._threads import one_blas_thread
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
-from ..._warnings import warn_user, warnings_dropped, warnings_joined
+from ..._warnings import kept_warnings, warn_of_zone, warn_user, warnings_dropped, warnings_joined
 from ...exceptions import GainWarning, MeasurementWarning, PlanWarning
 from ...forecasting.quantiles import LeftOut
 from ...thermal import get_network
@@ -131,15 +131,21 @@ class BuildingPredictor(
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
         self._last = dict.fromkeys(self.zones_, np.nan)
         X = self._with_measured(X, T) if any(neighbours.values()) else X
-        parallel, fit_zone = Parallel(self.n_jobs), delayed(self._fit_zone)
-        made = parallel(fit_zone(template, X, T[zone]) for zone in self.zones_)
-        self.own_ = dict(zip(self.zones_, made, strict=True))
-        coupled = [zone for zone, others in neighbours.items() if others]
-        made = parallel(fit_zone(template, X, T[zone], neighbours[zone], self.own_[zone]) for zone in coupled)
-        self._couple(X, dict(zip(coupled, made, strict=True)), neighbours)
+        fits = {zone: (self._fit_zone, template, X, T[zone]) for zone in self.zones_}
+        self.own_ = self._work_by_zone(fits)
+        coupled = {zone: others for zone, others in neighbours.items() if others}
+        among = {zone: (*fits[zone], others, self.own_[zone]) for zone, others in coupled.items()}
+        self._couple(X, self._work_by_zone(among), neighbours)
         self._take_in(T)
         self.training_ = self._first.training_
         return self
+
+    def _work_by_zone(self, works: Mapping[str, tuple[Any, ...]]) -> dict[str, Any]:
+        """Results of a function and its arguments for each zone, with their warnings, on ``n_jobs`` workers."""
+        made = Parallel(self.n_jobs)(delayed(kept_warnings)(*work) for work in works.values())
+        for zone, (_, told) in zip(works, made, strict=True):
+            warn_of_zone(zone, told)
+        return {zone: found for zone, (found, _) in zip(works, made, strict=True)}
 
     def _neighbours(self, T: pd.DataFrame, by_itself: bool, named: bool) -> dict[str, tuple[str, ...]]:
         if self.adjacency is not None:
@@ -251,12 +257,10 @@ class BuildingPredictor(
             with of_zone(zone):
                 return copy(model).partial_fit(X, _target(X, T[zone]))
 
-        parallel, learn = Parallel(self.n_jobs), delayed(learned)
-        own = parallel(learn(zone, model, X) for zone, model in self.own_.items())
-        coupled = parallel(learn(zone, one.model, among) for zone, one in self.coupled_.items())
-        self.own_ = dict(zip(self.zones_, own, strict=True))
-        pairs = zip(self.coupled_.items(), coupled, strict=True)
-        self.coupled_ = {zone: replace(one, model=model) for (zone, one), model in pairs}
+        own = self._work_by_zone({zone: (learned, zone, model, X) for zone, model in self.own_.items()})
+        coupled = self._work_by_zone({zone: (learned, zone, one.model, among) for zone, one in self.coupled_.items()})
+        self.own_ = own
+        self.coupled_ = {zone: replace(one, model=coupled[zone]) for zone, one in self.coupled_.items()}
         if before is None or self.known_until_ != before:
             self._take_in(T)
         self.training_ = self._first.training_

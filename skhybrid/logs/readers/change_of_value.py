@@ -17,10 +17,12 @@ from .delimited import open_table, pieces_of
 
 _POINT = re.compile(
     r"(data)?point[ _]?(name|id)?|tag[ _]?(name|id)?|sensor[ _]?(name|id)?|channel([ _]name)?|variable|entity_id|"
-    r"metric|series|name|object[ _]?(name|id)?|signal|register|datenpunkt|parameter",
+    r"metric|series|name|object[ _]?(name|id)?|signal|register|datenpunkt|parameter|_field|statistic_id",
     re.IGNORECASE,
 )
-_VALUE = re.compile(r"(present[ _]?)?value|val|reading|state|wert|messwert|waarde|valeur", re.IGNORECASE)
+_VALUE = re.compile(
+    r"_?((present[ _]?)?value|val|reading|state|wert|messwert|waarde|valeur|valore?|mean)", re.IGNORECASE
+)
 
 
 def looks_like(path: Path, head: str) -> bool:

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ..assembly import Choice, Pieces, assemble, rows_of_piece
+from ..assembly import Choice, Pieces, assemble, assemble_long, rows_of_piece
 from ..cell_numbers import decimal_sign
+from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp
 from ..table_layout import Layout, find_layout, separator_of, split_lines, table_of
@@ -80,16 +81,24 @@ def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **op
     table = open_table(path, sep, decimal)
     where = repr(path.name)
     stamps = find_stamp_columns(table.sample, choice.time_column, where)
+    if blocks := paired_columns(table.sample, stamps):
+        wanted = choice.wanted(table.layout.names, tuple(blocks), where)
+        frames = as_long(table.pieces(tuple(blocks), wanted, wanted), blocks)
+        return assemble_long(pieces_of(table, frames, stamps, "CSV", [note_of(blocks)]), POINT, VALUE, choice)
     wanted = choice.wanted(table.layout.names, stamps, where)
     return assemble(pieces_of(table, table.pieces(stamps, wanted), stamps, "CSV"), choice)
 
 
-def pieces_of(table: TextTable, frames: Iterator[pd.DataFrame], stamps: tuple[str, ...], name: str) -> Pieces:
-    """Pieces of a text table for the format ``name``."""
+def pieces_of(
+    table: TextTable, frames: Iterator[pd.DataFrame], stamps: tuple[str, ...], name: str, notes: Sequence[str] = ()
+) -> Pieces:
+    """Pieces of a text table for the format ``name``, with notes on it."""
     layout = table.layout
-    notes = [f"there is no header: the columns are {', '.join(layout.names)}"] if layout.headless else []
+    headless = [f"there is no header: the columns are {', '.join(layout.names)}"] if layout.headless else []
     units = {column: unit for column, unit in layout.units.items() if column not in stamps}
-    return Pieces(frames, stamps, repr(table.path.name), name, units, table.decimal, layout.first + 1, notes)
+    return Pieces(
+        frames, stamps, repr(table.path.name), name, units, table.decimal, layout.first + 1, [*headless, *notes]
+    )
 
 
 def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -> TextTable:
@@ -101,7 +110,9 @@ def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -
     lines = head.splitlines()
     sep = sep or separator_of(lines)
     if sep is None:
-        raise ValueError(f"{where} has no rows of two or more cells; pass its separator, such as sep=';'.")
+        quoted = sum(line.count('"') == 2 and line.startswith('"') for line in lines) > 0.9 * len(lines)
+        remedy = "take the quotes around each row away" if quoted else "pass its separator, such as sep=';'"
+        raise ValueError(f"{where} has no rows of two or more cells; {remedy}.")
     rows = split_lines(lines, sep)
     layout = find_layout(rows)
     if layout is None and len(rows) == 1:

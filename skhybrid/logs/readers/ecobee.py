@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from ..raw_log import RawLog
-from ..stamp_cells import joined_cells
+from ..stamp_parts import joined_cells
 from ..stamps import zone_of
 from ..text_files import existing
 from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of

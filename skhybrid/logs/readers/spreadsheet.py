@@ -11,7 +11,8 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import pandas as pd
 
-from ..assembly import Choice, Pieces, assemble_columns
+from ..assembly import Choice, Pieces, assemble_columns, assemble_long
+from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
 from ..table_layout import Layout, find_layout, table_of
@@ -43,6 +44,10 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
         units = {name: unit for name, unit in layout.units.items() if name not in stamps}
         pieces = Pieces((), stamps, where, "Excel", units, ".", layout.first + 1, notes)
         frames = _pieces(chain(head, rows), names)
+        if blocks := paired_columns(table_of(head, names), stamps):
+            pieces.notes.append(note_of(blocks))
+            pieces.frames = as_long(frames, blocks)
+            return assemble_long(pieces, POINT, VALUE, choice)
         return assemble_columns(
             pieces, names, long_columns(names), choice, lambda wanted: (piece[wanted] for piece in frames)
         )

@@ -1,0 +1,48 @@
+"""Tables whose columns have stamps of their own before them, as exports of several trends side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import pandas as pd
+
+from .._table import listed
+from .stamp_cells import holds_stamps
+
+POINT, VALUE = "point", "value"
+_LEAST_BLOCKS = 3  # of stamps with names of their own
+
+
+def paired_columns(sample: pd.DataFrame, stamps: Sequence[str]) -> dict[str, list[str]]:
+    """The channels after each column of stamps, where a table repeats these for groups of equal size; else empty."""
+    blocks: dict[str, list[str]] = {}
+    for name in map(str, sample.columns):
+        if holds_stamps(sample[name], name):
+            blocks[name] = []
+        elif not blocks:
+            return {}
+        else:
+            blocks[list(blocks)[-1]].append(name)
+    bases = {name.partition(" (")[0] for name in blocks}
+    alike = len({len(channels) for channels in blocks.values()}) == 1 and all(blocks.values())
+    several = len(blocks) > 1 and (len(bases) == 1 or len(blocks) >= _LEAST_BLOCKS)
+    return blocks if tuple(stamps) == tuple(blocks)[:1] and alike and several else {}
+
+
+def note_of(blocks: dict[str, list[str]]) -> str:
+    """A remark on what was read."""
+    named = listed(name for channels in list(blocks.values())[:2] for name in channels)
+    return f"{len(blocks)} columns of stamps: each column, such as {named}, has those before it"
+
+
+def as_long(frames: Iterable[pd.DataFrame], blocks: dict[str, list[str]]) -> Iterator[pd.DataFrame]:
+    """The rows of each piece with one value each, its name and its own stamp."""
+    first = next(iter(blocks))
+    for piece in frames:
+        parts = []
+        for stamp, channels in blocks.items():
+            for name in channels if stamp in piece else ():
+                if name in piece:
+                    part = piece[[stamp, name]].set_axis([first, VALUE], axis=1)
+                    parts.append(part[part[first].notna() & (part[first] != "")].assign(**{POINT: name}))
+        yield pd.concat(parts, ignore_index=True)

@@ -1,0 +1,84 @@
+"""Stamps that are numbers: seconds since 1970, days since 1900 as Excel counts them, and digits such as 2024013113."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from .stamps import cell
+
+_EPOCH = r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?"
+_DIGITS = r"(?:19|20)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])[ :]?(?:[01]\d|2[0-4])(?:[0-5]\d){0,2}"
+_SERIAL = r"[2-6]\d{4}(?:[.,]\d+)?"  # of 1954 to 2091
+_IS_EPOCH, _IS_DIGITS, _IS_SERIAL = map(re.compile, (_EPOCH, _DIGITS, _SERIAL))
+_EPOCH_UNITS = ((1e11, "s", 1e9), (1e14, "ms", 1e6), (1e17, "us", 1e3), (np.inf, "ns", 1.0))  # limit, unit, nanoseconds
+_EXCEL = "1899-12-30"  # the day 0 of Excel
+_SAMPLE = 1000  # rows that show what all are
+ANY = f"{_EPOCH}|{_DIGITS}"
+
+
+def is_epoch(text: str) -> bool:
+    """Whether a cell looks like seconds since 1970, or parts of them."""
+    return _IS_EPOCH.fullmatch(text) is not None
+
+
+def is_digits(text: str) -> bool:
+    """Whether a cell is a date with its hour, minute and second in digits alone."""
+    return _IS_DIGITS.fullmatch(text) is not None
+
+
+def is_serial(text: str) -> bool:
+    """Whether a cell may be days since 1900."""
+    return _IS_SERIAL.fullmatch(text) is not None
+
+
+def are_serials(cells: Sequence[str]) -> bool:
+    """Whether cells look like the days since 1900 of consecutive rows."""
+    if len(cells) < 2 or not all(map(is_serial, cells)):
+        return False
+    steps = np.diff([float(one.replace(",", ".")) for one in cells])
+    return bool((np.abs(steps) <= 1.0).mean() > 0.9 and (steps != 0.0).any())
+
+
+def stamps_of_numbers(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[str]] | None:
+    """Stamps of numbers since 1970 or 1900, and a remark; None where the cells are others."""
+    head = cells.iloc[:_SAMPLE].astype(str).str.strip()
+    if head.str.fullmatch(_EPOCH).all() and not head.str.fullmatch(_DIGITS).all():
+        return _from_epoch(cells, where)
+    return _from_excel(cells, where) if are_serials(list(head)) else None
+
+
+def in_words(text: pd.Series) -> pd.Series:
+    """Stamps of digits alone as dates and times with signs between them; others as they are."""
+    if not text.iloc[:_SAMPLE].str.fullmatch(_DIGITS).any():
+        return text
+    apart = r"(\d{4})(\d{2})(\d{2})[ :]?(\d{2})(\d{2})?(\d{2})?"
+    return text.str.replace(apart, lambda m: f"{m[1]}-{m[2]}-{m[3]} {m[4]}:{m[5] or '00'}:{m[6] or '00'}", regex=True)
+
+
+def _from_epoch(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[str]]:
+    numbers = _numbers(cells, where)
+    unit, scale = next((unit, scale) for limit, unit, scale in _EPOCH_UNITS if numbers.iloc[0] < limit)
+    ticks = numbers.astype(np.int64) * int(scale) if (numbers % 1 == 0).all() else (numbers * scale).round()
+    if not (ticks.abs() < 9e18).all():
+        raise ValueError(f"{where} has time stamps beyond the year 2250; are they {unit} since 1970?")
+    stamps = pd.DatetimeIndex(ticks.to_numpy(dtype=np.int64).astype("datetime64[ns]"), tz="UTC")
+    return stamps, [f"stamps are {unit} since 1970, UTC"]
+
+
+def _from_excel(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[str]]:
+    seconds = (_numbers(cells.astype(str).str.replace(",", "."), where) * 86400.0).round()
+    stamps = pd.DatetimeIndex(pd.to_datetime(seconds, unit="s", origin=_EXCEL))
+    return stamps, [f"stamps such as {cell(cells.iloc[0])} are days since 1900, as Excel counts them"]
+
+
+def _numbers(cells: pd.Series, where: str) -> pd.Series:
+    numbers = pd.to_numeric(cells, errors="coerce")
+    known = numbers.notna().to_numpy()
+    if not known.all():
+        row = int(np.argmax(~known))
+        raise ValueError(f"row {cells.index[row] + 2} of {where}: the stamp {cell(cells.iloc[row])} is not a number.")
+    return numbers

@@ -1,0 +1,262 @@
+"""Logs and weather as people have them: every one is read right, or refused in one useful sentence."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid._warnings import without_python
+from skhybrid.datasets import read_zone_csv
+from skhybrid.logs import LogReport, read_log
+from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.study.data import plant_heat
+from skhybrid.study.settings import settings_from
+from skhybrid.zone.day_ahead import read_ahead
+
+STAMPS = pd.date_range("2024-03-01", periods=60, freq="1h")
+ROOM = 20.0 + np.arange(60) / 100.0
+
+
+def rows_of(stamps, values=ROOM, sep=","):
+    return "\n".join(f"{stamp}{sep}{value:.2f}" for stamp, value in zip(stamps, values, strict=False)) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("names", "form", "year"),
+    [
+        ("Fecha;Hora", "%d/%m/%Y;%H.%M", 2024),
+        ("time", "%Y%m%d%H", 2024),
+        ("time", "%Y%m%d:%H%M", 2024),
+        ("time", "%Y%m%d%H%M", 2024),
+        ("Year;Month;Day;Hour;Minute", "%Y;%m;%d;%H;%M", 2024),
+        ("Jahr;Monat;Tag;Stunde", "%Y;%m;%d;%H", 2024),
+        ("Date;Hour", "%Y-%m-%d;%H", 2024),
+        ("Date/Time", " %m/%d  %H:%M:%S", 2017),
+    ],
+)
+def test_stamps_in_parts_digits_and_without_a_year(write, names, form, year):
+    log = read_log(write(f"{names};Room (°C)\n{rows_of(STAMPS.strftime(form), sep=';')}"))
+    assert (log.frame.index == STAMPS.map(lambda stamp: stamp.replace(year=year))).all()
+    np.testing.assert_allclose(log.frame["Room (°C)"], ROOM)
+    assert [note for note in log.notes if "first" not in note] == (
+        []
+        if year == 2024
+        else ["the stamps have no year: 2017 is assumed, which begins on a Sunday; give year = in [log]"]
+    )
+
+
+@pytest.mark.parametrize("names", ["Date,HE", "Year,Month,Day,Hour", "Date/Time"])
+def test_hours_that_end_at_24_are_labelled_right(write, names):
+    """Utilities and EnergyPlus stamp the end of an hour, and midnight as 24 o'clock of the day before."""
+    forms = {"Date,HE": "%m/%d/%Y,{}", "Year,Month,Day,Hour": "%Y,%m,%d,{}", "Date/Time": "%m/%d  {:02d}:00:00"}
+    ends = [stamp.strftime(forms[names]).format(stamp.hour + 1) for stamp in STAMPS]
+    log = read_log(write(f"{names},Room\n{rows_of(ends)}"), **({"year": 2024} if names == "Date/Time" else {}))
+    assert (log.frame.index == STAMPS + pd.Timedelta("1h")).all()
+    assert log.label == "right"
+
+
+def test_a_year_without_a_number_goes_on_in_the_next(write):
+    stamps = pd.date_range("2023-12-31 22:00", periods=4, freq="1h").strftime("%m/%d %H:%M:%S")
+    log = read_log(write(f"Date/Time,Room\n{rows_of(stamps)}"), year=2023)
+    assert log.frame.index[-1] == pd.Timestamp("2024-01-01 01:00")
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_days_since_1900_are_read_where_the_name_says_stamps(write, decimal):
+    serials = (STAMPS - pd.Timestamp("1899-12-30")) / pd.Timedelta("1D")
+    cells = [f"{day:.6f};{room:.2f}".replace(".", decimal) for day, room in zip(serials, ROOM, strict=True)]
+    log = read_log(write("Time;Room\n" + "\n".join(cells)))
+    assert (log.frame.index == STAMPS).all()
+    assert "days since 1900, as Excel counts them" in log.notes[0]
+    with pytest.raises(ValueError, match="no cell that is a time stamp"):  # a meter counts so too
+        read_log(write("Meter;Room\n" + "\n".join(cells)))
+
+
+def test_a_temperature_is_no_time_of_day(write):
+    with pytest.raises(ValueError, match="has 1 distinct stamp"):
+        LogReport(read_log(write("Date,Room\n" + "".join(f"2024-03-01,{18 + k / 100:.2f}\n" for k in range(20)))))
+
+
+def test_epochs_count_before_a_local_clock_and_may_have_blanks(write):
+    seconds = [f"{stamp.value // 10**6} ;{stamp:%Y/%m/%d %H:%M:%S}" for stamp in STAMPS]
+    log = read_log(write(f"Timestamp;Timezone : Europe/Berlin;Temperature\n{rows_of(seconds, sep=';')}"))
+    assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
+    assert list(log.frame) == ["Temperature"]
+
+
+@pytest.mark.parametrize(
+    ("name", "ending", "zone", "offset"),
+    [("Time (UTC+1)", "", None, 1), ("time", " CET", "Europe/Berlin", 1), ("time (UTC)", "", "Europe/Berlin", 0)],
+)
+def test_zones_of_a_zone_csv(write, name, ending, zone, offset):
+    path = write(f"{name},T_za\n{rows_of([f'{stamp}{ending}' for stamp in STAMPS])}")
+    found = read_zone_csv(path, timezone=zone).index
+    assert (found == (STAMPS - pd.Timedelta(hours=offset)).tz_localize("UTC")).all()
+
+
+def test_a_zone_csv_guesses_no_year(write):
+    with pytest.raises(ValueError, match="write it as 2024-01-31"):
+        read_zone_csv(write(f"Date/Time,T_za\n{rows_of(STAMPS.strftime('%m/%d  %H:%M:%S'))}"))
+
+
+def test_a_decimal_comma_before_a_unit(write):
+    """Three decimals are no thousands where the file has a decimal comma."""
+    cells = [f"{stamp};Power;{ROOM[k] / 10:.3f}".replace(".", ",") + " kW" for k, stamp in enumerate(STAMPS)]
+    log = read_log(write("Zeit;Name;Wert\n" + "\n".join(cells)))
+    np.testing.assert_allclose(log.frame["Power"], ROOM / 10.0, atol=6e-4)
+
+
+@pytest.mark.parametrize("names", [("Zeit", "Zeit"), ("Room time", "Outdoor time", "Meter time")])
+def test_trends_side_by_side_have_stamps_of_their_own(write, names):
+    apart = pd.Timedelta("7min")
+    n = len(names)
+    lines = [";".join(f"{name};channel {j}" for j, name in enumerate(names))]
+    for k in range(60):
+        pairs = [(STAMPS[k] + j * apart, ROOM[k] + j) if k < 60 - j else ("", "") for j in range(n)]
+        lines.append(";".join(f"{stamp};{value}" for stamp, value in pairs))
+    log = read_log(write("\n".join(lines)))
+    assert f"{n} columns of stamps" in log.notes[0]
+    for j in range(n):
+        known = log.frame[f"channel {j}"].dropna()
+        assert (known.index == STAMPS[: 60 - j] + j * apart).all()
+        np.testing.assert_allclose(known, ROOM[: 60 - j] + j)
+
+
+@pytest.mark.parametrize("header", [",result,table,_time,_value,_field", "_time,statistic_id,mean,unit"])
+def test_long_tables_of_databases(write, header):
+    names = header.split(",")
+    cells = {"_time": STAMPS.strftime("%Y-%m-%dT%H:%M:%SZ"), "_value": ROOM, "mean": ROOM, "_field": "room_temp"}
+    frame = pd.DataFrame({"": "", "result": "", "table": 0, "statistic_id": "room_temp", "unit": "°C"} | cells)
+    log = read_log(write(header + "\n" + frame[names].to_csv(index=False, header=False)))
+    np.testing.assert_allclose(log.frame["room_temp"], ROOM)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(512), "a workbook of Excel before 2007; open it in Excel"),
+        (b"PK\x03\x04" + bytes(range(256)), "a ZIP archive; unpack it"),
+        (b"%PDF-1.7 " + bytes(range(256)), "a PDF; export the log as CSV"),
+        (b"<html><table><tr><td>20.1</td></tr></table></html>", "a web page or XML"),
+        (json.dumps([{"time": "2024-01-01 00:00", "T": 20.1}]).encode(), "JSON; write it as CSV"),
+        (b"".join(b'"2024-01-01 00:%02d;20,1"\n' % k for k in range(9)), "take the quotes around each row away"),
+    ],
+)
+def test_files_that_are_no_tables_are_told(tmp_path, content, told):
+    (tmp_path / "log.xls").write_bytes(content)
+    with pytest.raises(ValueError, match=told):
+        read_log(tmp_path / "log.xls")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("", 1.0), (" (°F)", 1.8), (" (K)", 1.0)])
+def test_fill_values_are_missing_and_told(write, unit, factor):
+    """They are no refusal that names a class of Python, and no unit is guessed from them."""
+    room = factor * ROOM + {"": 0.0, " (°F)": 32.0, " (K)": 273.15}[unit]
+    frame = pd.DataFrame(
+        {f"Room temp{unit}": room, "Heating stage": np.arange(60) % 2, "Solar (W/m2)": 940.0 + np.arange(60)}, STAMPS
+    )
+    for place, (row, code) in enumerate([(7, -9999.0), (9, -9999.0), (11, 9.96921e36)]):
+        frame.iloc[row, place] = code
+    frame.iloc[13, 2] = -999.0
+    report = LogReport(read_log(write(frame.rename_axis("time").to_csv())))
+    missing = report.frame.isna()
+    assert missing.sum().tolist() == [1, 1, 2]
+    assert missing.iloc[7, 0]
+    np.testing.assert_allclose(report.frame["T_za"].dropna(), np.delete(ROOM, 7), atol=1e-9)
+    assert report.frame["u_heat"].max() == 1.0
+    assert report.frame["q_sol"].max() == 0.999
+    told = [f.text for f in report.findings if "taken as missing" in f.text]
+    assert told[0] == "1 value such as -9999 taken as missing."
+    assert len(told) == 3
+
+
+def test_energy_of_a_row_and_power_in_watts_may_be_9999(write):
+    heat = np.where(np.arange(60) == 7, 9999.0, 6000.0 + 50.0 * np.arange(60))
+    path = write(pd.DataFrame({"HVAC (W)": heat}, STAMPS).rename_axis("time").to_csv())
+    assert LogReport(read_log(path)).frame["Q_hvac"].iloc[7] == 9.999
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "role", "told"),
+    [
+        ("solarIntensity", ROOM * 4.0, None, "may be percent, or W/m2 of a dark season"),
+        ("solarIntensity (W/m2)", ROOM * 4.0, "q_sol", "irradiance"),
+        ("q_sol", ROOM * 4.0, "q_sol", "W/m2 is assumed"),
+        ("heatingPower", np.arange(60.0), "u_heat", "as those of a stage; values reach 59: percent is assumed"),
+        ("heatingPower", 30.0 + 0.5 * np.arange(60) * (-1) ** np.arange(60), "Q_heat", "kW is assumed"),
+        ("heatingPower (kW)", np.arange(60.0), "Q_heat", "power or energy"),
+    ],
+)
+def test_percent_without_a_unit_is_neither_irradiance_nor_heat(name, values, role, told):
+    report = LogReport(pd.DataFrame({name: values}, STAMPS))
+    assert report.columns.loc[name, "role"] == role
+    assert told in report.columns.loc[name, "reason"]
+
+
+def test_cooling_with_both_signs_is_the_heat_of_the_plant():
+    frame = pd.DataFrame({"T_za": ROOM, "Cooling power (kW)": np.sin(np.arange(60.0))}, STAMPS)
+    (found,) = (f for f in LogReport(frame).findings if f.level == "error")
+    assert found.text == "goes from -1 to 0.9999 kW: if it heats and cools, give it as Q_hvac, positive where it heats."
+    settings = settings_from(
+        {"name": "z", "columns": {"T_za": "a", "T_oa": "b", "Q_cool": "Cooling power (kW)"}, "step": "1h"}
+    )
+    with pytest.raises(ValueError, match=r"Cooling power \(kW\) \(Q_cool\) is often positive and often negative"):
+        plant_heat(frame.rename(columns={"Cooling power (kW)": "Q_cool"}), settings)
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (
+            "ValueError-like: T_za holds 999 degC: set such values to NaN, or convert the column with "
+            "skhybrid.preprocessing.UnitConverter.",
+            "leave such cells of the log empty, or give its unit under [units] of the configuration.",
+        ),
+        (
+            "UnitWarning: convert it with skhybrid.preprocessing.UnitConverter.",
+            "give its unit under [units] of the configuration.",
+        ),
+    ],
+)
+def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
+    assert without_python(said).endswith(shown)
+    assert "UnitWarning" not in without_python(said)
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("ZONE_TEMP.PV", "T_za"),
+        ("OUTDOOR TEMP.PresentValue", "T_oa"),
+        ("sensor.pv", None),
+        ("R001'RTemp [°C]", "T_za"),
+        ("Puissance CVC (kW)", "Q_hvac"),
+        ("Potencia climatización (kW)", "Q_hvac"),
+        ("Puissance climatisation (kW)", "Q_cool"),
+        ("Consigna calefacción", "T_heat_set"),
+        ("Setpunt koeling", "T_cool_set"),
+        ("drybulb", "T_oa"),
+    ],
+)
+def test_names_of_building_systems(name, role):
+    assert guess_role(name, unit_in_name(name)).role == role
+
+
+def test_outdoor_air_in_tenths_of_a_degree_without_a_room(write):
+    """KNMI writes T in 0.1 degC; on a cold day no value is too high."""
+    outdoor = np.round(60.0 + 70.0 * np.sin(np.arange(60) / 4.0))
+    report = LogReport(pd.DataFrame({"Outdoor temperature": outdoor}, STAMPS))
+    np.testing.assert_allclose(report.frame["T_oa"], outdoor / 10.0)
+    slow = LogReport(pd.DataFrame({"Outdoor temperature": np.round(outdoor / 10.0)}, STAMPS))
+    np.testing.assert_allclose(slow.frame["T_oa"], np.round(outdoor / 10.0))
+
+
+@pytest.mark.parametrize(("name", "hours"), [("period_end", 1), ("time", 0)])
+def test_weather_whose_stamps_end_its_hours(write, name, hours):
+    """Solcast stamps the end; the irradiance of the hour before it belongs to its beginning."""
+    sun = 100.0 + np.arange(60)
+    frame = pd.DataFrame({"air_temp": ROOM, "ghi": sun}, (STAMPS + pd.Timedelta(hours=hours)).rename(name))
+    settings = settings_from({"name": "z", "columns": {"T_za": "a", "T_oa": "b"}, "step": "1h"})
+    found = read_ahead(write(frame.to_csv()), settings, None, 2024)
+    np.testing.assert_allclose(found["q_sol"].reindex(STAMPS[1:-2]), sun[1:-2] / 1000.0)
