@@ -407,6 +407,15 @@ def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
     assert (tmp_path / "kitchen" / "zone.toml").read_text() == given.read_text()
 
 
+def test_zones_that_differ_in_case_only_are_refused(tmp_path):
+    rows = pd.DataFrame({"T_za_Hall": 20.0, "T_za_hall": 21.0}, pd.date_range("2024-01-01", periods=2, freq="1h"))
+    with (
+        forecast_archive.open_archive(tmp_path / "archive.sqlite") as archive,
+        pytest.raises(ValueError, match="the zones Hall and hall differ in upper and lower case only; rename one"),
+    ):
+        archive.add_measured(rows, ["Hall", "hall", "attic"])
+
+
 def test_a_locked_archive_asks_to_try_again(tmp_path, monkeypatch):
     monkeypatch.setattr(_sqlite, "_PATIENCE", 0.0)
     path = tmp_path / "forecasts.db"

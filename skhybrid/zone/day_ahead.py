@@ -132,10 +132,10 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, years: It
     Columns of a CSV that have the names of the log's are read as the log is; others are found by names and values.  An
     EPW is that of some ``years``.
     """
-    if Path(path).suffix.lower() == ".epw":
-        frame = pd.concat([read_weather(path, year=year, **dict(settings.site)) for year in years])
-    elif Path(path).suffix.lower() == ".json" or is_open_meteo_csv(path):
-        frame = read_weather(path, **dict(settings.site))
+    suffix = Path(path).suffix.lower()
+    if suffix in (".epw", ".json") or is_open_meteo_csv(path):
+        stamped: Iterable[int | None] = years if suffix == ".epw" else [None]
+        frame = pd.concat([read_weather(path, year=year, **dict(settings.site)) for year in stamped])
     else:
         given = {} if settings.timezone is None else {"timezone": settings.timezone}
         raw = read_any_log(path, **given)

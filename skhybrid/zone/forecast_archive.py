@@ -186,7 +186,10 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
 
 
 def _of_zones(names: tuple[str, ...], zones: Sequence[str]) -> tuple[str, ...]:
-    """The names of columns of one zone, or of each of several."""
+    """The names of columns of one zone, or of each of several; SQLite takes hall and Hall for one."""
+    lower = [zone.lower() for zone in zones]
+    if alike := [zone for zone in zones if lower.count(zone.lower()) > 1]:
+        raise ValueError(f"the zones {' and '.join(alike)} differ in upper and lower case only; rename one.")
     return tuple(f"{name}_{zone}" for zone in zones for name in names) or names
 
 
