@@ -24,18 +24,10 @@ class LoadPath(NamedTuple):
 
 
 @compiled
-def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead, unforeseen=None):
-    """Least heat that keeps the output in [lowest, highest] (N,) at the end of every step (paper Eq. 16).
-
-    Where the band is one value this is the equation itself.  With ``ahead > 1`` each step applies the heat that, held
-    for so many steps, meets the band at the end of the last of them: heat into a node that is not the measured one
-    would ring otherwise (``control.steps_ahead``).  After the last row forcing and band are held.  An ``unforeseen``
-    forcing (N, n), which comes on top, is held from each step on where heat is sought for it.
-    """
-    N, n = forcing.shape
-    applied, path = np.empty(N), np.empty(N)
-    s, free, held, new = s0.copy(), np.empty(n), np.zeros(n), np.empty(n)
-    effect = np.zeros(2)  # of 1 kW, held, on the output
+def _effect_of_held(A, heat, c, ahead):
+    """(2,) effect on the output of 1 kW that is held for so many steps, where the plant heats and where it cools."""
+    n = len(A)
+    effect, held, new = np.zeros(2), np.zeros(n), np.empty(n)
     for side in range(2):
         held[:] = 0.0
         for _ in range(ahead):
@@ -46,6 +38,21 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
             held[:] = new
         for i in range(n):
             effect[side] += c[i] * held[i]
+    return effect
+
+
+@compiled
+def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahead, unforeseen=None):
+    """Least heat that keeps the output in [lowest, highest] (N,) at the end of every step (paper Eq. 16).
+
+    Where the band is one value this is the equation itself.  With ``ahead > 1`` each step applies the heat that, held
+    for so many steps, meets the band at the end of the last of them: heat into a node that is not the measured one
+    would ring otherwise (``control.steps_ahead``).  After the last row forcing and band are held.  An ``unforeseen``
+    forcing (N, n), which comes on top, is held from each step on where heat is sought for it.
+    """
+    N, n = forcing.shape
+    applied, path = np.empty(N), np.empty(N)
+    s, free, new, effect = s0.copy(), np.empty(n), np.empty(n), _effect_of_held(A, heat, c, ahead)
     for k in range(N):
         free[:] = s
         last = k
