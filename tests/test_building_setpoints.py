@@ -24,7 +24,8 @@ LEVELS = (0.1, 0.9)
 def few_trees():
     """The law of a week is learned in an instant."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(boosted_trees.SETTINGS, "max_iter", 5)
+        for name, few in (("max_iter", 5), ("max_bins", 7)):
+            patch.setitem(boosted_trees.SETTINGS, name, few)
         yield
 
 
