@@ -18,6 +18,7 @@ from ..thermal import RCNetwork
 from .known_rows import KnownRows
 from .plausible_range import PlausibleRange
 
+NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
 #: boundary temperatures (n_origins, n_leads) [degC] by role, in place of those that a table has ahead
 Boundary = Mapping[str, np.ndarray] | None
 
@@ -136,6 +137,11 @@ class Scheme(ABC):
     def planned_boundaries(self) -> tuple[str, ...]:
         """Boundary temperatures that a plan may hold."""
         return ()
+
+    @property
+    def unforeseen(self) -> tuple[str, ...]:
+        """Boundary temperatures that nobody knows ahead: those of neighbours."""
+        return tuple(role for role in self.planned_boundaries if role.startswith(NEXT))
 
     @abstractmethod
     def stages(self) -> dict[str, float]:

@@ -46,16 +46,19 @@ def measured_and_setpoint(forecast: pd.DataFrame) -> dict[str, Any]:
     return {"measured": measured if "T_za" in measured else None, "setpoint": held}
 
 
-def weeks_figure(frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta, width: float = 9.0) -> Any:
-    """Measured and forecast temperature of each zone over the last days of back-tests; ``width`` [in]."""
+def weeks_figure(
+    frames: Mapping[str, pd.DataFrame], shown: pd.Timedelta, width: float = 9.0, unit: str = "degC"
+) -> Any:
+    """Measured and forecast temperature, or load, of each zone over the last days of back-tests; ``width`` [in]."""
     first = next(iter(frames.values()))
     n_zones = first["zone"].nunique()
     n_columns = 1 if width < NARROW else min(2, n_zones)
     figure, axes = _panels(-(-n_zones // n_columns), n_columns, width)
     panels = axes.ravel()[:n_zones]
     ForecastDisplay.from_predictions(frames, ax=panels, start=first["time"].max() - shown)
-    for ax in panels:
+    for ax, zone in zip(panels, first["zone"].unique(), strict=True):
         ax.set_xlabel("")
+        ax.set_ylabel(f"{zone} [{unit}]" if n_zones > 1 else ax.get_ylabel())
     for spare in axes.ravel()[n_zones:]:
         spare.set_axis_off()
         panels[-n_columns].tick_params(labelbottom=True)

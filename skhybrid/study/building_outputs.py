@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from .building_setpoints import zones_setpoints_known
 from .building_study import BuildingResult, verdicts_by_zone
 from .compared_models import HYBRID
 from .identified_building import identified_only
@@ -25,34 +26,46 @@ def write_building(
 
     As :func:`write_outputs` for one zone.
     """
+    held = result.setpoints_known
+    shown, more = (result.frames[HYBRID], None) if held is None else (held.whole.frame, held.whole.columns)
     with staged_files(folder, before_swap) as staged:
-        write_tables(result, staged, _identified(result), building_metrics(result))
+        write_tables(result, staged, _identified(result), building_metrics(result), more)
         write_building_report(staged / "report.html", result)
-        save_png(weeks_figure({HYBRID: result.frames[HYBRID]}, SHOWN), staged / "forecast.png")
+        save_png(weeks_figure({HYBRID: shown}, SHOWN), staged / "forecast.png")
     return [Path(folder) / name for name in NAMES]
 
 
 def building_metrics(result: BuildingResult) -> str:
     """Errors, verdicts and settings of a study of several zones as JSON."""
+    held = result.setpoints_known
     return metrics_of(
         result,
         f"{zones_in_words(result.verdicts)} {verdict(result.table, HYBRID)}",
         verdicts_by_zone(result.verdicts),
+        setpoints_known=None if held is None else held.as_dict(),
         zones=result.zones.to_dict(orient="index"),
         building={} if result.identified is None else identified_content(result.identified),
     )
 
 
 def format_zones(result: BuildingResult) -> str:
-    """The errors of each zone by model as text, the worst verdict first."""
+    """The errors of each zone by model as text, the worst verdict first; before them those without the heat known."""
     models = [label for label in result.table.index if label in result.frames]
     loads = ["load_rmse", "load_yesterday"] if result.zones["load_rmse"].notna().any() else []
     table = result.zones[[*models, "coverage", *loads]].astype(float)
     unit = "kW" if result.scaled else "-"
     named = {"coverage": "in 80 % band", "load_rmse": f"load [{unit}]", "load_yesterday": f"its day before [{unit}]"}
-    head = "RMSE of the temperature [K] by model:"
-    shown = table.rename(columns=named).T.to_string(na_rep="-", float_format="{:.3f}".format)
-    return f"{head}\n{shown}\n\n{verdict(result.table, HYBRID)}"
+    head, held, words = "RMSE of the temperature [K] by model", result.setpoints_known, verdict(result.table, HYBRID)
+    known = f"{head}:\n{_as_text(table.rename(columns=named))}\n\n{words}"
+    if held is None:
+        return known
+    first = zones_setpoints_known(held).loc[result.zones.index]
+    return f"known: weather, set-points\n{_as_text(first)}\n\n{held.whole.words}\n\nknown: weather, heat\n{known}"
+
+
+def _as_text(table: pd.DataFrame) -> str:
+    """A table with a column per zone."""
+    return table.T.to_string(na_rep="-", float_format="{:.3f}".format)
 
 
 def _identified(result: BuildingResult) -> pd.DataFrame:

@@ -15,8 +15,9 @@ from .._warnings import recorded_warnings, warnings_dropped
 from ..exceptions import PlanWarning
 from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
+from .building_setpoints import ZonesSetpointsKnown, unusable_day, zone_of
 from .compared_models import HYBRID, YESTERDAY, make_models
-from .data import StudyData, without_setpoints
+from .data import StudyData, setpoints_of, without_setpoints
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
@@ -48,6 +49,7 @@ class BuildingResult:
     forecast: pd.DataFrame  # the next day; names end with the zone's
     verdicts: dict[str, list[Verdict]]  # by zone, in the order of ``zones``
     identified: IdentifiedRooms | None = None  # None where the rooms could not be identified
+    setpoints_known: ZonesSetpointsKnown | None = None  # None without set-points
     warnings: list[str] = field(default_factory=list)  # each once
     seconds: float = 0.0
 
@@ -98,9 +100,11 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
     refuse_holes(data, settings)
     begun = time.perf_counter()
     remarks = list(data.remarks)
-    say = counted(progress, N_STEPS + 2)
+    say = counted(progress, N_STEPS + 3)
     with recorded_warnings() as caught:
         model, frames, seconds = backtest_zones(settings, data.train, data.later, data.test_start, say, remarks)
+        say("back-test with only the set-points known")
+        held = under_setpoints(model, settings, (data.train, data.later), data.test_start, frames, remarks)
         say("identification of the rooms")
         identified = None
         try:
@@ -109,10 +113,11 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
             remarks.append(f"the rooms were not identified: {error}")
         say("loads, and forecast of the next day")
         loads = _loads(model, settings, data)
-        if model.shared_plants_:
-            remarks.append(f"loads are left out: the zones share the plant of the column {model.shared_plants_[0]}")
-        forecast = _next_day(model, settings, data, has_intervals(frames[HYBRID]))
-        verdicts = {zone: _judged(model, settings, data, frames, zone, loads.get(zone)) for zone in settings.zones}
+        of_day = _of_day(held, settings, data, remarks)
+        forecast = _next_day(model, settings, data, has_intervals(frames[HYBRID]), of_day)
+        verdicts = {
+            zone: _judged(model, settings, data, frames, zone, loads.get(zone), held, of_day) for zone in settings.zones
+        }
     zones = zone_table(frames, verdicts).join(_load_table(loads, data, settings))
     return BuildingResult(
         settings,
@@ -124,6 +129,7 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
         forecast,
         {str(zone): verdicts[str(zone)] for zone in zones.index},
         identified,
+        held,
         each_once(remarks, caught),
         time.perf_counter() - begun,
     )
@@ -221,15 +227,49 @@ def _judged(
     frames: Mapping[str, pd.DataFrame],
     zone: str,
     loads: ZoneLoads | None,
+    held: ZonesSetpointsKnown | None,
+    of_day: bool,
 ) -> list[Verdict]:
     """The verdicts on a zone's temperature and, where something heats or cools it, its load."""
     own = data_of(data, settings, zone)
-    doubts = Doubts.of(model.own_[zone], data.later, own)
+    doubts = Doubts.of(model.own_[zone], data.later, own, setpoints_known=of_day)
+    if held is not None:
+        scaled = is_scaled(own.train, settings.capacities)
+        return held.zones[zone].verdicts(zone_of(frames[YESTERDAY], zone), doubts, scaled=scaled)
     out = [judge_zone(frames, zone, doubts.temperature)]
     if loads is not None:
         given: dict[str, Any] = {"scaled": is_scaled(own.train, settings.capacities), "doubts": doubts.load}
         out.append(judge_load(loads.own.values, loads.rules, loads.delivered.values, data.test_start, **given))
     return out
+
+
+def under_setpoints(
+    model: BuildingPredictor,
+    settings: Settings,
+    spans: tuple[pd.DataFrame, pd.DataFrame],
+    start: pd.Timestamp,
+    frames: Mapping[str, pd.DataFrame],
+    remarks: list[str],
+) -> ZonesSetpointsKnown | None:
+    """The back-test in which the heat is not known, of two ``spans``: training, and the rows after it.
+
+    Of zones that share a plant a remark says that there is none.
+    """
+    if model.shared_plants_:
+        has_setpoints = any(role in spans[1] for role in settings.setpoints)
+        what = "loads and forecasts with only the set-points known" if has_setpoints else "loads"
+        remarks.append(f"{what} are left out: the zones share the plant of the column {model.shared_plants_[0]}")
+    return ZonesSetpointsKnown.of(model, spans, start, frames[YESTERDAY], settings, remarks)
+
+
+def _of_day(held: ZonesSetpointsKnown | None, settings: Settings, data: StudyData, remarks: list[str]) -> bool:
+    """Whether the next day is forecast under its set-points; a day to come is under its planned heat."""
+    if held is None or not data.held_out:
+        return False
+    why_not = unusable_day(data.future, settings)
+    if why_not:
+        remarks.append(f"the next day is forecast under its known heat: {why_not}")
+    return not why_not
 
 
 def _loads(model: BuildingPredictor, settings: Settings, data: StudyData) -> dict[str, ZoneLoads]:
@@ -287,25 +327,37 @@ def _of_all(
     return table.rename_axis("model")
 
 
-def _next_day(model: BuildingPredictor, settings: Settings, data: StudyData, with_intervals: bool) -> pd.DataFrame:
-    """Temperatures under the known control, with intervals, and the loads that hold the set-points."""
+def _next_day(
+    model: BuildingPredictor, settings: Settings, data: StudyData, with_intervals: bool, of_day: bool
+) -> pd.DataFrame:
+    """Temperatures and loads, with intervals, under the set-points where ``of_day``, else under the known control."""
+    quantiles = INTERVAL if with_intervals else None
     temperatures = settings.roles_of("T_za")
     ahead = data.future.drop(columns=temperatures)
-    with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
-        out = model.forecast(data.history, ahead, quantiles=INTERVAL if with_intervals else None)
-    heated = [zone for zone in settings.zones if plant_roles(rows_of(ahead, settings, zone))]
-    whole = pd.concat([data.history, data.future.assign(**dict.fromkeys(temperatures, np.nan))])
-    if heated and not model.shared_plants_:
-        held = {zone: data.setpoint[zone].to_numpy() for zone in heated}
-        found = model.predict_load(whole, held).loc[ahead.index]
-        wanted = [name for name in found if is_plant(str(name)) and name not in out]
-        out = out.join(found[wanted])
+    if of_day:
+        out = model.forecast(data.history, ahead.drop(columns=plant_roles(ahead)), quantiles=quantiles)
+    else:
+        with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
+            out = model.forecast(data.history, ahead, quantiles=quantiles)
+        out = out.join(_required(model, settings, data).drop(columns=out.columns, errors="ignore"))
     for zone, role in zip(settings.zones, temperatures, strict=True):
-        out[f"setpoint_{zone}"] = data.setpoint[zone].loc[ahead.index]
+        rows = rows_of(data.future, settings, zone)
+        held = setpoints_of(rows) if of_day else data.setpoint[[zone]].loc[ahead.index].set_axis(["setpoint"], axis=1)
+        out = out.join(held.add_suffix(f"_{zone}"))
         if data.held_out:
             out[f"T_za_measured_{zone}"] = data.future[role]
-            rows = rows_of(data.future, settings, zone)
             delivered = load_of(rows, settings, plant_roles(rows))
             if delivered is not None and delivered.unit == "kW":
                 out[f"Q_hvac_delivered_{zone}"] = delivered.values
     return out.rename_axis("time")
+
+
+def _required(model: BuildingPredictor, settings: Settings, data: StudyData) -> pd.DataFrame:
+    """The loads of the next day that hold the set-points of ``[load]``; no columns where zones share a plant."""
+    heated = [zone for zone in settings.zones if plant_roles(rows_of(data.future, settings, zone))]
+    if not heated or model.shared_plants_:
+        return pd.DataFrame(index=data.future.index)
+    unmeasured = data.future.assign(**dict.fromkeys(settings.roles_of("T_za"), np.nan))
+    held = {zone: data.setpoint[zone].to_numpy() for zone in heated}
+    found = model.predict_load(pd.concat([data.history, unmeasured]), held).loc[data.future.index]
+    return found[[name for name in found if is_plant(str(name))]]

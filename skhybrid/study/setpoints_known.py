@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -49,31 +49,62 @@ class SetpointsKnown(NamedTuple):
 
         None without a plant or set-points in the log; where no thermostat was learned, a remark says why.
         """
-        roles = plant_roles(data.later)
-        if not roles or setpoints_of(data.later).empty:
+        if not plant_roles(data.later) or setpoints_of(data.later).empty:
             return None
-        spans = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
-        try:
-            frame = backtest_with_intervals(model, rows, data.later["T_za"], remarks, heat_known=False, **spans)
-        except ValueError as error:
-            remarks.append(f"forecasts with only the set-points known were not tested: {error}")
-            return None
-        past = load_of(pd.concat([data.train, data.later]), settings, roles)
+        frame = backtest_under_setpoints(model, rows, data.later["T_za"], data.test_start, settings, remarks)
+        past = pd.concat([data.train, data.later])
+        return None if frame is None else cls.of_backtest(frame, past, yesterday, settings)
+
+    @classmethod
+    def of_backtest(cls, frame: pd.DataFrame, past: pd.DataFrame, yesterday: pd.DataFrame, settings: Settings) -> Self:
+        """A back-test of one zone beside the rules, which know the ``past`` rows; without a plant it has no load."""
+        roles = plant_roles(past)
+        load = load_of(past, settings, roles)
+        if load is None:
+            return cls._beside(frame, pd.Series(np.nan, frame.index), {}, "kW", yesterday, None)
         measured, own = (_load_in(frame, ending, settings, roles) for ending in ("_true", "_pred"))
-        assert past is not None  # as the log has a plant
-        loads = {HYBRID: own, **past_loads(past.values, frame)}
-        table = error_table(errors_by_model({HYBRID: frame, YESTERDAY: yesterday})).reindex([*loads, YESTERDAY])
-        errors = pd.DataFrame(loads).sub(measured, axis=0).dropna(axis=1, how="all").dropna()
-        table = table.assign(load_rmse=np.sqrt((errors**2).mean()), note=pd.Series(_NOTES))
-        return cls(
-            frame,
-            measured,
-            loads,
-            past.unit,
-            table.sort_values(["rmse", "load_rmse"]).rename_axis("model"),
-            coverage_of(frame),
-            _load_coverage(frame, measured) if roles == ["Q_hvac"] and has_intervals(frame) else None,
+        coverage = _load_coverage(frame, measured) if roles == ["Q_hvac"] and has_intervals(frame) else None
+        return cls._beside(
+            frame, measured, {HYBRID: own, **past_loads(load.values, frame)}, load.unit, yesterday, coverage
         )
+
+    @classmethod
+    def together(cls, zones: Mapping[str, Self], yesterday: pd.DataFrame) -> Self:
+        """Zones as one, whose back-test has a column ``zone``; without loads where those have several units."""
+        frame = pd.concat([one.frame.assign(zone=zone) for zone, one in zones.items()], ignore_index=True)
+        parts = list(zones.values())
+        loaded = [one for one in parts if one.loads]
+        units = {one.unit for one in loaded}
+        names = loaded[0].loads if len(units) == 1 else {}
+
+        def joined(name: str) -> pd.Series:
+            return pd.concat([one.loads.get(name, one.load) for one in parts], ignore_index=True)
+
+        loads = {name: joined(name) for name in names}
+        measured = pd.concat([one.load for one in parts], ignore_index=True)
+        contained = [one.load_coverage for one in loaded if one.load_coverage is not None]
+        known = [one.load.notna().sum() for one in loaded]
+        whole = len(contained) == len(loaded) > 0 and sum(known) > 0
+        coverage = float(np.average(contained, weights=known)) if whole else None
+        return cls._beside(frame, measured, loads, units.pop() if len(units) == 1 else "kW", yesterday, coverage)
+
+    @classmethod
+    def _beside(
+        cls,
+        frame: pd.DataFrame,
+        measured: pd.Series,
+        loads: dict[str, pd.Series],
+        unit: str,
+        yesterday: pd.DataFrame,
+        load_coverage: float | None,
+    ) -> Self:
+        """A back-test with the errors of its loads, and of the temperature of a day before."""
+        table = error_table(errors_by_model({HYBRID: frame, YESTERDAY: yesterday}))
+        table = table.reindex(list(dict.fromkeys([HYBRID, *loads, YESTERDAY])))
+        errors = pd.DataFrame(loads, frame.index).sub(measured, axis=0).dropna(axis=1, how="all").dropna()
+        table = table.assign(load_rmse=np.sqrt((errors**2).mean()), note=pd.Series(_NOTES))
+        table = table.sort_values(["rmse", "load_rmse"]).rename_axis("model")
+        return cls(frame, measured, loads, unit, table, coverage_of(frame), load_coverage)
 
     @property
     def load_name(self) -> str:
@@ -84,12 +115,17 @@ class SetpointsKnown(NamedTuple):
     def words(self) -> str:
         """Errors of temperature and load in one sentence, beside those of the best rules."""
         rules = self.table.drop(index=HYBRID)
-        best = rules["load_rmse"].idxmin()
         own, unit = self.table.loc[HYBRID], f" {self.unit}".removesuffix(" -")
-        return (
+        of_temperature = (
             f"With the weather and the set-points known, and the heat not, the {HYBRID} model errs by "
-            f"{own['rmse']:.2f} K (the temperature a day before: {rules['rmse'].min():.2f} K), and its "
-            f"{self.load_name} by {own['load_rmse']:.2f}{unit} ({best}: {rules['load_rmse'].min():.2f}{unit})."
+            f"{own['rmse']:.2f} K (the temperature a day before: {rules['rmse'].min():.2f} K)"
+        )
+        if not self.loads:
+            return f"{of_temperature}."
+        best = rules["load_rmse"].idxmin()
+        return (
+            f"{of_temperature}, and its {self.load_name} by {own['load_rmse']:.2f}{unit} "
+            f"({best}: {rules['load_rmse'].min():.2f}{unit})."
         )
 
     @property
@@ -97,7 +133,8 @@ class SetpointsKnown(NamedTuple):
         """The forecasts of the back-test, to be put beside those under known heat."""
         of_temperature = {"y_pred": HYBRID} | {name: name for name in quantile_columns(INTERVAL)}
         names = {name: f"{shown}, set-points known" for name, shown in of_temperature.items()}
-        return self.frame.drop(columns=["origin", "lead", "time", "y_true"]).rename(columns=names)
+        shared = ["origin", "lead", "time", "y_true", "zone"]
+        return self.frame.drop(columns=shared, errors="ignore").rename(columns=names)
 
     def as_dict(self) -> dict[str, Any]:
         """Errors and coverage as plain values."""
@@ -112,11 +149,22 @@ class SetpointsKnown(NamedTuple):
         """The verdicts on temperature and load, beside the back-test of ``yesterday`` and the rules."""
         errors = {name: load - self.load for name, load in self.loads.items()}
         given: dict[str, Any] = {"scaled": scaled, "coverage": self.load_coverage, "doubts": doubts.load}
-        found = [
-            judge_temperature(self.frame, yesterday, self.coverage, doubts.temperature),
-            judge_load_errors(errors.pop(HYBRID), errors, self.frame["origin"], **given),
-        ]
+        found = [judge_temperature(self.frame, yesterday, self.coverage, doubts.temperature)]
+        if errors:
+            found.append(judge_load_errors(errors.pop(HYBRID), errors, self.frame["origin"], **given))
         return [one._replace(reasons=(KNOWN, *one.reasons)) for one in found]
+
+
+def backtest_under_setpoints(
+    model: Any, rows: Any, T: Any, start: pd.Timestamp, settings: Settings, remarks: list[str]
+) -> pd.DataFrame | None:
+    """A back-test with only the set-points known, with intervals where there are some; else a remark says why not."""
+    spans = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": start}
+    try:
+        return backtest_with_intervals(model, rows, T, remarks, heat_known=False, **spans)
+    except ValueError as error:
+        remarks.append(f"forecasts with only the set-points known were not tested: {error}")
+        return None
 
 
 def unusable_setpoints(day: pd.DataFrame) -> str:

@@ -8,7 +8,15 @@ import numpy as np
 import pandas as pd
 
 from ..model_selection import backtest
-from ..study.building_study import N_STEPS, backtest_zones, judge_zone, verdicts_by_zone, zone_table
+from ..study.building_setpoints import zone_of
+from ..study.building_study import (
+    N_STEPS,
+    backtest_zones,
+    judge_zone,
+    under_setpoints,
+    verdicts_by_zone,
+    zone_table,
+)
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
 from ..study.data import StudyData, with_facades, without_setpoints
 from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
@@ -18,6 +26,7 @@ from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings, is_scaled
 from ..study.spans import train_and_test
 from ..study.verdict import Verdict
+from ..study.zone_part import rows_of
 from .dead_meters import without_dead_meters
 from .outages import complete_rows
 
@@ -90,15 +99,25 @@ def _loads(predictor: Any, settings: Settings, data: StudyData, delivered: Load)
 def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progress | None = None) -> ZoneBacktest:
     """Fit on the training rows, forecast from every origin of the test, and compare, zone by zone.
 
-    The result has the errors of all zones together and of each, without loads.  ``progress`` as for :func:`run_study`.
+    The result has the errors of all zones together and of each; loads only with the set-points known.  ``progress`` as
+    for :func:`run_study`.
     """
     alive = without_dead_meters(frame, settings)
     rows = complete_rows(with_facades(alive, settings), settings.roles_of("T_za"))
     train, test = train_and_test(rows, settings)
     later = rows.loc[train.index[-1] : test.index[-1]].iloc[1:]
-    say = counted(progress, N_STEPS)
-    _, frames, _ = backtest_zones(settings, train, later, test.index[0], say, [])
+    say, remarks = counted(progress, N_STEPS + 1), list[str]()
+    model, frames, _ = backtest_zones(settings, train, later, test.index[0], say, remarks)
+    say("back-test with only the set-points known")
+    held = under_setpoints(model, settings, (train, later), test.index[0], frames, remarks)
     verdicts = {zone: [judge_zone(frames, zone)] for zone in settings.zones}
     of_each = zone_table(frames, verdicts)[list(frames)].loc[settings.zones].T.add_prefix("rmse_")
     table = error_table(errors_by_model(frames)).join(of_each).sort_values("rmse").rename_axis("model")
-    return ZoneBacktest(table, frames[HYBRID], coverage_of(frames[HYBRID]), tuple(verdicts_by_zone(verdicts)), "")
+    own, coverage, whole = frames[HYBRID], coverage_of(frames[HYBRID]), None
+    if held is not None:
+        own, whole = own.join(held.whole.columns), held.with_zones
+        for zone, one in held.zones.items():
+            scaled = is_scaled(rows_of(train, settings, zone), settings.capacities)
+            verdicts[zone] = one.verdicts(zone_of(frames[YESTERDAY], zone), Doubts([], []), scaled=scaled)
+    found = tuple(verdicts_by_zone(verdicts))
+    return ZoneBacktest(table, own, coverage, found, "", whole, tuple(dict.fromkeys(remarks)))

@@ -13,9 +13,9 @@ import pandas as pd
 from ..._last_known import carried_forward
 from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, is_plant, listed, numeric, role_of
 from ...thermal.joined_rooms import checked_pairs
+from ..scheme import NEXT as NEXT
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
-NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
 _SETPOINTS = tuple(f"{role}_" for role in SETPOINT_ROLES)
 _MOST_FOUND = 3  # neighbours of a zone that are taken from data
 _LEAST_CORRELATION = 0.2  # of the temperatures' changes

@@ -20,7 +20,6 @@ from ...forecasting.quantiles import path_clock
 from ...forecasting.weather_error import WeatherError
 from ...forecasting.weather_spread import weather_spreads
 from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
-from ..building.zone_columns import NEXT
 from ..known_rows import KnownRows
 from ..scheme import Boundary, Scheme
 from ..setpoint_columns import band_of
@@ -120,7 +119,7 @@ class ClosedLoop:
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
         capacity = PlantCapacity.of(scheme, training, heat)
         loads_from = scheme.adapting(None).load_paths_from(training, origins)
-        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range, unforeseen=_unforeseen(scheme)))
+        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range, unforeseen=scheme.unforeseen))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_FIT_SHARE * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
@@ -166,13 +165,11 @@ class ClosedLoop:
         laws = refits.known(rows, weeks, numbers) if scheme.adapt == "full" else dict.fromkeys(numbers, refits.law)
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
-        loads_from, asked = scheme.load_paths_from(table, every), self._asked(scheme, rows)
-        n_ideal = max(n_leads, self.n_leads)
-        ideal = IdealPaths(every, loads_from(every, n_ideal, asked))
-        free = ideal.of(origins)
-        if boundary:  # the past knows what was measured
-            asked = asked._replace(boundary=boundary)
-            free = loads_from(origins, n_ideal, asked)
+        loads_from, n_ideal = scheme.load_paths_from(table, every), max(n_leads, self.n_leads)
+        asked = WantedPaths(rows.band, self._capacity.range, unforeseen=scheme.unforeseen)
+        ideal = IdealPaths(every, loads_from(every, n_ideal, asked))  # the past knows what was measured
+        asked = asked._replace(boundary=boundary or {})
+        free = loads_from(origins, n_ideal, asked) if boundary else ideal.of(origins)
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
         for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
@@ -218,10 +215,6 @@ class ClosedLoop:
             return np.concatenate(self.paths(once, table, origin, n_leads, None, limits, None, ahead).paths[:2])
 
         return weather_spreads(weather, table, origins, n_leads, both)
-
-    def _asked(self, scheme: Scheme, rows: LawRows) -> WantedPaths:
-        """What the network's ideal thermostat is asked for."""
-        return WantedPaths(rows.band, self._capacity.range, unforeseen=_unforeseen(scheme))
 
     def rows_back(self, known: KnownRows) -> int:
         """Largest number of known rows that a forecast reads."""
@@ -315,11 +308,6 @@ class _Wanted(NamedTuple):
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
     limits: tuple[float, float] = (-np.inf, np.inf)
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
-
-
-def _unforeseen(scheme: Scheme) -> tuple[str, ...]:
-    """Boundary temperatures that are not known ahead: those of neighbours."""
-    return tuple(role for role in scheme.planned_boundaries if role.startswith(NEXT))
 
 
 def _between(paths: LoadPaths, others: LoadPaths, n_leads: int) -> np.ndarray:

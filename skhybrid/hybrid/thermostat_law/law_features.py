@@ -11,7 +11,7 @@ from ..._table import ZoneTable
 from ..._time import hour_of_day, rows_per_day
 from ...control import Band, LoadPaths
 from ...forecasting.features import clock_changes, rows_back, same_slot, span_means
-from ..building.zone_columns import NEXT
+from ..scheme import NEXT
 
 _WEEK = 7  # days
 #: spans over which inputs are averaged, and back and ahead to which set-points are compared [h]

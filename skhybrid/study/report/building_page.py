@@ -10,13 +10,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..._table import SETPOINT_ROLES
+from ..building_setpoints import zones_setpoints_known
 from ..building_study import ALONE, BuildingResult, worst
 from ..compared_models import HYBRID
 from ..identified_building import identified_only
 from ..scores import has_intervals
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
-from .figures import NARROW, days_figure, errors_figure, in_two_widths, lead_figure, map_figure, weeks_figure
+from .figures import (
+    NARROW,
+    days_figure,
+    errors_figure,
+    in_two_widths,
+    lead_figure,
+    loads_backtest,
+    map_figure,
+    weeks_figure,
+)
 from .html import day_energy, html_cards, html_table, results_table, verdict_boxes, write_sections
 from .words import day_words, flat, lead_groups, number, percent, verdict
 
@@ -31,7 +42,14 @@ ZONE_STYLE = """<style>
 
 def write_building_report(path: str | PathLike[str], result: BuildingResult) -> None:
     """Write a study of several zones as one self-contained HTML file, in one step."""
-    sections = [_head(result), _map(result), _tomorrow(result), _accuracy(result), _building(result)]
+    sections = [
+        _head(result),
+        _map(result),
+        _tomorrow(result),
+        _setpoints_known(result),
+        _accuracy(result),
+        _building(result),
+    ]
     listed = {**result.data.spans(result.frames[HYBRID]), **flat(result.settings.as_dict())}
     write_sections(path, result.settings.name, sections, result.warnings, listed, ZONE_STYLE)
 
@@ -66,14 +84,18 @@ def zones_in_words(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
 
 
 def _head(result: BuildingResult) -> str:
-    own = result.table.loc[HYBRID]
+    held, sentences = result.setpoints_known, [verdict(result.table, HYBRID)]
+    own, errors, in_kw = result.table.loc[HYBRID], result.zones[HYBRID], True
+    if held is not None:
+        own, in_kw = held.whole.table.loc[HYBRID], held.whole.unit == "kW"
+        errors = pd.Series({zone: one.table.loc[HYBRID, "rmse"] for zone, one in held.zones.items()})
+        sentences = [held.whole.words, f"With the heat known too: {sentences[0]}"]
     n_origins = result.frames[HYBRID]["origin"].nunique()
-    worst_zone = str(result.zones[HYBRID].idxmax())
     cards = [
         (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the hybrid model, {n_origins} forecasts"),
-        (f"{result.zones[HYBRID].max():.2f} K", f"largest error of a zone: {worst_zone}"),
+        (f"{errors.max():.2f} K", f"largest error of a zone: {errors.idxmax()}"),
     ]
-    if np.isfinite(own["load_rmse"]):
+    if in_kw and np.isfinite(own["load_rmse"]):
         cards.append((f"{own['load_rmse']:.2f} kW", "error of a zone's heating or cooling load (RMSE)"))
     temperatures = result.forecast[result.settings.roles_of("T_za")]
     low, high = (float(end) for end in (temperatures.to_numpy().min(), temperatures.to_numpy().max()))
@@ -85,7 +107,8 @@ def _head(result: BuildingResult) -> str:
         f'<p class="soft">skhybrid: day-ahead forecast of {len(result.verdicts)} zones</p>'
         f"<h1>{escape(result.settings.name)}</h1>\n"
         f'<p class="verdict">{escape(zones_in_words(result.verdicts))}</p>\n{zone_boxes(result.verdicts)}'
-        f"<p>{escape(verdict(result.table, HYBRID))}</p>\n{html_cards(cards)}"
+        + "".join(f"<p>{escape(sentence)}</p>\n" for sentence in sentences)
+        + html_cards(cards)
     )
 
 
@@ -109,7 +132,8 @@ def _map(result: BuildingResult) -> str:
         " A dashed line joins neighbours whose exchange the log does not determine." if None in pairs.values() else ""
     )
     return (
-        f"<h2>Rooms</h2>\n<p>{source}{lines}{dashed} The darker a room, the larger the error of its forecast.</p>\n"
+        f"<h2>Rooms</h2>\n<p>{source}{lines}{dashed} The darker a room, the larger the error of its forecast with "
+        "the heat known.</p>\n"
         + in_two_widths(
             lambda width: map_figure(pairs, by_zone, width), "Rooms, the RMSE of each, and what they exchange.", "rooms"
         )
@@ -148,14 +172,54 @@ def _tomorrow(result: BuildingResult) -> str:
     held = " (here the temperatures that were measured)" if measured else ""
     shaded = has_intervals(result.frames[HYBRID])
     band = " Four out of five measurements should lie in the shaded interval." if shaded else ""
-    words = (
-        f"{day} The temperatures assume the logged or planned heating and cooling. The loads are the heat that would "
-        f"hold the set-points{held}, within the limits of the plant.{band}"
+    how = (
+        "The temperatures assume the logged or planned heating and cooling. The loads are the heat that would hold the "
+        f"set-points{held}, within the limits of the plant."
     )
+    if any(str(name).startswith(SETPOINT_ROLES) for name in result.forecast):
+        how = "All curves are forecast from the weather and the set-points of that day, by the learned thermostats."
+    words = f"{day} {how}{band}"
     power = "kW" if result.scaled else "relative"
     parts = {zone: forecast_of(result.forecast, result.settings, zone) for zone in result.settings.zones}
     return f"<h2>Forecast for {escape(day_words(result.forecast.index))}</h2>\n<p>{words}</p>\n" + in_two_widths(
         lambda width: days_figure(parts, width, power), "Forecast of each zone: temperature and load.", "day"
+    )
+
+
+def _setpoints_known(result: BuildingResult) -> str:
+    """The section on forecasts as they are used, in which the heat is not known ahead."""
+    held = result.setpoints_known
+    if held is None:
+        return ""
+    table = zones_setpoints_known(held).loc[result.zones.index]
+    in_percent = [str(name).endswith("band") for name in table]
+    rows = [
+        (str(zone), *(percent(v) if share else number(v, 2) for v, share in zip(row, in_percent, strict=True)))
+        for zone, row in table.iterrows()
+    ]
+    whole, loaded = held.whole, {zone: one for zone, one in held.zones.items() if one.loads}
+    loads = [
+        loads_backtest(one.frame, one.load, one.loads[HYBRID], one.unit).assign(zone=zone)
+        for zone, one in loaded.items()
+    ]
+    power = "kW" if result.scaled else "relative"
+
+    def of(frame: pd.DataFrame, what: str, name: str, unit: str) -> str:
+        return in_two_widths(
+            lambda width: weeks_figure({HYBRID: frame}, _SHOWN["narrow" if width == NARROW else "wide"], width, unit),
+            f"Measured and forecast {what} of each zone on the last test days, with only the set-points known.",
+            name,
+        )
+
+    return (
+        "<h2>Accuracy in daily use</h2>\n<p>Here each forecast was given the weather and the set-points, but neither "
+        "the heat nor the temperature of any zone measured after it started. Thermostats and plants act as they were "
+        "learned on the training days, and neighbours are as forecast.</p>\n"
+        + by_zone(["zone", *map(str, table)], rows)
+        + of(whole.frame, "temperature", "used", "degC")
+        + of(pd.concat(loads, ignore_index=True), whole.load_name, "loads", power)
+        + "<p>All zones together:</p>\n"
+        + results_table(whole.table, whole.unit == "kW", whole.load_name)
     )
 
 
@@ -166,7 +230,8 @@ def _accuracy(result: BuildingResult) -> str:
     best = shown[:_MOST_MODELS]
     hybrid = {HYBRID: result.frames[HYBRID]}
     return (
-        "<h2>Accuracy</h2>\n<p>Each model was fitted on the training days only. It then forecast the test days "
+        "<h2>Accuracy with the heat known</h2>\n"
+        "<p>Each model was fitted on the training days only. It then forecast the test days "
         f"{hours:g} hours ahead, given the weather and the heating and cooling of those hours, but no temperature of "
         "any zone measured after it started. All models are compared at the same times.</p>\n"
         + _zone_table(result, shown)

@@ -100,12 +100,17 @@ def held_figure(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str,
     """Temperature and load over the last days of a back-test under set-points; ``load`` is measured [unit]."""
     figure, axes = blank_axes(2, (WIDE, 5.6))
     _draw_backtest(axes[0], {HYBRID: frame}, shown)
-    banded = unit == "kW" and "Q_total_pred" not in frame  # beside stages the load may be the meter's part alone
-    bands = {f"q_{level}": frame[f"Q_hvac_{level}"] for level in (0.1, 0.9) if banded and f"Q_hvac_{level}" in frame}
-    loads = frame[["origin", "lead", "time"]].assign(y_true=load, y_pred=own, **bands)
+    loads = loads_backtest(frame, load, own, unit)
     _draw_backtest(axes[1], {HYBRID: loads}, shown)
     axes[1].set_ylabel("heat [kW]" if unit == "kW" else "stages [-]")
     return figure
+
+
+def loads_backtest(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str) -> pd.DataFrame:
+    """A back-test of the load, ``own`` beside the measured ``load`` [unit], with an interval where it is of the whole."""
+    banded = unit == "kW" and "Q_total_pred" not in frame  # beside stages the load may be the meter's part alone
+    bands = {f"q_{level}": frame[f"Q_hvac_{level}"] for level in (0.1, 0.9) if banded and f"Q_hvac_{level}" in frame}
+    return frame[["origin", "lead", "time"]].assign(y_true=load, y_pred=own, **bands)
 
 
 def lead_figure(frames: Mapping[str, pd.DataFrame], width: float = WIDE) -> Any:

@@ -1,0 +1,186 @@
+"""Back-tests of several zones with only the set-points known: nothing measured later is read, in any zone."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import BuildingPredictor, HybridPredictor
+from skhybrid.datasets import make_house
+from skhybrid.hybrid.thermostat_law import boosted_trees, law_refits
+from skhybrid.model_selection import backtest
+from skhybrid.preprocessing import GapFiller
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+ZONES = ["living", "kitchen", "bedroom"]
+DAY, TRAINED = 24, 14 * 24
+DOORS = [("living", "kitchen"), ("living", "bedroom")]
+T_OF, Q_OF = ([f"{role}_{zone}" for zone in ZONES] for role in ("T_za", "Q_hvac"))
+LEVELS = (0.1, 0.9)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_trees():
+    """The law of a week is learned in an instant."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, few in (("max_iter", 5), ("max_bins", 7)):
+            patch.setitem(boosted_trees.SETTINGS, name, few)
+        yield
+
+
+@pytest.fixture(scope="module")
+def log():
+    house = make_house(24, 3, sampling_time="1h", random_state=0)
+    stages = [name for name in house.X if name.startswith("u_heat_")]
+    return house.X.drop(columns=stages).join(house.heat).join(house.setpoints)
+
+
+@pytest.fixture(scope="module")
+def model(log):
+    return BuildingPredictor(adjacency=DOORS).fit(log[:TRAINED], log[T_OF][:TRAINED])
+
+
+@pytest.fixture(scope="module")
+def later(log):
+    return log[TRAINED:]
+
+
+def values_of(found):
+    for zone in found.values():
+        yield from (*zone.paths, zone.heat_bands, zone.temperature_bands, *zone.plant.values())
+
+
+def test_a_back_test_is_the_forecast_from_each_origin(model, later):
+    """Row by row, by the method that forecasts from one origin, after the first week's laws were learned anew."""
+    frame = backtest(model, later, later[T_OF], start=later.index[5 * DAY], quantiles=LEVELS, heat_known=False)
+    assert frame["origin"].nunique() == 4
+    assert list(frame["zone"].unique()) == ZONES
+    for origin in (5 * DAY, 8 * DAY):
+        ahead = later[origin : origin + DAY].drop(columns=[*T_OF, *Q_OF])
+        now = dict(zip(ZONES, later[T_OF].iloc[origin], strict=True))
+        expected = model.forecast(later[:origin], ahead, now, quantiles=LEVELS)
+        for zone in ZONES:
+            own = frame[(frame["zone"] == zone) & (frame["origin"] == later.index[origin])]
+            for name in ("T_za", "q_0.1", "q_0.9"):
+                of_T = own["y_pred" if name == "T_za" else name]
+                np.testing.assert_allclose(of_T.to_numpy()[:-1], expected[f"{name}_{zone}"].to_numpy()[1:], atol=1e-9)
+            for name in ("Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9"):
+                load = own["Q_hvac_pred" if name == "Q_hvac" else name]
+                # the rows ahead end before the end of the last step, by whose hour a band is wide
+                np.testing.assert_allclose(load[:-1], expected[f"{name}_{zone}"][:-1], atol=1e-9)
+            np.testing.assert_array_equal(own["y_true"], later[f"T_za_{zone}"][own["time"]])
+            np.testing.assert_array_equal(own["Q_hvac_true"], later[f"Q_hvac_{zone}"][own["time"] - pd.Timedelta("1h")])
+
+
+@pytest.mark.parametrize("origin", [3 * DAY + 5, 7 * DAY, 7 * DAY + 1])
+def test_nothing_measured_after_an_origin_is_read_in_any_zone(model, later, origin):
+    """Also not by what is learned at the beginning of a week, nor to judge the forecasts of the days before."""
+    other = later_changed(later, origin)
+    other.loc[other.index[origin + DAY] :, other.filter(like="_set_").columns] -= 2.0  # after the horizon
+    found = [forgetful(model).closed_loop_from(rows, [2 * DAY, origin], "1D", LEVELS) for rows in (later, other)]
+    for first, second in zip(*map(values_of, found), strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_the_heat_of_the_row_of_an_origin_is_not_read(model, later):
+    """But for rounding: what a radiator gives off is computed with it, and it is taken off again."""
+    origin = 3 * DAY
+    other = later.copy()
+    other.iloc[origin, [other.columns.get_loc(name) for name in Q_OF]] = 30.0
+    found = (model.closed_loop_from(rows, [2 * DAY, origin], "1D", LEVELS) for rows in (later, other))
+    for first, second in zip(*map(values_of, found), strict=True):
+        np.testing.assert_allclose(first, second, rtol=0.0, atol=1e-12)
+
+
+def forgetful(model):
+    """The model without the laws that it learned of later weeks."""
+    for one in (*model.own_.values(), *(coupled.model for coupled in model.coupled_.values())):
+        one._law._refits._found = {}
+    return model
+
+
+def later_changed(rows, origin):
+    """Rows with other temperatures and heat in all zones after an origin."""
+    out, rng = rows.copy(), np.random.default_rng(0)
+    out.iloc[origin + 1 :, out.columns.get_indexer(T_OF + Q_OF)] = rng.uniform(5.0, 35.0, (len(out) - origin - 1, 6))
+    return out
+
+
+def test_a_zone_follows_the_forecast_of_its_neighbours(model, later):
+    origin, warmer = 2 * DAY, later.copy()
+    warmer.loc[warmer.index[origin] :, "T_heat_set_living"] += 4.0  # the neighbour's plan
+    one, two = (model.closed_loop_from(rows, [origin])["kitchen"].paths for rows in (later, warmer))
+    assert two.temperature.mean() > one.temperature.mean()
+    assert two.heat.mean() < one.heat.mean()
+    alone = model.without_neighbours()
+    one, two = (alone.closed_loop_from(rows, [origin])["kitchen"].paths for rows in (later, warmer))
+    np.testing.assert_array_equal(one.temperature, two.temperature)
+    own = model.own_["kitchen"].closed_loop_from(later, [origin], "1D", LEVELS)
+    found = alone.closed_loop_from(later, [origin], "1D", LEVELS)["kitchen"]
+    np.testing.assert_array_equal(found.paths.heat, own.paths.heat)
+    np.testing.assert_array_equal(found.heat_bands, own.heat_bands)
+
+
+def test_origins_of_a_week_share_its_laws(model, later, monkeypatch):
+    learned = []
+    monkeypatch.setattr(law_refits, "learn", lambda *a, learn=law_refits.learn: learned.append(1) or learn(*a))
+    forgetful(model)
+    for _ in range(2):
+        backtest(model, later, later[T_OF], start=later.index[5 * DAY], origin_step="12h", heat_known=False)
+        assert len(learned) == len(model.own_) + len(model.coupled_)  # ten days after the training: one week is over
+
+
+def test_a_zone_without_a_plant_is_free_and_has_no_load(log, model):
+    rows = log.drop(columns=["Q_hvac_bedroom", *log.filter(regex="_set_bedroom").columns])
+    quick = BuildingPredictor(HybridPredictor(network="1R1C"), adjacency=DOORS[1:])
+    free = quick.fit(rows[:TRAINED], rows[T_OF][:TRAINED])
+    later = rows[TRAINED : TRAINED + 3 * DAY]
+    frame = backtest(free, later, later[T_OF], quantiles=LEVELS, heat_known=False).set_index("zone")
+    assert frame.loc["bedroom", ["Q_hvac_true", "Q_hvac_pred", "Q_hvac_0.1"]].isna().all(axis=None)
+    assert frame.loc["bedroom", ["y_pred", "q_0.1", "q_0.9"]].notna().all(axis=None)
+    assert frame.loc["living"].notna().all(axis=None)
+    own = free.coupled_["bedroom"]
+    driven = own.model.predict_from(
+        free._with_measured(later, free._known(later)),
+        [0],
+        boundary={"T_next_living": free.own_["living"].closed_loop_from(later, [0]).paths.temperature},
+    )
+    share, alone = own.share(DAY), free.own_["bedroom"].predict_from(later, [0])
+    expected = (1.0 - share) * alone + share * driven
+    np.testing.assert_allclose(frame.loc["bedroom", "y_pred"][:DAY], expected[0], atol=1e-9)
+
+
+def refused(model, rows, match, **given):
+    with pytest.raises(ValueError, match=re.escape(match)):
+        backtest(model, rows, rows[T_OF], heat_known=False, **given)
+
+
+def test_what_cannot_be_forecast_without_heat_is_refused(log, model, later):
+    refused(model, later, "weather_error is for one zone under known heat", weather_error="low")
+    missing = later.filter(regex="^(?!T_heat_set_kitchen|T_cool_set_kitchen)")
+    refused(model, missing, "zone 'kitchen': T_heat_set is missing in 240 rows")
+    holed = later.assign(T_heat_set_living=later["T_heat_set_living"].where(np.arange(len(later)) != 7))
+    refused(model, holed, "zone 'living': T_heat_set is missing in 1 row")
+    with pytest.raises(ValueError, match="zone 'living': origins must be increasing row numbers"):
+        model.closed_loop_from(later, [5, 2])
+
+
+@pytest.mark.parametrize(
+    ("given", "columns", "match"),
+    [
+        ({}, {"Q_hvac_living": "u_heat", "Q_hvac_kitchen": None, "Q_hvac_bedroom": None}, "column 'u_heat' is of a pl"),
+        ({}, dict.fromkeys(Q_OF), "no zone had heating or cooling in training, so that heat_known=False does nothing"),
+        (
+            {"preprocess": GapFiller("2h")},
+            {},
+            "heat_known=False needs a hybrid predictor of one zone, or of a building",
+        ),
+    ],
+)
+def test_a_building_that_cannot_be_run_by_its_thermostats_is_refused(log, given, columns, match):
+    kept = {name: name for name in log} | columns
+    rows = log[[name for name, new in kept.items() if new]].rename(columns=kept)
+    quick = HybridPredictor(network="1R1C", intervals=False, **given)
+    made = BuildingPredictor(quick, adjacency=[]).fit(rows[:TRAINED], rows[T_OF][:TRAINED])
+    refused(made, rows[TRAINED:], match)
