@@ -1,4 +1,4 @@
-"""Checks of arguments that are shared: integers, numbers, mappings, seeds and estimators of one kind."""
+"""Arguments of constructors, stored and checked: integers, numbers, mappings, seeds, estimators of one kind."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 _LARGEST = sys.float_info.max
+
+
+def store_arguments(estimator: Any, given: Mapping[str, Any]) -> None:
+    """Set the arguments of ``__init__``, its ``locals()``, as attributes: scikit-learn's convention, in one line."""
+    for name, value in given.items():
+        if name != "self":
+            setattr(estimator, name, value)
 
 
 def check_integer(name: str, value: Any, least: int = 1, most: int | None = None) -> None:
