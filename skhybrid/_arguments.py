@@ -1,4 +1,4 @@
-"""Checks of arguments that are shared: integers, numbers, mappings, seeds and estimators of one kind."""
+"""Arguments of constructors, stored and checked: integers, numbers, mappings, seeds, estimators of one kind."""
 
 from __future__ import annotations
 
@@ -18,6 +18,13 @@ _LARGEST = sys.float_info.max
 def is_integer(value: Any) -> bool:
     """Whether a value is an integer, which a bool is not."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def store_arguments(estimator: Any, given: Mapping[str, Any]) -> None:
+    """Set the arguments of ``__init__``, its ``locals()``, as attributes: scikit-learn's convention, in one line."""
+    for name, value in given.items():
+        if name != "self":
+            setattr(estimator, name, value)
 
 
 def check_integer(name: str, value: Any, least: int = 1, most: int | None = None) -> None:

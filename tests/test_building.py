@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,6 +18,7 @@ from skhybrid import (
 )
 from skhybrid.datasets import make_house
 from skhybrid.identification import find_adjacency, identify_rooms
+from skhybrid.identification.rooms import _combined
 from skhybrid.thermal import building_network, room_network
 
 PAIR = ("north", "south")
@@ -291,6 +294,15 @@ def test_rooms_are_identified_one_by_one(house):
     sides = [room.theta_std_["R_living_kitchen"] for zone, room in found.rooms.items() if zone in ("living", "kitchen")]
     assert found.theta_std["R_living_kitchen"] < min(sides)
     assert set(found.theta.index) == {p.name for p in house.network.parameters(list(with_heat(house).columns))}
+
+
+def test_a_partition_that_no_room_tells_has_no_standard_error():
+    names = ["R_told", "R_held", "R_unmoved", "R_once"]
+    stds = ([0.3, np.nan, np.inf, np.nan], [0.4, np.nan, np.nan, 0.5])
+    rooms = [SimpleNamespace(theta_=pd.Series(2.0, names), theta_std_=pd.Series(std, names)) for std in stds]
+    theta, std = _combined(rooms)
+    np.testing.assert_allclose(theta, 2.0)
+    np.testing.assert_allclose(std[names], [0.24, np.nan, np.inf, 0.5], rtol=1e-6)
 
 
 def test_rooms_that_cannot_be_identified_apart(house):

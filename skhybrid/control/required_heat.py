@@ -142,12 +142,7 @@ def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) 
 
 
 def load_frame(
-    plant: Plant,
-    index: pd.Index,
-    clipped: np.ndarray,
-    unclipped: np.ndarray,
-    temperature: np.ndarray,
-    zeta: np.ndarray,
+    plant: Plant, index: pd.Index, clipped: np.ndarray, unclipped: np.ndarray, temperature: np.ndarray, zeta: np.ndarray
 ) -> pd.DataFrame:
     """Heat [kW] and stages [-], clipped and not, the ``temperature`` (N,) [degC] under the clipped load, ``zeta`` (N,).
 

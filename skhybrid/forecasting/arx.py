@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import check_bool, check_integer, check_rate
+from .._arguments import check_bool, check_integer, check_rate, store_arguments
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
@@ -100,37 +100,13 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     _fit: MultiStepFit
 
     def __init__(
-        self,
-        *,
-        horizon: Any = "1D",
-        adapt: Literal["refit"] | None = None,
-        intervals: bool = True,
-        n_lags: int = 24,
-        n_input_lags: int = 8,
-        calendar: bool = True,
-        alpha: float | None = None,
-        columns: Mapping[str, Any] | None = None,
-        sampling_time: Any = None,
-        holidays: Any = None,
-        origin_step: Any = None,
-        max_missing: float = 0.5,
-        objective: Literal["one_step", "multi_step"] = "one_step",
+        self, *, horizon: Any = "1D", adapt: Literal["refit"] | None = None, intervals: bool = True, n_lags: int = 24,
+        n_input_lags: int = 8, calendar: bool = True, alpha: float | None = None,
+        columns: Mapping[str, Any] | None = None, sampling_time: Any = None, holidays: Any = None,
+        origin_step: Any = None, max_missing: float = 0.5, objective: Literal["one_step", "multi_step"] = "one_step",
         prior: Any = None,
-    ) -> None:
-        self.horizon = horizon
-        self.adapt = adapt
-        self.intervals = intervals
-        self.n_lags = n_lags
-        self.n_input_lags = n_input_lags
-        self.calendar = calendar
-        self.alpha = alpha
-        self.origin_step = origin_step
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.holidays = holidays
-        self.max_missing = max_missing
-        self.objective = objective
-        self.prior = prior
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     @unchanged_on_failure
     @one_blas_thread

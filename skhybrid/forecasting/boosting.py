@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.ensemble import HistGradientBoostingRegressor
 
-from .._arguments import check_integer, check_rate
+from .._arguments import check_integer, check_rate, store_arguments
 from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
@@ -78,29 +78,11 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     """
 
     def __init__(
-        self,
-        *,
-        residual_of: Literal["arx"] | None = None,
-        horizon: Any = "1D",
-        max_iter: int = 400,
-        columns: Mapping[str, Any] | None = None,
-        sampling_time: Any = None,
-        holidays: Any = None,
-        random_state: Any = None,
-        learning_rate: float = 0.06,
-        origin_step: Any = None,
-        max_missing: float = 0.5,
-    ) -> None:
-        self.residual_of = residual_of
-        self.horizon = horizon
-        self.max_iter = max_iter
-        self.learning_rate = learning_rate
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.holidays = holidays
-        self.origin_step = origin_step
-        self.max_missing = max_missing
-        self.random_state = random_state
+        self, *, residual_of: Literal["arx"] | None = None, horizon: Any = "1D", max_iter: int = 400,
+        columns: Mapping[str, Any] | None = None, sampling_time: Any = None, holidays: Any = None,
+        random_state: Any = None, learning_rate: float = 0.06, origin_step: Any = None, max_missing: float = 0.5,
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     @unchanged_on_failure
     @one_blas_thread

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import draw_seed
+from .._arguments import draw_seed, store_arguments
 from .._joining import refuse_unless_following, unmeasured
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
@@ -121,65 +121,17 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
     """
 
     def __init__(
-        self,
-        model: Any = "lstm",
-        case: str | ModelCase = "case01",
-        *,
-        n_layers: int = 1,
-        hidden_size: int = 20,
-        activation: Literal["relu", "selu", "gelu"] = "relu",
-        dropout: float = 0.1,
-        n_channels: int = 10,
-        filter_size: int = 6,
-        pool_size: int = 0,
-        residual_of: Literal["ridge", "profile", "last_week", "persistence"] | None = "ridge",
-        horizon: Any = "1D",
-        max_epochs: int = 1000,
-        patience: int = 150,
-        time_encoding: Literal["cyclic", "onehot", "ordinal"] = "cyclic",
-        columns: Mapping[str, Any] | None = None,
-        sampling_time: Any = None,
-        holidays: Any = None,
-        random_state: int | np.random.RandomState | None = None,
-        verbose: int = 0,
-        learning_rate: float = 0.003,
-        batch_size: int = 128,
-        validation_fraction: float = 0.2,
-        origin_step: Any = None,
-        max_missing: float = 0.5,
-        n_repeats: int = 1,
-        repeats: Literal["best", "mean"] = "best",
-        refit: bool = False,
-        device: str = "cpu",
-    ) -> None:
-        self.model = model
-        self.case = case
-        self.n_layers = n_layers
-        self.hidden_size = hidden_size
-        self.activation = activation
-        self.dropout = dropout
-        self.n_channels = n_channels
-        self.filter_size = filter_size
-        self.pool_size = pool_size
-        self.residual_of = residual_of
-        self.horizon = horizon
-        self.max_epochs = max_epochs
-        self.patience = patience
-        self.time_encoding = time_encoding
-        self.columns = columns
-        self.random_state = random_state
-        self.verbose = verbose
-        self.learning_rate = learning_rate
-        self.batch_size = batch_size
-        self.validation_fraction = validation_fraction
-        self.origin_step = origin_step
-        self.sampling_time = sampling_time
-        self.holidays = holidays
-        self.max_missing = max_missing
-        self.n_repeats = n_repeats
-        self.repeats = repeats
-        self.refit = refit
-        self.device = device
+        self, model: Any = "lstm", case: str | ModelCase = "case01", *, n_layers: int = 1, hidden_size: int = 20,
+        activation: Literal["relu", "selu", "gelu"] = "relu", dropout: float = 0.1, n_channels: int = 10,
+        filter_size: int = 6, pool_size: int = 0,
+        residual_of: Literal["ridge", "profile", "last_week", "persistence"] | None = "ridge", horizon: Any = "1D",
+        max_epochs: int = 1000, patience: int = 150, time_encoding: Literal["cyclic", "onehot", "ordinal"] = "cyclic",
+        columns: Mapping[str, Any] | None = None, sampling_time: Any = None, holidays: Any = None,
+        random_state: int | np.random.RandomState | None = None, verbose: int = 0, learning_rate: float = 0.003,
+        batch_size: int = 128, validation_fraction: float = 0.2, origin_step: Any = None, max_missing: float = 0.5,
+        n_repeats: int = 1, repeats: Literal["best", "mean"] = "best", refit: bool = False, device: str = "cpu",
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     _tail: ZoneTable
     _target_role = "zeta"

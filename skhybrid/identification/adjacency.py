@@ -72,11 +72,11 @@ def find_adjacency(X: Any, y: Any, zones: Sequence[str] | None = None) -> pd.Dat
     """
     rooms = _read(X, y, zones)
     pairs = list(combinations(rooms.names, 2))
-    blocks = np.array_split(np.unique(rooms.day), _FOLDS)
+    days = np.unique(rooms.day)
     everything = _Regression.of(rooms, pairs, np.ones(len(rooms.day), dtype=bool))
     paths = everything.path()
-    errors = np.full((paths.shape[1], len(np.unique(rooms.day))), np.nan)
-    for block in blocks:
+    errors = np.full((paths.shape[1], len(days)), np.nan)
+    for block in np.array_split(days, _FOLDS):
         held = np.isin(rooms.day, block)
         training = _Regression.of(rooms, pairs, ~held)
         for j, chosen in enumerate(paths.T):

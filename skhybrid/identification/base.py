@@ -35,13 +35,6 @@ from .uncertainty.identifiability import assess
 from .uncertainty.standard_errors import ParameterUncertainty, theta_covariance, theta_intervals
 
 
-def store_arguments(estimator: Any, given: Mapping[str, Any]) -> None:
-    """Set the arguments of ``__init__``, its ``locals()``, as attributes: scikit-learn's convention, in one line."""
-    for name, value in given.items():
-        if name != "self":
-            setattr(estimator, name, value)
-
-
 class SearchResult(NamedTuple):
     """Minima of a search, and the problem that it solved."""
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .._arguments import is_number
+from .._arguments import is_number, store_arguments
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
-from .base import store_arguments
 from .disturbance_models import InputRandomWalk, measurement_variance
 from .experiment import Experiment
 from .gain_filter import GainFilter

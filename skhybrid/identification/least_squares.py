@@ -10,10 +10,11 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
+from .._arguments import store_arguments
 from .._table import ZoneTable
 from .._time import rows_covering, rows_of
 from ..thermal import Parameter, RCNetwork
-from .base import NetworkIdentifier, SearchResult, store_arguments
+from .base import NetworkIdentifier, SearchResult
 from .disturbance_models import measurement_variance
 from .experiment import Experiment
 from .fitting.forecast_errors import MultiStepProblem

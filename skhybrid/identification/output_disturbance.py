@@ -7,9 +7,10 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
+from .._arguments import store_arguments
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
-from .base import SearchResult, store_arguments
+from .base import SearchResult
 from .disturbance_models import FIRST, OutputARMA, first_name, take_searched
 from .experiment import Experiment
 from .filtered_network import ForecastStart

@@ -9,10 +9,11 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
+from .._arguments import store_arguments
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from ..thermal.parameters import as_bounds
-from .base import NetworkIdentifier, SearchResult, store_arguments
+from .base import NetworkIdentifier, SearchResult
 from .experiment import Experiment
 from .fitting.gauss_newton import Minimum
 from .fitting.periodic_likelihood import PeriodicProblem

@@ -135,7 +135,6 @@ def _combined(rooms: Iterable[NetworkIdentifier]) -> tuple[pd.Series, pd.Series]
     weight = (both["std"] / both["theta"]).fillna(np.inf).clip(1e-9, 1e9) ** -2
     total = weight.groupby(level=0, sort=False).sum()
     mean = np.exp((weight * np.log(both["theta"])).groupby(level=0, sort=False).sum() / total)
-    return (
-        pd.concat([once["theta"], mean]).rename("theta"),
-        pd.concat([once["std"], mean / np.sqrt(total)]).rename("std"),
-    )
+    least = both["std"].groupby(level=0, sort=False).min()  # NaN or infinite where neither room tells
+    std = (mean / np.sqrt(total)).where(np.isfinite(least), least)
+    return pd.concat([once["theta"], mean]).rename("theta"), pd.concat([once["std"], std]).rename("std")

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
-from .._arguments import as_mapping, check_bool
+from .._arguments import as_mapping, check_bool, store_arguments
 from .._ranges import check_range
 from .._table import numeric, role_of
 from .._time import first_row_number, read_index
@@ -75,31 +75,11 @@ class FacadeIrradiance(TableTransformer):
     """
 
     def __init__(
-        self,
-        latitude: float,
-        longitude: float,
-        *,
-        facades: Mapping[str, float] | None = None,
-        columns: Mapping[str, Any] | None = None,
-        dni: Any = None,
-        dhi: Any = None,
-        timezone: str | None = None,
-        albedo: float = 0.2,
-        glazing: bool = True,
-        start: Any = None,
-        sampling_time: Any = None,
-    ) -> None:
-        self.latitude = latitude
-        self.longitude = longitude
-        self.facades = facades
-        self.columns = columns
-        self.dni = dni
-        self.dhi = dhi
-        self.timezone = timezone
-        self.albedo = albedo
-        self.glazing = glazing
-        self.start = start
-        self.sampling_time = sampling_time
+        self, latitude: float, longitude: float, *, facades: Mapping[str, float] | None = None,
+        columns: Mapping[str, Any] | None = None, dni: Any = None, dhi: Any = None, timezone: str | None = None,
+        albedo: float = 0.2, glazing: bool = True, start: Any = None, sampling_time: Any = None,
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         facades = self._checked_facades()

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .declaration import Declaration, Source
+from .declaration import Declaration
 
 
 class Continuous(NamedTuple):
@@ -68,21 +68,15 @@ class MatrixBuilder:
         roles = tuple(roles)
         names = tuple(p.name for p in network.parameters(roles))
         columns = (*network.inputs(roles), *network.gain_names)
-        flows = _HeatFlows(network.nodes, columns, names)
-        for name, ends in network.resistors.items():
-            flows.add_resistor(name, ends)
-        for source in network.sources(roles):
-            flows.add_source(source)
-        for node, gain_name in zip(network.disturbed_nodes, network.gain_names, strict=True):
-            flows.add(None, None, node, gain_name, 1.0)
+        flows = _heat_flows(network, roles, columns, names)
         index = {name: i for i, name in enumerate(names)}
         return cls(
             parameters=names,
             columns=columns,
             reciprocal=np.array([name in network.resistors for name in names] + [False]),
-            first=np.array([a for a, _ in flows.products], dtype=np.intp),
-            second=np.array([b for _, b in flows.products], dtype=np.intp),
-            coefficients=np.array([flow.ravel() for flow in flows.products.values()]),
+            first=np.array([a for a, _ in flows], dtype=np.intp),
+            second=np.array([b for _, b in flows], dtype=np.intp),
+            coefficients=np.array([flow.ravel() for flow in flows.values()]),
             capacitances=np.array([index[c] for c in network.capacitances.values()], dtype=np.intp),
         )
 
@@ -137,32 +131,31 @@ class MatrixBuilder:
         )
 
 
-class _HeatFlows:
-    """Collects the contribution of each product of two factors to the heat flow into a node [kW]."""
+def _heat_flows(
+    network: Declaration, roles: tuple[str, ...], columns: tuple[str, ...], parameters: tuple[str, ...]
+) -> dict[tuple[int, int], np.ndarray]:
+    """Heat flow into each node [kW], per state and input (n, n + m), by each product of two factors."""
+    nodes = {node: i for i, node in enumerate(network.nodes)}
+    place = {name: j for j, name in enumerate((*network.nodes, *columns))}
+    factors: dict[str | None, int] = {name: i for i, name in enumerate((*parameters, None))}  # None is the constant 1
+    out: dict[tuple[int, int], np.ndarray] = {}
 
-    def __init__(self, nodes: tuple[str, ...], columns: tuple[str, ...], parameters: tuple[str, ...]) -> None:
-        self.nodes = {node: i for i, node in enumerate(nodes)}
-        self.columns = {name: j for j, name in enumerate((*nodes, *columns))}
-        self.factors: dict[str | None, int] = {name: i for i, name in enumerate((*parameters, None))}
-        self.products: dict[tuple[int, int], np.ndarray] = {}
+    def add(first: str | None, second: str | None, node: str, column: str, sign: float) -> None:
+        flow = out.setdefault((factors[first], factors[second]), np.zeros((len(nodes), len(place))))
+        flow[nodes[node], place[column]] += sign
 
-    def add(self, first: str | None, second: str | None, node: str, column: str, sign: float) -> None:
-        """Add ``sign * first * second * column`` to the flow into a node; None is the constant 1."""
-        product = self.factors[first], self.factors[second]
-        flow = self.products.setdefault(product, np.zeros((len(self.nodes), len(self.columns))))
-        flow[self.nodes[node], self.columns[column]] += sign
-
-    def add_resistor(self, name: str, ends: tuple[str, str]) -> None:
+    for name, ends in network.resistors.items():
         for here, there in (ends, ends[::-1]):
-            if here in self.nodes:
-                self.add(name, None, here, here, -1.0)
-                if there in self.columns:
-                    self.add(name, None, here, there, 1.0)
-
-    def add_source(self, source: Source) -> None:
-        fractions = [fraction for _, fraction in source.shares if fraction is not None]
+            if here in nodes:
+                add(name, None, here, here, -1.0)
+                if there in place:
+                    add(name, None, here, there, 1.0)
+    for source in network.sources(roles):
         for node, fraction in source.shares:
-            self.add(source.parameter, fraction, node, source.role, 1.0)
+            add(source.parameter, fraction, node, source.role, 1.0)
             if fraction is None:  # the remainder, 1 less every fraction
-                for other in fractions:
-                    self.add(source.parameter, other, node, source.role, -1.0)
+                for other in filter(None, dict(source.shares).values()):
+                    add(source.parameter, other, node, source.role, -1.0)
+    for node, gain_name in zip(network.disturbed_nodes, network.gain_names, strict=True):
+        add(None, None, node, gain_name, 1.0)
+    return out

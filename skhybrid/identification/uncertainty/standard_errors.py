@@ -137,15 +137,12 @@ def jackknife_covariance(moves: np.ndarray, overlap: int = 0) -> np.ndarray:
 
 def prior_precision(problem: Any) -> np.ndarray:
     """(p,) inverse variances of the priors on the searched scale; 0 where there is none."""
-    if getattr(problem, "spread", None) is None:
-        return np.zeros(len(problem.searched))
-    return 1.0 / np.asarray(problem.spread) ** 2
+    return np.zeros(len(problem.searched)) if problem.spread is None else 1.0 / problem.spread**2
 
 
 def prior_slope(problem: Any, free: np.ndarray) -> np.ndarray:
     """(p,) slope of the priors' share of the negative log-density."""
-    centre = getattr(problem, "centre", None)
-    return np.zeros(len(free)) if centre is None else prior_precision(problem) * (free - centre)
+    return prior_precision(problem) * (free - (0.0 if problem.centre is None else problem.centre))
 
 
 def log_slopes(problem: Any, free: np.ndarray) -> np.ndarray:
