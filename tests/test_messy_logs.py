@@ -308,3 +308,41 @@ def test_blank_set_points_are_filled_where_a_log_is_read(write):
     assert rows["T_heat_set"].min() == 14.0
     assert "14 degC, which the room does not reach, is taken there" in report
     assert any("14 degC" in found.text for found in LogReport(read_log(path)).findings)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_numbers_that_a_workbook_keeps_as_text(tmp_path, mixed):
+    """With three decimals and a comma they are no thousands, unless other cells are numbers with a point."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["time", "Room", "Stage"])
+    for stamp, room in zip(STAMPS, ROOM, strict=True):
+        book.active.append([f"{stamp:%d.%m.%Y %H:%M}", f"{room:.3f}".replace(".", ","), 0.5 if mixed else 1])
+    book.save(tmp_path / "log.xlsx")
+    log = read_log(tmp_path / "log.xlsx")
+    np.testing.assert_allclose(log.frame["Room"], ROOM * (1000.0 if mixed else 1.0))
+    assert any("are read as thousands; if they are decimals" in note for note in log.notes) == mixed
+
+
+def test_two_values_of_a_point_at_a_stamp_are_refused(write):
+    """Of rooms that another column tells apart, the last was taken."""
+    lines = [f"{stamp};temperature;{ROOM[k] + room};{room}" for k, stamp in enumerate(STAMPS) for room in (0, 1)]
+    path = write("time;point;value;room\n" + "\n".join(lines))
+    with pytest.raises(ValueError, match="two or more values of 'temperature' at 60 stamps"):
+        read_log(path)
+    assert list(read_log(path, point_column="room").frame) == ["0", "1"]
+
+
+@pytest.mark.parametrize("header", ["id,time,Room,Outdoor", ",time,Room,Outdoor"])
+def test_names_that_lie_beside_their_cells_are_refused(write, header):
+    lines = [f"{stamp},{ROOM[k]},5.0" for k, stamp in enumerate(STAMPS)]
+    with pytest.raises(ValueError, match="names the column after its time stamps 'time'"):
+        read_log(write("\n".join([header, *lines])))
+    log = read_log(write("\n".join([header, *(f"{k},{row}" for k, row in enumerate(lines))])))
+    np.testing.assert_allclose(log.frame["Room"], ROOM)
+
+
+def test_a_table_in_markdown(write):
+    rows = [f"| {stamp} | {ROOM[k]:.2f} | 5.0 |" for k, stamp in enumerate(STAMPS)]
+    log = read_log(write("\n".join(["| time | Room (°C) | HVAC kW |", "| :--- | ---: | ---: |", *rows])))
+    np.testing.assert_allclose(log.frame["Room (°C)"], ROOM)
