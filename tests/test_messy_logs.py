@@ -9,7 +9,9 @@ import pytest
 from skhybrid._warnings import without_python
 from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import LogReport, read_log
+from skhybrid.logs.blank_setpoints import filled_setpoints
 from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.study import read_log as read_zone_log
 from skhybrid.study.data import plant_heat
 from skhybrid.study.settings import settings_from
 from skhybrid.zone.day_ahead import read_ahead
@@ -33,6 +35,8 @@ def rows_of(stamps, values=ROOM, sep=","):
         ("Jahr;Monat;Tag;Stunde", "%Y;%m;%d;%H", 2024),
         ("Date;Hour", "%Y-%m-%d;%H", 2024),
         ("Date/Time", " %m/%d  %H:%M:%S", 2017),
+        ("Zeit", "%d.%m.%Y %H:%M Uhr", 2024),
+        ("Data", "%d marzo %Y %H:%M", 2024),
     ],
 )
 def test_stamps_in_parts_digits_and_without_a_year(write, names, form, year):
@@ -235,6 +239,7 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
         ("Potencia climatización (kW)", "Q_hvac"),
         ("Puissance climatisation (kW)", "Q_cool"),
         ("Consigna calefacción", "T_heat_set"),
+        ("Consigna frío", "T_cool_set"),
         ("Setpunt koeling", "T_cool_set"),
         ("drybulb", "T_oa"),
     ],
@@ -260,3 +265,84 @@ def test_weather_whose_stamps_end_its_hours(write, name, hours):
     settings = settings_from({"name": "z", "columns": {"T_za": "a", "T_oa": "b"}, "step": "1h"})
     found = read_ahead(write(frame.to_csv()), settings, None, 2024)
     np.testing.assert_allclose(found["q_sol"].reindex(STAMPS[1:-2]), sun[1:-2] / 1000.0)
+
+
+def blank_at_night(plant, zone=""):
+    """A log of a week whose set-points are blank from 22 to 6 h, with its plant."""
+    stamps = pd.date_range("2024-03-04", periods=7 * 24, freq="1h", name="time")
+    day = (stamps.hour >= 6) & (stamps.hour < 22)
+    room = 17.0 + 4.0 * day + 0.01 * np.arange(len(stamps)) % 0.5
+    frame = pd.DataFrame({f"T_za{zone}": room, "T_oa": 5.0, f"T_heat_set{zone}": np.where(day, 21.0, np.nan)}, stamps)
+    return frame.assign(**{name: values(day, stamps) for name, values in plant.items()}), day
+
+
+@pytest.mark.parametrize("zone", ["", "_hall"])
+@pytest.mark.parametrize(
+    ("plant", "filled"),
+    [
+        ({"Q_hvac": lambda day, t: 2.0 * day}, True),
+        ({"Q_hvac": lambda day, t: np.where(day, 2.0, -1.0)}, True),  # it cools at night
+        ({"Q_hvac": lambda day, t: 2.0 - day}, False),
+        ({"u_heat": lambda day, t: 0.5 * day, "u_cool": lambda day, t: 1.0 - day}, True),
+        ({"u_heat": lambda day, t: np.where(day, 0.5, np.nan)}, False),
+        ({}, False),
+    ],
+)
+def test_a_blank_set_point_of_a_plant_that_is_off(plant, filled, zone):
+    """Held at 21 degC, the errors of a forecast under set-points were three times those with the true set-back."""
+    frame, day = blank_at_night({f"{role}{zone}": values for role, values in plant.items()}, zone)
+    found, remarks = filled_setpoints(frame)
+    low = 14.0 if filled else np.nan
+    np.testing.assert_array_equal(found[f"T_heat_set{zone}"], np.where(day, 21.0, low))
+    assert len(remarks) == filled
+    if filled:
+        assert remarks[0].startswith(f"T_heat_set{zone} is missing in 56 rows in which the plant is off: 14 degC")
+    assert found.drop(columns=f"T_heat_set{zone}").equals(frame.drop(columns=f"T_heat_set{zone}"))
+
+
+def test_blank_set_points_are_filled_where_a_log_is_read(write):
+    frame, _ = blank_at_night({"Q_hvac": lambda day, t: 2.0 * day})
+    path = write(frame.to_csv())
+    settings = settings_from({"name": "z", "columns": {role: role for role in frame}, "step": "1h"})
+    rows, report = read_zone_log(path, settings)
+    assert rows["T_heat_set"].min() == 14.0
+    assert "14 degC, which the room does not reach, is taken there" in report
+    assert any("14 degC" in found.text for found in LogReport(read_log(path)).findings)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_numbers_that_a_workbook_keeps_as_text(tmp_path, mixed):
+    """With three decimals and a comma they are no thousands, unless other cells are numbers with a point."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["time", "Room", "Stage"])
+    for stamp, room in zip(STAMPS, ROOM, strict=True):
+        book.active.append([f"{stamp:%d.%m.%Y %H:%M}", f"{room:.3f}".replace(".", ","), 0.5 if mixed else 1])
+    book.save(tmp_path / "log.xlsx")
+    log = read_log(tmp_path / "log.xlsx")
+    np.testing.assert_allclose(log.frame["Room"], ROOM * (1000.0 if mixed else 1.0))
+    assert any("are read as thousands; if they are decimals" in note for note in log.notes) == mixed
+
+
+def test_two_values_of_a_point_at_a_stamp_are_refused(write):
+    """Of rooms that another column tells apart, the last was taken."""
+    lines = [f"{stamp};temperature;{ROOM[k] + room};{room}" for k, stamp in enumerate(STAMPS) for room in (0, 1)]
+    path = write("time;point;value;room\n" + "\n".join(lines))
+    with pytest.raises(ValueError, match="two or more values of 'temperature' at 60 stamps"):
+        read_log(path)
+    assert list(read_log(path, point_column="room").frame) == ["0", "1"]
+
+
+@pytest.mark.parametrize("header", ["id,time,Room,Outdoor", ",time,Room,Outdoor"])
+def test_names_that_lie_beside_their_cells_are_refused(write, header):
+    lines = [f"{stamp},{ROOM[k]},5.0" for k, stamp in enumerate(STAMPS)]
+    with pytest.raises(ValueError, match="names the column after its time stamps 'time'"):
+        read_log(write("\n".join([header, *lines])))
+    log = read_log(write("\n".join([header, *(f"{k},{row}" for k, row in enumerate(lines))])))
+    np.testing.assert_allclose(log.frame["Room"], ROOM)
+
+
+def test_a_table_in_markdown(write):
+    rows = [f"| {stamp} | {ROOM[k]:.2f} | 5.0 |" for k, stamp in enumerate(STAMPS)]
+    log = read_log(write("\n".join(["| time | Room (°C) | HVAC kW |", "| :--- | ---: | ---: |", *rows])))
+    np.testing.assert_allclose(log.frame["Room (°C)"], ROOM)

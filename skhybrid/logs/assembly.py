@@ -29,6 +29,7 @@ _DENSE = 0.8  # share of the rows of a wide table, from which on a channel is sa
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
 _ENDS = re.compile(r"(?i)(period|interval|hour|time|date)s?[ _-]?end(ing|s|ed)?|end[ _-]?(time|date)|bis|hasta|fin|tot")
 _LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
+_CLASHING = 0.1  # share of a channel's values that others at the same stamps replace
 _CELLS = 1 << 19  # cells of a piece
 
 
@@ -134,9 +135,21 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
     frame = {}
     for name, channel in kept_channels.items():
         column = np.full(len(index), np.nan)
-        column[np.searchsorted(ticks, found[places_of[name]])] = channel.values()
+        at: np.ndarray = np.searchsorted(ticks, found[places_of[name]])
+        column[at] = channel.values()
+        _refuse_two_in_one(name, channel.values(), column[at], pieces.where)
         frame[name] = column
     return _finish(pd.DataFrame(frame, index=index.rename("time"), copy=False), kept_channels, pieces, choice)
+
+
+def _refuse_two_in_one(name: str, values: np.ndarray, kept: np.ndarray, where: str) -> None:
+    """Refuse a channel of which many stamps have several values, as where another column names the room."""
+    other = np.isfinite(values) & np.isfinite(kept) & (values != kept)
+    if other.mean() > _CLASHING:
+        raise ValueError(
+            f"{where} has two or more values of {name!r} at {several(int(other.sum()), 'stamp')}; if another column "
+            "tells them apart, such as one of rooms, name that as point_column, or join both in one column."
+        )
 
 
 def rows_of_piece(n_columns: int) -> int:

@@ -77,7 +77,7 @@ def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | 
 
 
 def _moves_by_tenths(values: pd.Series) -> bool:
-    """Whether an outdoor temperature in whole numbers moves within an hour by more than air does, but not in hundredths."""
+    """Whether an outdoor temperature in whole numbers moves more within an hour than air does, in tenths."""
     known = values.dropna()
     hour = round(1.0 / row_hours(known)) if len(known) > _FEWEST else 0
     moves = np.abs(known.to_numpy()[hour:] - known.to_numpy()[:-hour]) if hour else np.zeros(1)

@@ -15,6 +15,7 @@ from .._time import spell, wall_clock
 from .._warnings import several
 from .abilities import abilities, excitation
 from .assumed_units import assumed_unit, named_again, outdoor_as_room
+from .blank_setpoints import filled_setpoints
 from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
@@ -317,6 +318,7 @@ class LogReport:
             if why := self._assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
+        found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
         found += set_point_findings(self.even)
         found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)

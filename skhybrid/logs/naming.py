@@ -36,7 +36,7 @@ _HEAT = (
 )
 _COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
-    r"froid|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b"
+    r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b"
 )
 _TEMPERATURE = r"temp|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (

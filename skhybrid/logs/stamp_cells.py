@@ -20,18 +20,18 @@ _USUAL_NAMES = re.compile(
     re.IGNORECASE,
 )
 _MONTHS = {
-    **dict.fromkeys(("januar", "januari", "janvier", "janv", "jän"), "Jan"),
-    **dict.fromkeys(("februar", "februari", "févr", "février"), "Feb"),
-    **dict.fromkeys(("märz", "mrz", "mär", "maart", "mrt", "mars"), "Mar"),
-    **dict.fromkeys(("avril", "avr"), "Apr"),
-    **dict.fromkeys(("mai", "mei"), "May"),
-    **dict.fromkeys(("juni", "juin"), "Jun"),
-    **dict.fromkeys(("juli", "juillet", "juil"), "Jul"),
-    **dict.fromkeys(("augustus", "août"), "Aug"),
-    **dict.fromkeys(("septembre", "sept"), "Sep"),
-    **dict.fromkeys(("oktober", "okt", "octobre"), "Oct"),
-    **dict.fromkeys(("novembre",), "Nov"),
-    **dict.fromkeys(("dezember", "dez", "décembre", "déc"), "Dec"),
+    **dict.fromkeys(("januar", "januari", "janvier", "janv", "jän", "enero", "ene", "gennaio", "gen"), "Jan"),
+    **dict.fromkeys(("februar", "februari", "févr", "février", "febrero", "febbraio"), "Feb"),
+    **dict.fromkeys(("märz", "mrz", "mär", "maart", "mrt", "mars", "marzo"), "Mar"),
+    **dict.fromkeys(("avril", "avr", "abril", "abr", "aprile"), "Apr"),
+    **dict.fromkeys(("mai", "mei", "mayo", "maggio", "mag"), "May"),
+    **dict.fromkeys(("juni", "juin", "junio", "giugno", "giu"), "Jun"),
+    **dict.fromkeys(("juli", "juillet", "juil", "julio", "luglio", "lug"), "Jul"),
+    **dict.fromkeys(("augustus", "août", "agosto", "ago"), "Aug"),
+    **dict.fromkeys(("septembre", "sept", "septiembre", "settembre", "set"), "Sep"),
+    **dict.fromkeys(("oktober", "okt", "octobre", "octubre", "ottobre", "ott"), "Oct"),
+    **dict.fromkeys(("novembre", "noviembre"), "Nov"),
+    **dict.fromkeys(("dezember", "dez", "décembre", "déc", "diciembre", "dic", "dicembre"), "Dec"),
 }
 _ENGLISH = "Jan(?:uary)?|Feb(?:ruary)?|Mar(?:ch)?|Apr(?:il)?|May|June?|July?|Aug(?:ust)?|Sep(?:tember)?|Oct(?:ober)?"
 _MONTH = rf"(?:{'|'.join(_MONTHS)}|{_ENGLISH}|Nov(?:ember)?|Dec(?:ember)?)\b\.?"
@@ -182,6 +182,7 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
         (rf"(?i)^(?!{_MONTH}){_WEEKDAY}(?=\d|{_MONTH})", ""),
         (r"(?i)\s*([ap])\.?m\.?(?=\W|$)", r" \1M"),
         (r"(?i)(?<=\d)\s*(UTC|GMT)$", "Z"),
+        (r"(?i)(?<=\d)\s*Uhr$", ""),
         (r"^(\d{1,2})\.\s*(?=[^\W\d])", r"\1 "),
     ):
         text = text.str.replace(old, new, regex=True)

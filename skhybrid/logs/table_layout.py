@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from .stamp_numbers import are_serials, is_serial
 from .stamp_parts import is_year, part_columns
 from .unit_names import is_unit, unit_named
 
+_RULE = re.compile(r"\s*:?-{3,}:?\s*")  # below the names of a Markdown table
 _SEPARATORS = ("\t", ";", "|", ",")
 
 
@@ -30,7 +32,8 @@ class Layout(NamedTuple):
 def split_lines(lines: Sequence[str], sep: str) -> list[list[str]]:
     """The cells of lines, without blanks around them."""
     try:
-        return [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=sep, skipinitialspace=True)]
+        rows = csv.reader(lines, delimiter=sep, skipinitialspace=True)
+        return [["" if _RULE.fullmatch(cell) else cell.strip() for cell in row] for row in rows]
     except csv.Error:
         return []
 

@@ -13,6 +13,7 @@ from .._table import HISTORY_ROLES, SETPOINT_ROLES, is_plant, numeric, refuse_in
 from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
+from ..logs.blank_setpoints import filled_setpoints
 from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import clash, doubts_on_temperatures, has_both_signs, unit_switch
@@ -98,7 +99,8 @@ def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.Dat
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
-    return plant_heat(frame, settings), "\n".join([str(report), *log.remarks]), log.held
+    frame, remarks = filled_setpoints(plant_heat(frame, settings))
+    return frame, "\n".join([str(report), *log.remarks, *remarks]), log.held
 
 
 class LogByRole(NamedTuple):

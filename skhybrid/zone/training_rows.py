@@ -31,7 +31,8 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
     """The last ``days`` of a log between outages of more than four days, with bridges over shorter ones.
 
     On a bridge the inputs are interpolated and no temperature is known.  Where that is most of the rows, the longest
-    stretch without an outage is taken.
+    stretch without an outage is taken.  So is the longest between long outages, also where a later one has three weeks:
+    its fewer rows cost about as much as their age gains.
 
     Parameters
     ----------
@@ -61,9 +62,11 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
             f"{', '.join(map(str, known))}; a model needs {_LEAST_DAYS} (see skhybrid check)."
         )
     if n_out := len(last) - len(known):
+        recent = last[last.index > known.index[-1]]
+        among = f", of which the last begin at {recent.index[0]}" if len(recent) else ""
         warn_user(
             f"learned from {known.index[0]} to {known.index[-1]} alone, and not from {several(n_out, 'complete row')} "
-            f"beyond {beyond} (skhybrid check shows the gaps).",
+            f"beyond {beyond}{among} (skhybrid check shows the gaps).",
             SkhybridWarning,
         )
     parts = stretches(known, step)

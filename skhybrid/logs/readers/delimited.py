@@ -13,7 +13,7 @@ from ..assembly import Choice, Pieces, assemble, assemble_long, rows_of_piece
 from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
 from ..raw_log import RawLog
-from ..stamp_cells import find_stamp_columns, is_stamp
+from ..stamp_cells import find_stamp_columns, is_stamp, is_stamp_name
 from ..table_layout import Layout, find_layout, separator_of, split_lines, table_of
 from ..text_files import encoding_of, head_of, open_bytes
 
@@ -66,6 +66,18 @@ class TextTable(NamedTuple):
             raise ValueError(f"{where} cannot be read as CSV ({cause}); correct that line.") from error
         except (EOFError, OSError) as error:
             raise ValueError(f"{where} cannot be read to its end ({error}); copy it again.") from error
+
+
+def _refuse_shifted(rows: Sequence[Sequence[str]], layout: Layout, where: str) -> None:
+    """Refuse names that lie one column to the right of their cells, as the name of the stamps shows."""
+    stamps = [is_stamp(cell) for cell in rows[layout.first]]
+    for place in range(len(stamps) - 1):
+        name, following = layout.names[place : place + 2]
+        if stamps[place] and not stamps[place + 1] and not is_stamp_name(name) and is_stamp_name(following):
+            raise ValueError(
+                f"{where} names the column after its time stamps {following!r}, as where a header has a name more than "
+                "its rows have cells; name every column once."
+            )
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -127,6 +139,7 @@ def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -
             f"line {layout.first} of {where} names {len(above)} columns, but the rows have {len(layout.names)} cells; "
             "put numbers with a decimal comma in quotes, or pass the separator, such as sep=';'."
         )
+    _refuse_shifted(rows, layout, where)
     data = [row for row in rows[layout.first :] if any(row)]
     sign = decimal or decimal_sign([cell for row in data for cell in row], sep)
     return TextTable(path, encoding_of(path) or "utf-8", sep, sign, layout, table_of(data, layout.names))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 import pandas as pd
 
 from ..assembly import Choice, Pieces, assemble_columns, assemble_long
+from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
@@ -42,7 +44,7 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
         head = list(islice(rows, layout.first + _HEAD))[layout.first :]
         stamps = find_stamp_columns(table_of(head, names), choice.time_column, where)
         units = {name: unit for name, unit in layout.units.items() if name not in stamps}
-        pieces = Pieces((), stamps, where, "Excel", units, ".", layout.first + 1, notes)
+        pieces = Pieces((), stamps, where, "Excel", units, _decimal_of(head), layout.first + 1, notes)
         frames = _pieces(chain(head, rows), names)
         if blocks := paired_columns(table_of(head, names), stamps):
             pieces.notes.append(note_of(blocks))
@@ -109,6 +111,12 @@ def _text(cell: Any) -> str:
     if isinstance(cell, dt.datetime):
         return str((cell + dt.timedelta(microseconds=500_000)).replace(microsecond=0)).removesuffix(" 00:00:00")
     return str(cell).strip()
+
+
+def _decimal_of(rows: Sequence[Sequence[str]]) -> str:
+    """A comma where numbers are stored as text that has one, and no cell has a point, as numbers have."""
+    cells = [cell for row in rows for cell in row]
+    return "." if any(re.fullmatch(r"-?\d+\.\d+", cell) for cell in cells) else decimal_sign(cells, ";")
 
 
 def _pieces(rows: Iterator[list[str]], names: tuple[str, ...]) -> Iterator[pd.DataFrame]:

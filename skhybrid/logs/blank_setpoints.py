@@ -1,0 +1,57 @@
+"""Set-points that are blank while the plant is off, as where a controller logs none at night."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from .._table import SETPOINT_ROLES, is_plant
+from .._warnings import several
+
+_BEYOND = 3.0  # from the lowest or highest measured temperature to one that the room does not reach [K]
+_RUNS = 0.02  # of its peaks, from which on a plant runs
+_MAY_RUN = 0.02  # share of the rows of a blank in which it may run on
+_SIGNS = dict(zip(SETPOINT_ROLES, (1.0, -1.0), strict=True))
+_OTHER_SIDE = {1.0: ("u_cool", "Q_cool"), -1.0: ("u_heat", "Q_heat")}
+
+
+def filled_setpoints(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with a temperature that the room never reaches where a set-point is blank and its plant off; remarks.
+
+    Held at the set-point of the day before, a room that cools at night would look like one whose plant has failed.
+    """
+    filled, remarks = {}, []
+    for role in map(str, frame):
+        side = next((name for name in SETPOINT_ROLES if role.startswith(name)), None)
+        if side is None or not frame[role].isna().any() or frame[role].isna().all():
+            continue
+        zone, sign = role.removeprefix(side), _SIGNS[side]
+        runs, room = _runs(frame, zone, sign), f"T_za{zone}"
+        if runs is None or room not in frame:
+            continue
+        off = _blanks_without(runs, frame[role].isna())
+        beyond = np.floor(sign * frame[room].quantile(0.0 if sign > 0.0 else 1.0) - _BEYOND) * sign
+        if off.any():
+            filled[role] = frame[role].mask(off, beyond)
+            text = f"{role} is missing in {several(int(off.sum()), 'row')} in which the plant is off: {beyond:g} degC"
+            remarks.append(f"{text}, which the room does not reach, is taken there")
+    return frame.assign(**filled), remarks
+
+
+def _runs(frame: pd.DataFrame, zone: str, sign: float) -> pd.Series | None:
+    """Whether the plant of one side runs, NaN where that is not known; None without a plant."""
+    plants = [str(role) for role in frame if is_plant(role) and not str(role).startswith(_OTHER_SIDE[sign])]
+    own = [role for role in plants if zone and role.endswith(zone)] or plants
+    if not own:
+        return None
+    signed = [frame[role] * sign if role.startswith("Q_hvac") else frame[role].abs() for role in own]
+    peaks = [values[values > 0.0].quantile(0.99) for values in signed]
+    running = [(values > _RUNS * peak).where(values.notna()) for values, peak in zip(signed, peaks, strict=True)]
+    return pd.concat(running, axis=1).astype(np.float64).max(axis=1, skipna=False)
+
+
+def _blanks_without(runs: pd.Series, blank: pd.Series) -> pd.Series:
+    """Rows of blanks in which the plant is known to be off, but for the few at their ends."""
+    number = (blank != blank.shift()).cumsum()[blank]
+    share = runs[blank].groupby(number).transform(lambda one: one.mean(skipna=False))
+    return (share <= _MAY_RUN).reindex(blank.index, fill_value=False)
