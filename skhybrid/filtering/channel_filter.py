@@ -47,7 +47,9 @@ def _covariance_pass(A, Q, noise_class, C, R, y, P0, S, gains, covariances):
         for q in range(y.shape[1]):
             if not np.isnan(y[k, q]):
                 S[k, q] = measure(P, C[q], R[q], gains[k, q])
-        covariances[k] = P
+        for i in range(len(P)):
+            for j in range(len(P)):
+                covariances[k, i, j] = P[i, j]
         propagate(A, P, Q[noise_class[k]], AP)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ._compile import compiled
 from .covariance import measure, propagate
+from .rows import store_row
 
 
 class Filtered(NamedTuple):
@@ -40,7 +41,7 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
     x, P, after = s0.copy(), P0.copy(), np.empty(n)
     AP, gain = np.empty((n, n)), np.empty(n)
     for k in range(N):
-        predicted[k], before[k] = x, P
+        store_row(x, P, predicted, before, k)
         for j in range(len(C)):  # one measurement after the other
             if np.isnan(y[k, j]):
                 continue
@@ -50,7 +51,7 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
                 e -= C[j, i] * x[i]
             for i in range(n):
                 x[i] += gain[i] * e
-        filtered[k], covariances[k] = x, P
+        store_row(x, P, filtered, covariances, k)
         for i in range(n):
             after[i] = forcing[k, i]
             for j in range(n):

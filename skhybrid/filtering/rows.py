@@ -1,4 +1,4 @@
-"""Copies of a row of vectors and their derivatives, as loops: a slice assignment takes seconds to compile."""
+"""Copies of a row of vectors and matrices, as loops: a slice assignment takes seconds to compile."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ._compile import compiled
 
 @compiled
 def store_row(x, dx, table, dtable, k):
-    """``table[k] = x`` and ``dtable[k] = dx``, of shapes (n,) and (n, p)."""
+    """``table[k] = x`` and ``dtable[k] = dx``, of shapes (n,) and (n, p): derivatives, or a covariance."""
     for i in range(len(x)):
         table[k, i] = x[i]
         for q in range(dx.shape[1]):
