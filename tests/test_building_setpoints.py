@@ -11,6 +11,16 @@ from skhybrid.datasets import make_house
 from skhybrid.hybrid.thermostat_law import boosted_trees, law_refits
 from skhybrid.model_selection import backtest
 from skhybrid.preprocessing import GapFiller
+from skhybrid.schedule import schedule_loads
+from skhybrid.study import Settings, split_log
+from skhybrid.study.building_outputs import format_zones, write_building
+from skhybrid.study.building_setpoints import ZonesSetpointsKnown, unusable_day
+from skhybrid.study.building_study import run_building
+from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
+from skhybrid.study.load_rules import LAST_WEEK, USUAL
+from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
+from skhybrid.study.setpoints_known import KNOWN
+from skhybrid.zone.zone_backtest import backtest_building
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 ZONES = ["living", "kitchen", "bedroom"]
@@ -73,9 +83,13 @@ def test_a_back_test_is_the_forecast_from_each_origin(model, later):
             np.testing.assert_array_equal(own["Q_hvac_true"], later[f"Q_hvac_{zone}"][own["time"] - pd.Timedelta("1h")])
 
 
-@pytest.mark.parametrize("origin", [3 * DAY + 5, 7 * DAY, 7 * DAY + 1])
-def test_nothing_measured_after_an_origin_is_read_in_any_zone(model, later, origin):
-    """Also not by what is learned at the beginning of a week, nor to judge the forecasts of the days before."""
+@pytest.mark.parametrize("origin", [3 * DAY + 5, 7 * DAY, pytest.param(7 * DAY + 1, marks=pytest.mark.slow)])
+def test_nothing_measured_after_an_origin_is_read_in_any_zone(model, later, origin, monkeypatch):
+    """Also not by what is learned at the beginning of a week, nor to judge the forecasts of the days before.
+
+    A load that is held for hours, as in rooms with slow heaters, looks ahead the farthest.
+    """
+    monkeypatch.setattr(schedule_loads, "steps_ahead", lambda *system: 6)
     other = later_changed(later, origin)
     other.loc[other.index[origin + DAY] :, other.filter(like="_set_").columns] -= 2.0  # after the horizon
     found = [forgetful(model).closed_loop_from(rows, [2 * DAY, origin], "1D", LEVELS) for rows in (later, other)]
@@ -184,3 +198,102 @@ def test_a_building_that_cannot_be_run_by_its_thermostats_is_refused(log, given,
     quick = HybridPredictor(network="1R1C", intervals=False, **given)
     made = BuildingPredictor(quick, adjacency=[]).fit(rows[:TRAINED], rows[T_OF][:TRAINED])
     refused(made, rows[TRAINED:], match)
+
+
+# ------------------------------------------------------------------------------------------------------------ the study
+def settings_of(log, **given):
+    columns = {name: name for name in log}
+    spans = {"train": {"end": "2023-11-17"}, "test": {"start": "2023-11-18", "end": "2023-11-23"}}
+    estimator = {"name": "conventional", "n_starts": 2}
+    return Settings(columns=columns, step="1h", estimator=estimator, network={"name": "1R1C"}, **spans, **given)
+
+
+def yesterday_of(log, later, start):
+    parts = []
+    for zone in ZONES:
+        model = Yesterday().fit(log[:TRAINED].rename(columns={f"T_za_{zone}": "T_za"}))
+        rows = later[[f"T_za_{zone}"]].set_axis(["T_za"], axis=1)
+        parts.append(backtest(model, rows, rows["T_za"], start=start).assign(zone=zone))
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_a_study_scores_each_zone_and_all_together(log, model, later):
+    rows = later[: 6 * DAY]
+    start, remarks = rows.index[DAY], []
+    yesterday = yesterday_of(log, rows, start)
+    held = ZonesSetpointsKnown.of(model, (log[:TRAINED], rows), start, yesterday, settings_of(log), remarks)
+    assert remarks == []
+    frame = backtest(model, rows, rows[T_OF], start=start, quantiles=LEVELS, heat_known=False)
+    of_all, errors = [], (frame["y_pred"] - frame["y_true"]) ** 2
+    for zone, one in held.zones.items():
+        own = frame[frame["zone"] == zone]
+        assert one.table.loc[HYBRID, "rmse"] == pytest.approx(np.sqrt(errors[own.index].mean()))
+        assert set(one.table.index) == {HYBRID, YESTERDAY, YESTERDAYS_LOAD, LAST_WEEK, USUAL}
+        begin = own["time"] - pd.Timedelta("1h")
+        past = log[f"Q_hvac_{zone}"]
+        missed = own["Q_hvac_pred"] - own["Q_hvac_true"]
+        assert one.table.loc[HYBRID, "load_rmse"] == pytest.approx(np.sqrt((missed**2).mean()))
+        week = past[begin - pd.Timedelta("7D")].to_numpy() - past[begin].to_numpy()
+        assert one.table.loc[LAST_WEEK, "load_rmse"] == pytest.approx(np.sqrt((week**2).mean()))
+        inside = own["Q_hvac_true"].between(own["Q_hvac_0.1"], own["Q_hvac_0.9"])
+        assert one.load_coverage == pytest.approx(inside.mean())
+        of_all.append(missed)
+    assert held.whole.table.loc[HYBRID, "rmse"] == pytest.approx(np.sqrt(errors.mean()))
+    assert held.whole.table.loc[HYBRID, "load_rmse"] == pytest.approx(np.sqrt((pd.concat(of_all) ** 2).mean()))
+    assert held.whole.load_coverage == pytest.approx(np.mean([one.load_coverage for one in held.zones.values()]))
+    assert f"errs by {np.sqrt(errors.mean()):.2f} K" in held.whole.words
+
+
+def test_without_set_points_there_is_no_such_test_and_wrong_ones_are_told(log, model, later):
+    spans, yesterday = (log[:TRAINED], later[: 3 * DAY]), pd.DataFrame()
+    given = (later.index[DAY], yesterday, settings_of(log))
+    bare = tuple(rows.drop(columns=rows.filter(like="_set_").columns) for rows in spans)
+    remarks = []
+    assert ZonesSetpointsKnown.of(model, bare, *given, remarks) is None
+    assert remarks == []
+    holed = spans[1].assign(T_heat_set_kitchen=np.nan)
+    assert ZonesSetpointsKnown.of(model, (spans[0], holed), *given, remarks) is None
+    (text,) = remarks
+    assert text.startswith(
+        "forecasts with only the set-points known were not tested: zone 'kitchen': T_heat_set is mis"
+    )
+    assert unusable_day(spans[1], given[2]) == ""
+    assert unusable_day(holed, given[2]) == f"zone 'kitchen': T_heat_set is missing at {holed.index[0]}"
+
+
+@pytest.mark.slow
+def test_a_study_of_zones_with_set_points_judges_them_by_that_task(log, tmp_path):
+    settings = settings_of(log[: 21 * DAY], adjacency=[list(pair) for pair in DOORS])
+    result = run_building(settings, split_log(log[: 21 * DAY], settings))
+    held = result.setpoints_known
+    assert all(one.reasons[0] == KNOWN for found in result.verdicts.values() for one in found)
+    assert {one.quantity for one in result.verdicts["bedroom"]} == {"temperature", "load"}
+    day = result.data.future
+    plain = result.model.forecast(result.data.history, day.drop(columns=[*T_OF, *Q_OF]), quantiles=LEVELS)
+    for name in plain:
+        np.testing.assert_allclose(result.forecast[name], plain[name])
+    assert "setpoint_living" not in result.forecast
+    np.testing.assert_array_equal(result.forecast["T_heat_set_living"], day["T_heat_set_living"])
+    write_building(result, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.index(held.whole.words) < page.index("Accuracy in daily use") < page.index("Accuracy with the heat kn")
+    assert "by the learned thermostats" in page
+    tests = pd.read_csv(tmp_path / "out" / "backtest.csv")
+    np.testing.assert_allclose(tests[f"{HYBRID}, set-points known"], held.whole.frame["y_pred"], atol=1e-3)
+    assert held.whole.words in format_zones(result)
+    found = backtest_building(settings, log[: 21 * DAY])
+    table = found.setpoints_known.table
+    assert table.loc[HYBRID, "rmse_kitchen"] == pytest.approx(held.zones["kitchen"].table.loc[HYBRID, "rmse"])
+    assert all(one.reasons[0] == KNOWN for one in found.verdicts)
+
+
+@pytest.mark.slow
+def test_zones_that_share_a_boiler_go_on_with_the_heat_known_and_say_so(log):
+    heat = log[Q_OF].sum(axis=1)
+    rows = log[: 21 * DAY].drop(columns=Q_OF).assign(u_heat=heat / heat.max())
+    settings = settings_of(rows, adjacency=[])
+    result = run_building(settings, split_log(rows, settings))
+    assert result.setpoints_known is None
+    what = "loads and forecasts with only the set-points known are left out"
+    assert f"{what}: the zones share the plant of the column u_heat" in result.warnings
+    assert {one.quantity for found in result.verdicts.values() for one in found} == {"temperature"}

@@ -439,6 +439,26 @@ def test_inverse_against_a_loop(lower, upper):
     assert (clipped > 0) == np.isfinite(upper)
 
 
+@pytest.mark.parametrize("ahead", [1, 4])
+def test_heat_is_sought_without_what_is_unforeseen(ahead):
+    """Up to a step the heat is that under a forcing that holds from there on."""
+    rng = np.random.default_rng(5)
+    N, n = 20, 3
+    A, heat, c, s0 = 0.4 * rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=n), rng.normal(size=n)
+    forcing, other, low = rng.normal(size=(N, n)), rng.normal(size=(N, n)), rng.normal(size=N)
+    band, most = (low, low + 0.5), np.full(N, 2.0)
+    given = (A, forcing, np.stack([heat, heat]), c, *band, -most, most, s0, ahead)
+    found = simulate_inverse(*given, other)
+    for k in (0, 7, N - 1):
+        known = other[np.minimum(np.arange(N), k)]
+        one = simulate_inverse(*given, known)
+        np.testing.assert_array_equal(one.applied[: k + 1], found.applied[: k + 1])
+    held = np.tile(other[0], (N, 1))
+    plain = simulate_inverse(A, forcing + held, *given[2:])
+    for one, two in zip(simulate_inverse(*given, held), plain, strict=True):
+        np.testing.assert_allclose(one, two, atol=1e-9)
+
+
 @pytest.mark.parametrize("ahead", [2, 5])
 def test_inverse_with_a_hold_and_a_band_against_a_loop(ahead):
     """Each step applies the heat that, held, brings the output into the band of the last step of the hold."""

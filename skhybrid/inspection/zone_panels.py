@@ -55,10 +55,9 @@ def weeks_figure(
     n_columns = 1 if width < NARROW else min(2, n_zones)
     figure, axes = _panels(-(-n_zones // n_columns), n_columns, width)
     panels = axes.ravel()[:n_zones]
-    ForecastDisplay.from_predictions(frames, ax=panels, start=first["time"].max() - shown)
-    for ax, zone in zip(panels, first["zone"].unique(), strict=True):
+    ForecastDisplay.from_predictions(frames, ax=panels, start=first["time"].max() - shown, unit=unit)
+    for ax in panels:
         ax.set_xlabel("")
-        ax.set_ylabel(f"{zone} [{unit}]" if n_zones > 1 else ax.get_ylabel())
     for spare in axes.ravel()[n_zones:]:
         spare.set_axis_off()
         panels[-n_columns].tick_params(labelbottom=True)

@@ -107,7 +107,7 @@ def held_figure(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str,
 
 
 def loads_backtest(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str) -> pd.DataFrame:
-    """A back-test of the load, ``own`` beside the measured ``load`` [unit], with an interval where it is of the whole."""
+    """A back-test of ``own`` load beside the measured ``load`` [unit], with an interval where that is of the whole."""
     banded = unit == "kW" and "Q_total_pred" not in frame  # beside stages the load may be the meter's part alone
     bands = {f"q_{level}": frame[f"Q_hvac_{level}"] for level in (0.1, 0.9) if banded and f"Q_hvac_{level}" in frame}
     return frame[["origin", "lead", "time"]].assign(y_true=load, y_pred=own, **bands)
