@@ -50,8 +50,8 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     units |= {f"load_rmse_{zone}": f"load of {zone} [{load_unit}]" for zone in settings.zones}
     tables = {"with the heat known:": (found.table, found.coverage)}
     if held is not None:
-        first = {"with only the weather and the set-points known:": (held.table.drop(columns="note"), held.coverage)}
-        tables = first | tables
+        known = f"with only {held.weather} and the set-points known:"
+        tables = {known: (held.table.drop(columns="note"), held.coverage)} | tables
     print("\n".join(map(str, found.verdicts)))
     for head, (table, coverage) in tables.items():
         print(f"\n{head}" if held is not None else "")

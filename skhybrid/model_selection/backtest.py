@@ -110,8 +110,10 @@ def backtest(
     loads: dict[str, np.ndarray] = {}
     if (quantiles is not None or weather is not None or not heat_known) and takes_tables(forecaster):
         table = read_once(table, **reading_of(forecaster), fits=False)
-    if weather is not None and len(zones) > 1:
-        raise ValueError("weather_error is for one zone; back-test the own_ estimators of a building.")
+    if weather is not None and heat_known and len(zones) > 1:
+        raise ValueError(
+            "weather_error of several zones is for set-points; take heat_known=False, or back-test the own_ estimators."
+        )
     if not heat_known:
         paths, bands, loads = paths_under_setpoints(forecaster, table, origins, n_leads * sampling, quantiles, weather)
     elif weather is not None:

@@ -11,6 +11,7 @@ import pandas as pd
 from .._table import ZoneTable
 from .._time import rows_of
 from ..forecasting import WeatherError
+from ..forecasting.features import irradiance_roles
 from ..forecasting.quantiles import load_quantile_columns
 from ..hybrid.thermostat_law.closed_loop_paths import ClosedLoopPaths
 
@@ -29,7 +30,7 @@ def paths_under_setpoints(
     where there are any, and columns (n_origins, n_leads, n_zones) of the plants over the step before each temperature:
     measured as ``Q_hvac_true`` (NaN after the last row), forecast as ``Q_hvac_pred``, and quantiles such as
     ``Q_hvac_0.1`` of the whole load [kW]; NaN in zones without them.  With a model of the error of a ``weather``
-    forecast, each origin of the one zone has a forecast of its own.
+    forecast, each origin has a forecast of its own.
     """
     read = hasattr(forecaster, "closed_loop_from") and getattr(forecaster, "preprocess_", None) is None
     if not read or not isinstance(table, ZoneTable | pd.DataFrame):
@@ -40,10 +41,7 @@ def paths_under_setpoints(
     if weather is None:
         found = forecaster.closed_loop_from(table, origins, horizon, quantiles)
     else:
-        rows = table if isinstance(table, ZoneTable) else forecaster._read_X(table)
-        seen = ((weather.forecast(rows, origin, rows_of(horizon, rows.step)), [origin]) for origin in origins.tolist())
-        given = {"horizon": horizon, "quantiles": quantiles, "weather_error": weather}
-        found = ClosedLoopPaths.joined([forecaster.closed_loop_from(*part, **given) for part in seen])
+        found = _under_forecasts(forecaster, table, origins, horizon, quantiles, weather)
     zones = list(found.values()) if isinstance(found, Mapping) else [found]
     loads = [_loads(one, quantiles) for one in zones]
     unknown = np.full(zones[0].paths.temperature.shape, np.nan)
@@ -51,6 +49,37 @@ def paths_under_setpoints(
     columns = {name: np.stack([own.get(name, unknown) for own in loads], axis=-1) for name in names}
     bands = None if quantiles is None else np.stack([one.temperature_bands for one in zones], axis=2)
     return np.stack([one.paths.temperature for one in zones], axis=-1), bands, columns
+
+
+def _under_forecasts(
+    forecaster: Any,
+    table: Any,
+    origins: np.ndarray,
+    horizon: pd.Timedelta,
+    quantiles: Sequence[float] | None,
+    weather: WeatherError,
+) -> Any:
+    """The forecasts from each origin under a weather forecast of its own, of one zone or by zone."""
+    models = getattr(forecaster, "own_", {"": forecaster}).values()
+    read = [(model, table if isinstance(table, ZoneTable) else model._read_X(table)) for model in models]
+    parts = []
+    for origin in origins.tolist():
+        seen = [(model, weather.forecast(rows, origin, rows_of(horizon, rows.step))) for model, rows in read]
+        ahead = seen[0][1] if isinstance(table, ZoneTable) else table.assign(**_weather_of(seen))
+        parts.append(forecaster.closed_loop_from(ahead, [origin], horizon, quantiles, weather_error=weather))
+    if not isinstance(parts[0], Mapping):
+        return ClosedLoopPaths.joined(parts)
+    return {zone: ClosedLoopPaths.joined([part[zone] for part in parts]) for zone in parts[0]}
+
+
+def _weather_of(tables: Sequence[tuple[Any, ZoneTable]]) -> dict[str, np.ndarray]:
+    """The weather of tables, each as read by a model, by column."""
+    return {
+        model._column_of(role): values
+        for model, rows in tables
+        for role, values in rows.inputs.items()
+        if role == "T_oa" or role in irradiance_roles(rows.inputs)
+    }
 
 
 def _loads(found: Any, quantiles: Sequence[float] | None) -> dict[str, np.ndarray]:

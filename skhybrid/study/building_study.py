@@ -22,7 +22,7 @@ from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .run import Progress, counted, each_once, refuse_holes
-from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
+from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
 from .settings import Settings, is_scaled
 from .verdict import WORST_FIRST, Verdict
 from .zone_part import data_of, forecast_of, rows_of, settings_of
@@ -114,7 +114,7 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
         say("loads, and forecast of the next day")
         loads = _loads(model, settings, data)
         of_day = _of_day(held, settings, data, remarks)
-        forecast = _next_day(model, settings, data, has_intervals(frames[HYBRID]), of_day)
+        forecast = _next_day(model, settings, data, interval_asked(frames[HYBRID], settings), of_day)
         verdicts = {
             zone: _judged(model, settings, data, frames, zone, loads.get(zone), held, of_day) for zone in settings.zones
         }
@@ -328,17 +328,19 @@ def _of_all(
 
 
 def _next_day(
-    model: BuildingPredictor, settings: Settings, data: StudyData, with_intervals: bool, of_day: bool
+    model: BuildingPredictor, settings: Settings, data: StudyData, asked: Mapping[str, Any], of_day: bool
 ) -> pd.DataFrame:
-    """Temperatures and loads, with intervals, under the set-points where ``of_day``, else under the known control."""
-    quantiles = INTERVAL if with_intervals else None
+    """Temperatures and loads under the set-points where ``of_day``, else under the known control.
+
+    With intervals as ``asked``.
+    """
     temperatures = settings.roles_of("T_za")
     ahead = data.future.drop(columns=temperatures)
     if of_day:
-        out = model.forecast(data.history, ahead.drop(columns=plant_roles(ahead)), quantiles=quantiles)
+        out = model.forecast(data.history, ahead.drop(columns=plant_roles(ahead)), **asked)
     else:
         with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
-            out = model.forecast(data.history, ahead, quantiles=quantiles)
+            out = model.forecast(data.history, ahead, **asked)
         out = out.join(_required(model, settings, data).drop(columns=out.columns, errors="ignore"))
     for zone, role in zip(settings.zones, temperatures, strict=True):
         rows = rows_of(data.future, settings, zone)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Self
 
@@ -21,7 +21,7 @@ from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_
 from .data import StudyData, inputs_of, setpoints_of, without_setpoints
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
-from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
+from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
 from .setpoints_known import LOAD_INTERVAL, SetpointsKnown, unusable_setpoints
 from .settings import Settings, is_scaled
 from .verdict import Verdict
@@ -158,7 +158,8 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         yesterday = tested[YESTERDAY].frame
         held = SetpointsKnown.of(model, later.given_to(model), data, yesterday, settings, remarks)
         of_day = _of_day(held, data, remarks)
-        forecast = _next_day(model, identification, data, tested[HYBRID].frame, of_day)
+        asked = interval_asked(tested[HYBRID].frame if of_day is None else of_day.frame, settings)
+        forecast = _next_day(model, identification, data, asked, of_day is not None)
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
         delivered = delivered_heat(identification, pd.concat([data.train, data.later]))
         rules = {} if delivered is None else loads_by_rule(data, delivered)
@@ -326,18 +327,16 @@ def _of_day(held: SetpointsKnown | None, data: StudyData, remarks: list[str]) ->
     return None if why_not else held
 
 
-def _next_day(
-    model: Any, identification: Any, data: StudyData, own: pd.DataFrame, held: SetpointsKnown | None
-) -> pd.DataFrame:
-    """The forecast of the next day, with intervals as in the back-tests, and what was measured of it.
+def _next_day(model: Any, identification: Any, data: StudyData, asked: Mapping[str, Any], of_day: bool) -> pd.DataFrame:
+    """The forecast of the next day, with intervals as ``asked``, and what was measured of it.
 
-    Under its set-points where a back-test ``held`` is given, else under its heat.
+    Under its set-points where ``of_day``, else under its heat.
     """
     with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
-        if held is not None:
-            out = _under_setpoints(model, identification, data, _levels(held.frame)).join(setpoints_of(data.future))
+        if of_day:
+            out = _under_setpoints(model, identification, data, asked).join(setpoints_of(data.future))
         else:
-            out = _under_known_heat(model, identification, data, _levels(own))
+            out = _under_known_heat(model, identification, data, asked)
     if data.held_out:
         out["T_za_measured"] = data.future["T_za"]
         heat = delivered_heat(identification, data.future)
@@ -346,28 +345,23 @@ def _next_day(
     return out.rename_axis("time")
 
 
-def _levels(frame: pd.DataFrame) -> tuple[float, float] | None:
-    """The quantiles of a back-test."""
-    return INTERVAL if has_intervals(frame) else None
-
-
-def _under_setpoints(model: Any, identification: Any, data: StudyData, quantiles: Any) -> pd.DataFrame:
+def _under_setpoints(model: Any, identification: Any, data: StudyData, asked: Mapping[str, Any]) -> pd.DataFrame:
     """Temperature and load under the set-points of the day, with intervals where there are any."""
     roles = plant_roles(data.future)
-    out = model.forecast(data.history, data.future.drop(columns=["T_za", *roles]), quantiles=quantiles)
+    out = model.forecast(data.history, data.future.drop(columns=["T_za", *roles]), **asked)
     if roles != ["Q_hvac"]:  # intervals are in the scale of the model
         out = _in_kilowatts(out, identification, data.future).drop(columns=list(LOAD_INTERVAL), errors="ignore")
     return out
 
 
-def _under_known_heat(model: Any, identification: Any, data: StudyData, quantiles: Any) -> pd.DataFrame:
+def _under_known_heat(model: Any, identification: Any, data: StudyData, asked: Mapping[str, Any]) -> pd.DataFrame:
     """Temperature under the known heat, with its interval, and the load that holds the set-point."""
     whole = read_once(pd.concat([data.history, data.future.assign(T_za=np.nan)]), fits=False)
     parts: tuple[Any, Any] = (data.history, data.future)
     if isinstance(whole, ZoneTable):
         n_past = len(data.history)
         parts = (whole.rows(slice(n_past)), whole.rows(slice(n_past, None)))
-    out = model.forecast(*parts, quantiles=quantiles)
+    out = model.forecast(*parts, **asked)
     if plant_roles(data.future):
         load = model.predict_load(whole, data.setpoint.to_numpy()).loc[data.future.index]
         load = _in_kilowatts(load, identification, data.future)

@@ -11,6 +11,7 @@ import pandas as pd
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest
+from .settings import Settings
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
 
@@ -43,6 +44,11 @@ def error_table(errors: pd.DataFrame) -> pd.DataFrame:
 def has_intervals(frame: pd.DataFrame) -> bool:
     """Whether a back-test or a forecast holds the quantiles of :data:`INTERVAL`."""
     return quantile_columns(INTERVAL)[0] in frame
+
+
+def interval_asked(frame: pd.DataFrame, settings: Settings) -> dict[str, Any]:
+    """Arguments of a forecast that has intervals where a back-test has them."""
+    return {"quantiles": INTERVAL, "weather_error": settings.weather_error} if has_intervals(frame) else {}
 
 
 def coverage_of(frame: pd.DataFrame) -> float | None:

@@ -26,7 +26,6 @@ _NOTES = {
     LAST_WEEK: "that at this time of the last week before",
     USUAL: "mean of all earlier working days, or weekends",
 }
-KNOWN = "the weather and the set-points were known ahead, the heat was not"  # the first reason of a verdict
 LOAD_INTERVAL = tuple(load_quantile_columns(INTERVAL))
 
 
@@ -40,6 +39,7 @@ class SetpointsKnown(NamedTuple):
     table: pd.DataFrame  # index: model; rmse and mae [K], load_rmse [unit], note
     coverage: float | None  # share of the temperatures inside the 80 % intervals
     load_coverage: float | None  # the same of a load that is one meter's
+    weather: str  # what was known of it ahead
 
     @classmethod
     def of(
@@ -59,14 +59,13 @@ class SetpointsKnown(NamedTuple):
     def of_backtest(cls, frame: pd.DataFrame, past: pd.DataFrame, yesterday: pd.DataFrame, settings: Settings) -> Self:
         """A back-test of one zone beside the rules, which know the ``past`` rows; without a plant it has no load."""
         roles = plant_roles(past)
-        load = load_of(past, settings, roles)
+        load, weather = load_of(past, settings, roles), _weather_in(settings)
         if load is None:
-            return cls._beside(frame, pd.Series(np.nan, frame.index), {}, "kW", yesterday, None)
+            return cls._beside(frame, pd.Series(np.nan, frame.index), {}, "kW", yesterday, None, weather)
         measured, own = (_load_in(frame, ending, settings, roles) for ending in ("_true", "_pred"))
         coverage = _load_coverage(frame, measured) if roles == ["Q_hvac"] and has_intervals(frame) else None
-        return cls._beside(
-            frame, measured, {HYBRID: own, **past_loads(load.values, frame)}, load.unit, yesterday, coverage
-        )
+        loads = {HYBRID: own, **past_loads(load.values, frame)}
+        return cls._beside(frame, measured, loads, load.unit, yesterday, coverage, weather)
 
     @classmethod
     def together(cls, zones: Mapping[str, Self], yesterday: pd.DataFrame) -> Self:
@@ -86,7 +85,8 @@ class SetpointsKnown(NamedTuple):
         known = [one.load.notna().sum() for one in loaded]
         whole = len(contained) == len(loaded) > 0 and sum(known) > 0
         coverage = float(np.average(contained, weights=known)) if whole else None
-        return cls._beside(frame, measured, loads, units.pop() if len(units) == 1 else "kW", yesterday, coverage)
+        unit = units.pop() if len(units) == 1 else "kW"
+        return cls._beside(frame, measured, loads, unit, yesterday, coverage, parts[0].weather)
 
     @classmethod
     def _beside(
@@ -97,6 +97,7 @@ class SetpointsKnown(NamedTuple):
         unit: str,
         yesterday: pd.DataFrame,
         load_coverage: float | None,
+        weather: str,
     ) -> Self:
         """A back-test with the errors of its loads, and of the temperature of a day before."""
         table = error_table(errors_by_model({HYBRID: frame, YESTERDAY: yesterday}))
@@ -104,7 +105,7 @@ class SetpointsKnown(NamedTuple):
         errors = pd.DataFrame(loads, frame.index).sub(measured, axis=0).dropna(axis=1, how="all").dropna()
         table = table.assign(load_rmse=np.sqrt((errors**2).mean()), note=pd.Series(_NOTES))
         table = table.sort_values(["rmse", "load_rmse"]).rename_axis("model")
-        return cls(frame, measured, loads, unit, table, coverage_of(frame), load_coverage)
+        return cls(frame, measured, loads, unit, table, coverage_of(frame), load_coverage, weather)
 
     @property
     def load_name(self) -> str:
@@ -117,7 +118,7 @@ class SetpointsKnown(NamedTuple):
         rules = self.table.drop(index=HYBRID)
         own, unit = self.table.loc[HYBRID], f" {self.unit}".removesuffix(" -")
         of_temperature = (
-            f"With the weather and the set-points known, and the heat not, the {HYBRID} model errs by "
+            f"With {self.weather} and the set-points known, and the heat not, the {HYBRID} model errs by "
             f"{own['rmse']:.2f} K (the temperature a day before: {rules['rmse'].min():.2f} K)"
         )
         if not self.loads:
@@ -152,7 +153,8 @@ class SetpointsKnown(NamedTuple):
         found = [judge_temperature(self.frame, yesterday, self.coverage, doubts.temperature)]
         if errors:
             found.append(judge_load_errors(errors.pop(HYBRID), errors, self.frame["origin"], **given))
-        return [one._replace(reasons=(KNOWN, *one.reasons)) for one in found]
+        known = f"{self.weather} and the set-points were known ahead, the heat was not"
+        return [one._replace(reasons=(known, *one.reasons)) for one in found]
 
 
 def backtest_under_setpoints(
@@ -160,11 +162,18 @@ def backtest_under_setpoints(
 ) -> pd.DataFrame | None:
     """A back-test with only the set-points known, with intervals where there are some; else a remark says why not."""
     spans = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": start}
+    given = spans | {"heat_known": False, "weather_error": settings.weather_error}
     try:
-        return backtest_with_intervals(model, rows, T, remarks, heat_known=False, **spans)
+        return backtest_with_intervals(model, rows, T, remarks, **given)
     except ValueError as error:
         remarks.append(f"forecasts with only the set-points known were not tested: {error}")
         return None
+
+
+def _weather_in(settings: Settings) -> str:
+    """What back-tests know of the weather ahead."""
+    level = settings.weather_error
+    return "the weather" if level is None else f"a forecast of the weather ({level} errors)"
 
 
 def unusable_setpoints(day: pd.DataFrame) -> str:

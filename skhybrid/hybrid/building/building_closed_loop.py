@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._table import ZoneTable
 from ...control import LoadPaths
+from ...forecasting.weather_error import WeatherError, read_weather_error
 from ..base import BaseHybrid
 from ..thermostat_law.closed_loop_paths import ClosedLoopPaths
 from .building_forecast import BuildingForecastMixin, of_zone
@@ -28,6 +29,7 @@ class BuildingClosedLoopMixin(BuildingForecastMixin):
         origins: Sequence[int] | np.ndarray,
         horizon: Any = None,
         quantiles: Sequence[float] | None = None,
+        weather_error: Any = None,
     ) -> dict[str, ClosedLoopPaths]:
         """Forecast all zones from given rows, under the set-points of X and their learned thermostats.
 
@@ -40,6 +42,8 @@ class BuildingClosedLoopMixin(BuildingForecastMixin):
             Row numbers of X, increasing.
         horizon : timedelta-like, optional
         quantiles : sequence of float, optional
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`forecast`.
 
         Returns
         -------
@@ -55,17 +59,18 @@ class BuildingClosedLoopMixin(BuildingForecastMixin):
         self._refuse_shared_plants()
         self._refuse_without_plant("heat_known=False")
         X, rows = self._prepared(self._read(X)), np.asarray(origins)
+        asked = horizon, quantiles, read_weather_error(weather_error)
         tables, own = {}, {}
         for zone, model in self.own_.items():
             with of_zone(zone):
                 tables[zone] = model._read_X(X)
-                own[zone] = _paths(model, tables[zone], rows, horizon, quantiles, {})
+                own[zone] = _paths(model, tables[zone], rows, *asked, {})
         known, found = self._carried_on(self._known(X)), dict(own)
         for zone, one in self.coupled_.items():
             table = with_neighbour_temperatures(tables[zone], {other: known[other] for other in one.neighbours})
             ahead = {NEXT + other: held(own[other].paths.temperature) for other in one.neighbours}
             with of_zone(zone):
-                found[zone] = _blended(own[zone], _paths(one.model, table, rows, horizon, quantiles, ahead), one)
+                found[zone] = _blended(own[zone], _paths(one.model, table, rows, *asked, ahead), one)
         return found
 
 
@@ -75,16 +80,18 @@ def _paths(
     origins: np.ndarray,
     horizon: Any,
     quantiles: Sequence[float] | None,
+    weather: WeatherError | None,
     boundary: Mapping[str, np.ndarray],
 ) -> ClosedLoopPaths:
     """Forecasts of a zone by one of its predictors; without a plant it is free."""
     if model._plant:
-        return model.closed_loop_from(table, origins, horizon, quantiles, boundary)
+        return model.closed_loop_from(table, origins, horizon, quantiles, boundary, weather)
     T = model.predict_from(table, origins, horizon, boundary or None)
     paths = LoadPaths(np.zeros(T.shape), T, np.full(T.shape, np.nan))
     if quantiles is None or boundary:  # the quantiles of a zone by itself move along
         return ClosedLoopPaths(paths)
-    return ClosedLoopPaths(paths, None, model.predict_quantiles_from(table, origins, quantiles, horizon))
+    bands = model.predict_quantiles_from(table, origins, quantiles, horizon, weather_error=weather)
+    return ClosedLoopPaths(paths, None, bands)
 
 
 def _blended(own: ClosedLoopPaths, coupled: ClosedLoopPaths, one: CoupledZone) -> ClosedLoopPaths:

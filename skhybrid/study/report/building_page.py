@@ -212,7 +212,8 @@ def _setpoints_known(result: BuildingResult) -> str:
         )
 
     return (
-        "<h2>Accuracy in daily use</h2>\n<p>Here each forecast was given the weather and the set-points, but neither "
+        "<h2>Accuracy in daily use</h2>\n"
+        f"<p>Here each forecast was given {whole.weather} and the set-points, but neither "
         "the heat nor the temperature of any zone measured after it started. Thermostats and plants act as they were "
         "learned on the training days, and neighbours are as forecast.</p>\n"
         + by_zone(["zone", *map(str, table)], rows)

@@ -154,7 +154,8 @@ def _setpoints_known(held: SetpointsKnown | None) -> str:
     contained = [(held.coverage, "temperatures"), (held.load_coverage, "loads")]
     shares = " and ".join(f"{percent(share)} of the measured {what}" for share, what in contained if share is not None)
     return (
-        "<h2>Accuracy in daily use</h2>\n<p>Here each forecast was given the weather and the set-points, but neither "
+        "<h2>Accuracy in daily use</h2>\n"
+        f"<p>Here each forecast was given {held.weather} and the set-points, but neither "
         "the heat nor the room temperature measured after it started. The thermostat and the plant act as they were "
         "learned on the training days.</p>\n"
         + results_table(held.table, held.unit == "kW", held.load_name)
