@@ -44,10 +44,9 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         content |= {"setpoints_known": None if held is None else held.as_dict()}
         print_json(content | {"coverage": found.coverage})
         return DONE
-    load_unit = found.load_unit or ("" if held is None else held.unit)
-    units = {"rmse": "RMSE [K]", "mae": "MAE [K]", "load_rmse": f"load RMSE [{load_unit}]"}
-    units |= {f"rmse_{zone}": f"{zone} [K]" for zone in settings.zones}
-    units |= {f"load_rmse_{zone}": f"load of {zone} [{load_unit}]" for zone in settings.zones}
+    units = {"rmse": "RMSE [K]", "mae": "MAE [K]", "load_rmse": f"load RMSE [{found.load_unit}]"}
+    for zone in settings.zones:
+        units |= {f"rmse_{zone}": f"{zone} [K]", f"load_rmse_{zone}": f"load of {zone} [{found.load_unit}]"}
     tables = {"with the heat known:": (found.table, found.coverage)}
     if held is not None:
         known = f"with only {held.weather} and the set-points known:"

@@ -119,5 +119,5 @@ def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progres
         for zone, one in held.zones.items():
             scaled = is_scaled(rows_of(train, settings, zone), settings.capacities)
             verdicts[zone] = one.verdicts(zone_of(frames[YESTERDAY], zone), Doubts([], []), scaled=scaled)
-    found = tuple(verdicts_by_zone(verdicts))
-    return ZoneBacktest(table, own, coverage, found, "", whole, tuple(dict.fromkeys(remarks)))
+    found, unit = tuple(verdicts_by_zone(verdicts)), "" if whole is None else whole.unit
+    return ZoneBacktest(table, own, coverage, found, unit, whole, tuple(dict.fromkeys(remarks)))
