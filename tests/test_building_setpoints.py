@@ -9,6 +9,7 @@ import pytest
 
 from skhybrid import BuildingPredictor, HybridPredictor
 from skhybrid.datasets import make_house
+from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.thermostat_law import boosted_trees, law_refits
 from skhybrid.model_selection import backtest
 from skhybrid.preprocessing import GapFiller
@@ -20,10 +21,10 @@ from skhybrid.study.building_study import run_building
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
 from skhybrid.study.load_rules import LAST_WEEK, USUAL
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
-from skhybrid.study.setpoints_known import KNOWN
 from skhybrid.zone.zone_backtest import backtest_building
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+KNOWN = "the weather and the set-points were known ahead, the heat was not"
 ZONES = ["living", "kitchen", "bedroom"]
 DAY, TRAINED = 24, 14 * 24
 DOORS = [("living", "kitchen"), ("living", "bedroom")]
@@ -82,6 +83,26 @@ def test_a_back_test_is_the_forecast_from_each_origin(model, later):
                 np.testing.assert_allclose(load[:-1], expected[f"{name}_{zone}"][:-1], atol=1e-9)
             np.testing.assert_array_equal(own["y_true"], later[f"T_za_{zone}"][own["time"]])
             np.testing.assert_array_equal(own["Q_hvac_true"], later[f"Q_hvac_{zone}"][own["time"] - pd.Timedelta("1h")])
+
+
+def test_errors_of_the_weather_forecast_are_those_of_each_origin_in_all_zones(model, later):
+    given = {"start": later.index[4 * DAY], "quantiles": LEVELS, "heat_known": False}
+    exact = backtest(model, later[: 6 * DAY + 1], later[T_OF][: 6 * DAY + 1], **given)
+    off = backtest(model, later[: 6 * DAY + 1], later[T_OF][: 6 * DAY + 1], weather_error="high", **given)
+    same = ["origin", "lead", "time", "zone", "y_true", "Q_hvac_true"]
+    pd.testing.assert_frame_equal(off[same], exact[same])
+    widths = [(f["q_0.9"] - f["q_0.1"]).groupby(f["zone"]).mean() for f in (off, exact)]
+    assert (widths[0] > 1.01 * widths[1]).all()
+    origin, ahead = 5 * DAY, later[: 6 * DAY + 1].copy()
+    for own in model.own_.values():
+        seen = WeatherError("high").forecast(own._read_X(later[: 6 * DAY + 1]), origin, DAY).inputs
+        ahead = ahead.assign(
+            **{own._column_of(role): seen[role] for role in seen if role.startswith(("T_oa", "q_sol"))}
+        )
+    assert (ahead.iloc[: origin + 1] == later.iloc[: origin + 1]).all(axis=None)
+    found = model.closed_loop_from(ahead, [origin], "1D")["kitchen"]
+    chosen = off[(off["zone"] == "kitchen") & (off["origin"] == later.index[origin])]
+    np.testing.assert_allclose(chosen["y_pred"], found.paths.temperature[0], atol=1e-9)
 
 
 @pytest.mark.parametrize("origin", [3 * DAY + 5, 7 * DAY, pytest.param(7 * DAY + 1, marks=pytest.mark.slow)])

@@ -14,10 +14,10 @@ from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.study.outputs import format_result, write_outputs, write_page
 from skhybrid.study.report.figures import held_figure
-from skhybrid.study.setpoints_known import KNOWN
 from skhybrid.zone import zone_backtest
 from skhybrid.zone.zone_backtest import ZoneBacktest, backtest_zone
 
+KNOWN = "the weather and the set-points were known ahead, the heat was not"
 TRAIN, TEST = {"end": "2023-10-22"}, {"start": "2023-10-23", "end": "2023-10-29"}
 
 
@@ -74,6 +74,19 @@ def test_a_study_scores_the_task_without_heat_and_judges_by_it(result, log):
     assert [one.reasons[0] for one in result.verdicts] == [KNOWN, KNOWN]
     ratio = held.table["rmse"][HYBRID] / held.table["rmse"][YESTERDAY]
     assert f"{ratio:.2f} times that of yesterday's temperature" in result.verdicts[0].reasons[1]
+
+
+def test_a_study_under_weather_forecasts_says_so_and_has_wider_intervals(result, log, tmp_path):
+    settings = settings_of(log, weather_error="high")
+    off = run_study(settings, split_log(log, settings))
+    assert off.verdicts[0].reasons[0] == KNOWN.replace("the weather", "a forecast of the weather (high errors)")
+    assert "With a forecast of the weather (high errors) and the set-points known" in off.setpoints_known.words
+    for forecast, exact in ((off.setpoints_known.frame, result.setpoints_known.frame), (off.forecast, result.forecast)):
+        assert (forecast["q_0.9"] - forecast["q_0.1"]).mean() > 1.02 * (exact["q_0.9"] - exact["q_0.1"]).mean()
+    pd.testing.assert_series_equal(off.forecast["T_za"], result.forecast["T_za"])  # of a day whose weather was measured
+    write_outputs(off, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "was given a forecast of the weather (high errors) and the set-points" in page
 
 
 def test_the_next_day_is_forecast_under_its_set_points(result, log):
