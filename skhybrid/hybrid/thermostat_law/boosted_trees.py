@@ -49,8 +49,9 @@ class BoostedTrees(NamedTuple):
 def fit_trees(X: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) -> BoostedTrees:
     """Boosted trees of a target (n,) by features (n, n_features), NaN where unknown; the same for the same rows."""
     X = np.where(np.isfinite(X).any(axis=0), X, 0.0)  # a feature of which nothing is known splits no node
+    edges = None if weight is None else [_bin_edges(column, weight) for column in X.T]
     with one_openmp_thread():
-        booster = HistGradientBoostingRegressor(**SETTINGS).fit(X, y, weight)
+        booster = HistGradientBoostingRegressor(**SETTINGS).fit(X if edges is None else _binned(X, edges), y, weight)
     nodes = [tree.nodes for (tree,) in booster._predictors]
     n_nodes = max(len(tree) for tree in nodes)
     found = {name: np.zeros((len(nodes), n_nodes), dtype=nodes[0].dtype[name]) for name in _FIELDS}
@@ -59,7 +60,27 @@ def fit_trees(X: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) ->
         for name in _FIELDS:
             own = np.arange(len(tree)) if name in ("left", "right") else tree[name]
             found[name][i, : len(tree)] = np.where(leaf, own, tree[name])
+        if edges is not None:
+            for at in np.flatnonzero(~leaf & np.isfinite(tree["num_threshold"])):  # +inf: whether a value is known
+                found["num_threshold"][i, at] = edges[tree["feature_idx"][at]][int(tree["num_threshold"][at])]
     level = float(np.ravel(booster._baseline_prediction)[0])
     feature, threshold, left, right, missing, value = found.values()
     whole = (feature.astype(np.int64), threshold, left.astype(np.int64), right.astype(np.int64))
     return BoostedTrees(level, *whole, missing.astype(bool), value)
+
+
+def _bin_edges(column: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Upper ends of all bins of a feature but the last, as scikit-learn finds them by a sort for each."""
+    known, n_bins = np.isfinite(column), int(SETTINGS["max_bins"])
+    order = np.argsort(column[known])
+    values, total = column[known][order], np.cumsum(weight[known][order])
+    distinct = np.unique(values)
+    if len(distinct) <= n_bins:
+        return (distinct[1:] + distinct[:-1]) / 2.0
+    return np.unique(values[np.searchsorted(total, np.linspace(0.0, total[-1], n_bins + 1)[1:-1])])
+
+
+def _binned(X: np.ndarray, edges: list[np.ndarray]) -> np.ndarray:
+    """Number of the bin of each value, NaN where it is unknown."""
+    bins = np.column_stack([np.searchsorted(own, column) for own, column in zip(edges, X.T, strict=True)])
+    return np.where(np.isfinite(X), bins, np.nan)
