@@ -233,7 +233,7 @@ def test_the_house_is_its_network():
     ("settings", "message"),
     [
         ({"zones": 1}, "zones=1 must be an integer from 2 to 8"),
-        ({"n_days": 0}, "n_days=0 must be a positive integer"),
+        ({"n_days": 0}, "n_days=0 must be an integer of at least 1"),
         ({"partition": 0.0}, r"partition=0.0 must be a positive resistance \[K/kW\]"),
         ({"pattern": "bar"}, "pattern='bar' is unknown"),
         ({"excitation": "step"}, "excitation='step' is unknown"),

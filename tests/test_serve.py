@@ -336,7 +336,7 @@ def test_a_wrong_body_is_refused_in_one_sentence(case, made, cheap):
     ("change", "words"),
     [
         ({"T_za": 68.0}, r"T_za holds 68 degC in 1 row \(first at 2018-09-27 00:00:00-06:00\)"),
-        ({"T_oa": -9999.0}, "T_oa holds -9999 degC"),
+        ({"T_oa": 150.0}, "T_oa holds 150 degC"),
         ({"time": "2018-09-27T00:00:00"}, "the log of this zone has a time zone; post stamps with an offset"),
         ({"time": "2101-01-01T00:00:00-06:00"}, "2101-01-01 .* lies in the future"),
         ({"time": "yesterday"}, "time of 0: 'yesterday' is not a date and time such as 2024"),

@@ -111,6 +111,8 @@ def test_with_a_known_capacity_nothing_is_flat(output, periodic):
 class _Line:
     """Ordinary regression in the clothes of an identification problem: 6 days of 4 rows."""
 
+    centre = spread = None  # no priors
+
     def __init__(self, n_days: int = 6) -> None:
         rng = np.random.default_rng(0)
         n = 4 * n_days
@@ -481,6 +483,8 @@ def test_an_exact_fit_has_a_finite_deviance_and_finite_errors():
     exact.drop = partial(PredictionErrorProblem.drop, exact)
     assert np.isfinite(PredictionErrorProblem.minimum_near(exact, np.zeros(0))[1])
     problem = SimpleNamespace(
+        centre=None,
+        spread=None,
         searched=(A,),
         experiment=SimpleNamespace(y=np.zeros(96), outputs=np.zeros((96, 1)), hours=1.0),
         linearised=lambda _: (np.zeros(96), np.full((96, 1), 1e5)),

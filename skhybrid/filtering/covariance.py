@@ -37,7 +37,7 @@ def measure(P, c, R, gain):
         gain[i] /= S
     for i in range(n):
         for m in range(n):
-            P[i, m] -= S * gain[i] * gain[m]
+            P[i, m] -= S * (gain[i] * gain[m])  # symmetric to the bit
     return S
 
 

@@ -171,7 +171,7 @@ def backtest_under_setpoints(
 
 
 def _weather_in(settings: Settings) -> str:
-    """What back-tests know of the weather ahead."""
+    """The weather ahead as back-tests know it."""
     level = settings.weather_error
     return "the weather" if level is None else f"a forecast of the weather ({level} errors)"
 

@@ -156,10 +156,10 @@ class ClosedLoop:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
         rows = LawRows.of(table, scheme.plant_heat(table), band_of(table))
         spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(table, rows)
-        past = np.empty(0, dtype=np.int64)
-        if scheme.adapt is not None:
-            oldest = int(origins[0]) - (_DAYS_BACK + 1) * rows.per_day
-            past = weeks.origins(max(weeks.begin, oldest), int(origins[-1]), spacing)
+        oldest = max(weeks.begin, int(origins[0]) - (_DAYS_BACK + 1) * rows.per_day)
+        past = weeks.origins(
+            oldest, oldest if scheme.adapt is None else int(origins[-1]), spacing
+        )  # their errors count
         known, refits = np.union1d(past, origins), self._refits
         numbers = np.unique(weeks.numbers(known))
         laws = refits.known(rows, weeks, numbers) if scheme.adapt == "full" else dict.fromkeys(numbers, refits.law)
@@ -174,27 +174,25 @@ class ClosedLoop:
         values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
         for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
             assert law is not None
-            own = weeks.numbers(past) == number
-            values[own] = member_errors(rows, past[own], ideal.of(past[own]), law, _leads(self.n_leads))
-            own = weeks.numbers(origins) == number
+            at, own = (weeks.numbers(of) == number for of in (past, origins))
+            values[at] = member_errors(rows, past[at], ideal.of(past[at]), law, _leads(self.n_leads))
             members[own] = member_paths(rows, origins[own], free.rows(own), law, np.arange(n_leads))
         errors = _Errors(past, _leads(self.n_leads), values)
         wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
         begin = weeks.zero if table.n_history else weeks.begin
         if limits is not None:
             asked = asked._replace(limits=_within(asked.limits, limits))
-            limited = loads_from(origins, n_leads, asked)
-            wanted = wanted._replace(shift=_between(limited, free, n_leads), limits=limits)
+            shift = _between(loads_from(origins, n_leads, asked), free, n_leads)
+            wanted = wanted._replace(shift=shift, limits=limits)
         if delivered is not None:
             expected = self._blended(scheme, table, wanted, errors, begin, None).paths.heat[:, 0]
             actual, forecast = (
-                loads_from(origins, n_leads, asked._replace(delivered=heat)) for heat in (delivered, expected)
+                loads_from(origins, n_leads, asked._replace(delivered=q)) for q in (delivered, expected)
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         if levels is not None and weather is not None:
-            wanted = wanted._replace(
-                spread=self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
-            )
+            spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
+            wanted = wanted._replace(spread=spread)
         return self._blended(scheme, table, wanted, errors, begin, levels)
 
     def _weather_spread(
