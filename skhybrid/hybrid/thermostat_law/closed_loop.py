@@ -170,22 +170,20 @@ class ClosedLoop:
         ideal = IdealPaths(every, loads_from(every, n_ideal, asked))  # the past knows what was measured
         asked = asked._replace(boundary=boundary or {})
         free = loads_from(origins, n_ideal, asked) if boundary else ideal.of(origins)
+        laws |= refits.learn(rows, weeks, new, spacing, ideal)
+        errors = _Errors(past, _leads(self.n_leads), np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS))))
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
-        values = np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS)))
-        for number, law in (laws | refits.learn(rows, weeks, new, spacing, ideal)).items():
+        for number, law in laws.items():
             assert law is not None
             at, own = (weeks.numbers(of) == number for of in (past, origins))
-            values[at] = member_errors(rows, past[at], ideal.of(past[at]), law, _leads(self.n_leads))
+            errors.values[at] = member_errors(rows, past[at], ideal.of(past[at]), law, errors.leads)
             members[own] = member_paths(rows, origins[own], free.rows(own), law, np.arange(n_leads))
-        errors = _Errors(past, _leads(self.n_leads), values)
         wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
-        begin = weeks.zero if table.n_history else weeks.begin
         if limits is not None:
             asked = asked._replace(limits=_within(asked.limits, limits))
-            shift = _between(loads_from(origins, n_leads, asked), free, n_leads)
-            wanted = wanted._replace(shift=shift, limits=limits)
+            wanted = wanted._replace(shift=_between(loads_from(origins, n_leads, asked), free, n_leads), limits=limits)
         if delivered is not None:
-            expected = self._blended(scheme, table, wanted, errors, begin, None).paths.heat[:, 0]
+            expected = self._blended(scheme, table, wanted, errors, weeks, None).paths.heat[:, 0]
             actual, forecast = (
                 loads_from(origins, n_leads, asked._replace(delivered=q)) for q in (delivered, expected)
             )
@@ -193,7 +191,7 @@ class ClosedLoop:
         if levels is not None and weather is not None:
             spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
             wanted = wanted._replace(spread=spread)
-        return self._blended(scheme, table, wanted, errors, begin, levels)
+        return self._blended(scheme, table, wanted, errors, weeks, levels)
 
     def _weather_spread(
         self,
@@ -233,11 +231,12 @@ class ClosedLoop:
         table: ZoneTable,
         wanted: _Wanted,
         errors: _Errors,
-        begin: int,
+        weeks: Weeks,
         levels: np.ndarray | None,
     ) -> ClosedLoopPaths:
-        """The members blended by what was known of their errors at each origin; new rows begin at ``begin``."""
+        """The members blended by what was known of their errors at each origin."""
         rows, members, n_leads = wanted.rows, wanted.members, wanted.members.shape[1]
+        begin = weeks.zero if table.n_history else weeks.begin  # of new rows
         ranges = scheme.plausible(table, wanted.origins)
         n_levels = 0 if levels is None else len(levels)
         out = np.empty((2, len(wanted.origins), n_leads, 1 + n_levels))
