@@ -66,7 +66,7 @@ class RollingBlend:
         self._rolling = [member.start(rows, record.sample, adapt) for member in members]
         self._products = np.zeros_like(record.products)
         self.row = -1  # the last row that it went through
-        self._weighed: tuple[int, np.ndarray] | None = None  # a row, and the weights there
+        self._weighed: tuple[int, np.ndarray, np.ndarray] | None = None  # a row, and weights and errors known there
         self._first = 0  # number of the first hourly forecast whose errors are kept
 
     def fork(self) -> Self:
@@ -99,7 +99,7 @@ class RollingBlend:
         """Compute coefficients and weights now, and not when they are first read."""
         for rolling in self._rolling:
             rolling.solve()
-        self._shares()
+        self._known()
 
     def forecast(
         self, views: list[Any], n_leads: int, plausible: PlausibleRange | None
@@ -112,16 +112,16 @@ class RollingBlend:
             return np.empty(0), np.empty(0)
         clip, clipped = (np.asarray, False) if plausible is None else (plausible.clip, True)
         found = [rolling.forecast(view, n_leads, clipped) for rolling, view in zip(self._rolling, views, strict=True)]
-        heat, shares = next(heats[0] for _, heats in found if heats is not None), self._shares()
+        heat, (shares, missed) = next(heats[0] for _, heats in found if heats is not None), self._known()
         weights = by_lead(shares, self._record.n_leads, n_leads)
         path = np.sum(clip(np.concatenate([paths for paths, _ in found])).T * weights, axis=1)
-        return clip(path + self._correction(shares, n_leads)), heat
+        return clip(path + np.interp(np.arange(1, n_leads + 1), self._record.sample.leads, missed)), heat
 
     def gain(self, plan: Plan, first_lead: int) -> np.ndarray:
         """(H, H, m) gain by a plan, whose first row is that of lead ``first_lead``, 0 or 1; nothing is clipped."""
         n = len(plan.values)
         weights = np.zeros((n, len(self._record.member_of)))
-        weights[1 - first_lead :] = by_lead(self._shares(), self._record.n_leads, n - 1 + first_lead)
+        weights[1 - first_lead :] = by_lead(self._known()[0], self._record.n_leads, n - 1 + first_lead)
         found = np.concatenate([rolling.gain(plan) for rolling in self._rolling])
         return np.asarray(np.einsum("ik,kijm->ijm", weights, found))
 
@@ -133,7 +133,7 @@ class RollingBlend:
         errors, origins = self._history(self._first)
         rows = self.row - record.rows_per_day * np.arange(1, DAYS_BACK + 1)
         at = np.searchsorted(origins, rows[rows >= self._begin], side="right") - 1
-        missed = np.sum(errors[at] * self._shares()[record.groups], axis=-1)
+        missed = np.sum(errors[at] * self._known()[0][record.groups], axis=-1)
         known = origins[at][:, None] + record.sample.leads <= self.row
         return RecentErrors(np.where(known, missed, np.nan), self.row - origins[at], record.sample.leads)
 
@@ -142,11 +142,13 @@ class RollingBlend:
         """The member that is a network."""
         return self._rolling[0]
 
-    def _shares(self) -> np.ndarray:
-        """(n_groups, K) weights of the ways to forecast, as known at the last row."""
+    def _known(self) -> tuple[np.ndarray, np.ndarray]:
+        """As known at the last row: weights (n_groups, K) of the ways to forecast, and what these missed (L,) [K]."""
         if self._weighed is None or self._weighed[0] != self.row:
-            self._weighed = self.row, self._weigh()
-        return self._weighed[1]
+            shares, record = self._weigh(), self._record
+            missed = np.zeros(len(record.sample.leads)) if self.adapt is None else self._missed(shares[record.groups])
+            self._weighed = self.row, shares, missed
+        return self._weighed[1:]
 
     def _weigh(self) -> np.ndarray:
         record = self._record
@@ -155,13 +157,6 @@ class RollingBlend:
             products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
             n_more = (self.row + 1 - self._begin) / record.rows_per_day
         return blend_weights(products, *record.caution(n_more))
-
-    def _correction(self, shares: np.ndarray, n_leads: int) -> np.ndarray:
-        """(n_leads,) what the blend of these shares missed that may come back [K]."""
-        record = self._record
-        if self.adapt is None:
-            return np.zeros(n_leads)
-        return np.interp(np.arange(1, n_leads + 1), record.sample.leads, self._missed(shares[record.groups]))
 
     def heat_now(self, views: list[Any]) -> float:
         """Unmeasured heat over the step of the last row [kW]."""
