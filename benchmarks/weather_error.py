@@ -129,7 +129,7 @@ def rows_under_setpoints(log: Log, name: str, n_origins: int) -> list[dict[str, 
 
 def tables_under_setpoints(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Summary of all logs, and errors, coverages and widths of each."""
-    wide = frame.pivot(index="weather", columns="data").reindex(list(WEATHER))
+    wide = frame.pivot_table(index="weather", columns="data").reindex(list(WEATHER))
     summary = pd.DataFrame(index=wide.index)
     for quantity, unit in (("T", "K"), ("load", "kW")):
         rmse, coverage = wide[f"{quantity} rmse"], wide[f"{quantity} coverage"]
