@@ -128,11 +128,18 @@ def rows_under_setpoints(log: Log, name: str, n_origins: int) -> list[dict[str, 
 
 
 def tables_under_setpoints(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The errors, coverages and widths, with a row per log and weather."""
+    """Summary of all logs, and errors, coverages and widths of each."""
+    wide = frame.pivot_table(index="weather", columns="data").reindex(list(WEATHER))
+    summary = pd.DataFrame(index=wide.index)
+    for quantity, unit in (("T", "K"), ("load", "kW")):
+        rmse, coverage = wide[f"{quantity} rmse"], wide[f"{quantity} coverage"]
+        summary[f"RMSE of {quantity} [{unit}], geometric mean"] = np.exp(np.log(rmse).mean(axis=1)).round(3)
+        ends = zip(coverage.mean(axis=1), coverage.min(axis=1), coverage.max(axis=1), strict=True)
+        summary[f"coverage of {quantity}"] = [f"{mean:.2f} ({low:.2f} to {high:.2f})" for mean, low, high in ends]
     columns = {"rmse": "RMSE", "coverage": "coverage", "width": "width"}
     names = {f"{q} {c}": f"{q}, {shown}" for q in ("T", "load") for c, shown in columns.items()}
-    table = frame.set_index(["data", "weather"])[list(names)].rename(columns=names).round(3)
-    return {"Temperature [K] and load [kW], set-points known": table}
+    each = frame.set_index(["data", "weather"])[list(names)].rename(columns=names).round(3)
+    return {"All logs": summary, "Temperature [K] and load [kW] by log": each}
 
 
 def kept_rows(path: Path, runs: dict[str, Callable[[], list[dict[str, object]]]]) -> list[dict[str, object]]:
