@@ -46,7 +46,8 @@ def test_every_entry_point_accepts_a_good_table(names):
     # the training table has no set-points, from which a thermostat would be learned; the usual call asks for one
     of_thermostat = {name for name in names if entries()[name].method in LAW and entries()[name].estimator in HYBRIDS}
     # the usual set-point is one number, which an ideal plant holds, and quantiles are asked for
-    of_thermostat |= {"SchedulePredictor, set-points.predict_load", "BuildingPredictor.forecast"}
+    of_thermostat |= {"SchedulePredictor, set-points.predict_load"}
+    of_thermostat |= {f"BuildingPredictor.{method}" for method in ("forecast", "closed_loop_from")}
     affine = {name for name in names if entries()[name].method == "affine_forecast"}
     no_intervals = {name for name in affine if not name.startswith((*HYBRIDS, "BuildingPredictor"))}
     assert refused.keys() == of_thermostat | no_intervals, refused
