@@ -270,7 +270,8 @@ class ScheduleScheme(Scheme):
 
     def go_on(self) -> None:
         if self.adapt in self._begun:
-            self._at_last_row()
+            blend, _ = self._at_last_row()
+            blend.solve()
 
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
         """Forecast from the last known row, starting where the forecast before had come to."""
@@ -297,7 +298,6 @@ class ScheduleScheme(Scheme):
         if blend.row < last:
             blend = blend.fork()
             blend.advance(views, last)
-            blend.solve()
             self._running[self.adapt] = blend
         return blend, views
 

@@ -219,14 +219,16 @@ def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
             "n_epochs": [len(one.history) for one in found],
             "train_loss": last,
             "valid_loss": losses,
-            # the epoch, from 1, whose weights are kept
-            "best_epoch": [
-                1 + int(np.argmin([e.get("valid_loss", -i) for i, e in enumerate(o.history)])) for o in found
-            ],
+            "best_epoch": [_best_epoch(one) for one in found],
             "used": [i in used for i in range(len(found))],
         }
     )
     return JobResult(network, weight, found[best].history, repeats)
+
+
+def _best_epoch(result: TrainingResult) -> int:
+    """The epoch, from 1, whose weights are kept."""
+    return 1 + int(np.argmin([epoch.get("valid_loss", -i) for i, epoch in enumerate(result.history)]))
 
 
 def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:

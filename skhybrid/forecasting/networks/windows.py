@@ -193,6 +193,8 @@ def columns_of(table: ZoneTable, case: ModelCase, kind: str, encoding: str) -> t
     blocks = [row_features(table, (feature,), encoding) for feature in both]
     n_read = sum(block.shape[1] for block in blocks) + 2  # with zeta and the bias
     empty = [np.zeros((table.n_rows, -n_read % _COLUMNS))]
-    named = list(zip(both, blocks, strict=True))
-    part = [np.hstack([block * (feature in read) for feature, block in named] + empty) for read in (past, future)]
-    return part[0], part[1]
+
+    def read_by(part: tuple[str, ...]) -> np.ndarray:
+        return np.hstack([block * (feature in part) for feature, block in zip(both, blocks, strict=True)] + empty)
+
+    return read_by(past), read_by(future)

@@ -157,9 +157,8 @@ class ClosedLoop:
         rows = LawRows.of(table, scheme.plant_heat(table), band_of(table))
         spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(table, rows)
         oldest = max(weeks.begin, int(origins[0]) - (_DAYS_BACK + 1) * rows.per_day)
-        past = weeks.origins(
-            oldest, oldest if scheme.adapt is None else int(origins[-1]), spacing
-        )  # their errors count
+        # forecasts whose errors count
+        past = weeks.origins(oldest, oldest if scheme.adapt is None else int(origins[-1]), spacing)
         known, refits = np.union1d(past, origins), self._refits
         numbers = np.unique(weeks.numbers(known))
         laws = refits.known(rows, weeks, numbers) if scheme.adapt == "full" else dict.fromkeys(numbers, refits.law)
@@ -171,12 +170,13 @@ class ClosedLoop:
         asked = asked._replace(boundary=boundary or {})
         free = loads_from(origins, n_ideal, asked) if boundary else ideal.of(origins)
         laws |= refits.learn(rows, weeks, new, spacing, ideal)
-        errors = _Errors(past, _leads(self.n_leads), np.empty((len(past), len(_leads(self.n_leads)), 2, len(MEMBERS))))
+        leads = _leads(self.n_leads)
+        errors = _Errors(past, leads, np.empty((len(past), len(leads), 2, len(MEMBERS))))
         members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
         for number, law in laws.items():
             assert law is not None
             at, own = (weeks.numbers(of) == number for of in (past, origins))
-            errors.values[at] = member_errors(rows, past[at], ideal.of(past[at]), law, errors.leads)
+            errors.values[at] = member_errors(rows, past[at], ideal.of(past[at]), law, leads)
             members[own] = member_paths(rows, origins[own], free.rows(own), law, np.arange(n_leads))
         wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
         if limits is not None:
@@ -280,13 +280,7 @@ class ClosedLoop:
         return _Errors(known.origins[daily], known.leads, values)
 
     def _offsets(
-        self,
-        table: ZoneTable,
-        wanted: _Wanted,
-        i: int,
-        quantity: int,
-        missed: _Errors,
-        levels: np.ndarray,
+        self, table: ZoneTable, wanted: _Wanted, i: int, quantity: int, missed: _Errors, levels: np.ndarray
     ) -> np.ndarray:
         """(n_leads, n_levels) quantiles of the error of the path from the ``i``-th origin."""
         origin, spread = wanted.origins[i], None if wanted.spread is None else wanted.spread[i, quantity]
