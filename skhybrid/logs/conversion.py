@@ -89,21 +89,22 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
 
 def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:
     """A remark on each channel with numbers that stand for a missing value, by the name of its column."""
-    filled = {c.name: (raw.frame[c.name], _filled(raw, c)) for c in channels}
-    return {name: fill_remark(*both) for name, both in filled.items() if both[1].any()}
-
-
-def _filled(raw: RawLog, channel: Channel) -> pd.Series:
-    return fill_values(raw.frame[channel.name], channel.role, counter_of(raw, channel) is not None)
+    found = {}
+    for channel in channels:
+        series = raw.frame[channel.name]
+        filled = fill_values(series, channel.role, counter_of(raw, channel) is not None)
+        if filled.any():
+            found[channel.name] = fill_remark(series, filled)
+    return found
 
 
 def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
-    series, unit = raw.frame[channel.name], channel.unit
-    series = series.mask(_filled(raw, channel))
+    series, unit, counter = raw.frame[channel.name], channel.unit, counter_of(raw, channel)
+    series = series.mask(fill_values(series, channel.role, counter is not None))
     if channel.role.startswith("T_") and channel.name in raw.switches:
         series = series.where(~series.isin((0.0, 1.0)))
     values = series.to_numpy(dtype=np.float64)
-    if (counter := counter_of(raw, channel)) is not None:
+    if counter is not None:
         values = power_of_counter(counter)
     elif (of_row := (ENERGY if channel.role.startswith("Q_") else IRRADIATION).get(str(unit))) is not None:
         values = of_row * values / row_hours(series)

@@ -31,8 +31,6 @@ _RUNS, _MOST_RUN = 0.1, 0.4  # heat, relative to its peaks, and share of such ho
 _OFTEN = 0.05  # share of the rows in which a plant heats or cools
 _ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
-
-
 _COARSE = 6.0  # hours of a step of a counter, beyond which the course of a day is lost
 
 
@@ -75,13 +73,13 @@ def clash(frame: pd.DataFrame) -> str | None:
 
     Stamps that are cut to minutes, among rows that come faster, are no clash.
     """
+    if frame.empty:
+        return None
     index = pd.DatetimeIndex(frame.index)
     again, stamps = index.duplicated(), index.unique().sort_values()
     if again.mean() <= _CLASHING or len(stamps) < 2 or (stamps[1:] - stamps[:-1]).min() <= pd.Timedelta("1min"):
         return None
     later, first = frame[again], frame[~again].loc[index[again]]
-    if frame.empty:
-        return None
     other = (later.to_numpy() != first.to_numpy()) & later.notna().to_numpy() & first.notna().to_numpy()
     rows = np.flatnonzero(other.any(axis=1))
     if len(rows) <= _CLASHING * len(frame):

@@ -246,7 +246,8 @@ class LogReport:
         role = str(guess.role)
         unit, factor = units.get(role, fitting_unit(stated, role)), scale.get(role, raw.scale.get(name, 1.0))
         if unit is None:
-            values = raw.frame[name].mask(fill_values(raw.frame[name], role, is_counter(raw.frame[name])))
+            series = raw.frame[name]
+            values = series.mask(fill_values(series, role, is_counter(series)))
             unit, factor, why = assumed_unit(values, role, factor, guess.reason == NAMED_BY_ROLE)
             self._assumed |= {role: why} if why else {}
         if unit in ENERGY and role not in units and role.startswith("Q_") and is_counter(raw.frame[name]):

@@ -45,11 +45,10 @@ class ZonesSetpointsKnown(NamedTuple):
         frame = backtest_under_setpoints(model, later, T, start, settings, remarks)
         if frame is None:
             return None
-        zones = {}
+        zones, whole = {}, pd.concat([train, later])
         for zone in settings.zones:
-            past = rows_of(pd.concat([train, later]), settings, zone)
-            own = (settings_of(settings, zone), zone_of(yesterday, zone), zone_of(frame, zone))
-            zones[zone] = SetpointsKnown.of_backtest(own[2], past, own[1], own[0])
+            past, before = rows_of(whole, settings, zone), zone_of(yesterday, zone)
+            zones[zone] = SetpointsKnown.of_backtest(zone_of(frame, zone), past, before, settings_of(settings, zone))
         return cls(SetpointsKnown.together(zones, yesterday), zones)
 
     @property

@@ -233,12 +233,12 @@ def _judged(
     """The verdicts on a zone's temperature and, where something heats or cools it, its load."""
     own = data_of(data, settings, zone)
     doubts = Doubts.of(model.own_[zone], data.later, own, setpoints_known=of_day)
+    scaled = is_scaled(own.train, settings.capacities)
     if held is not None:
-        scaled = is_scaled(own.train, settings.capacities)
         return held.zones[zone].verdicts(zone_of(frames[YESTERDAY], zone), doubts, scaled=scaled)
     out = [judge_zone(frames, zone, doubts.temperature)]
     if loads is not None:
-        given: dict[str, Any] = {"scaled": is_scaled(own.train, settings.capacities), "doubts": doubts.load}
+        given: dict[str, Any] = {"scaled": scaled, "doubts": doubts.load}
         out.append(judge_load(loads.own.values, loads.rules, loads.delivered.values, data.test_start, **given))
     return out
 

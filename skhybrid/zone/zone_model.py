@@ -348,10 +348,9 @@ class ZoneModel:
         wanted: Any = None,
         limits: tuple[float | None, float | None] | None = None,
     ) -> pd.DataFrame:
-        given = {"setpoint": wanted, "limits": limits}
+        given = {"setpoint": wanted, "limits": limits, "weather_error": self.settings.weather_error}
         try:
-            off = self.settings.weather_error
-            return self.predictor.forecast(history, future, quantiles=INTERVAL, weather_error=off, **given)
+            return self.predictor.forecast(history, future, quantiles=INTERVAL, **given)
         except TooFewDaysError:
             return self.predictor.forecast(history, future, **given)
 
