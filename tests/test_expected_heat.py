@@ -140,14 +140,34 @@ def test_columns_and_slopes_are_those_of_the_errors(plan, lags):
 
 
 # ------------------------------------------------------------------------------------------------- the gain it gives
-def test_expected_heat_brings_the_gain_nearer_to_the_plants(log, plan, monkeypatch):
-    X, truth = log
+@pytest.fixture(scope="module")
+def pulled_by_jumps_alone(log):
+    """Ratios to the plant's gain after 4, 12 and 24 h of a fit on delivered heat."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fit_module, "heat_surprise", lambda *_: None)
+        patch.setattr(fit_module, "_toward_one_hour", lambda model, scored, pull: pull)
+        return ratio_to_plant(fitted(log[0], "plan"), log[1])
+
+
+def ratio_to_plant(fit, truth):
     at = [3, 11, 23]
-    monkeypatch.setattr(fit_module, "heat_surprise", lambda *_: None)
-    without = fitted(X, "plan")
-    ratio, before = (step_gain(fit, DAY)[at] / truth[at] for fit in (plan, without))
-    assert (ratio > 1.15 * before).all()
+    return step_gain(fit, DAY)[at] / truth[at]
+
+
+def test_expected_heat_brings_the_gain_nearer_to_the_plants(log, plan, pulled_by_jumps_alone):
+    ratio = ratio_to_plant(plan, log[1])
+    assert (ratio > 1.15 * pulled_by_jumps_alone).all()
     assert (ratio < 1.15).all()
+
+
+def test_so_do_forecasts_over_an_hour_where_the_heat_cannot_be_expected(log, pulled_by_jumps_alone, monkeypatch):
+    X, truth = log
+    monkeypatch.setattr(fit_module, "heat_surprise", lambda *_: None)
+    fit = fitted(X, "plan")
+    ratio = ratio_to_plant(fit, truth)
+    assert (ratio > 1.15 * pulled_by_jumps_alone).all()
+    assert (ratio < 1.15).all()
+    assert (fit.problem.pull.shape.spread > 0.03).all()  # what the rows leave open is added
 
 
 def test_schedules_and_blend_learn_from_delivered_heat(plan):

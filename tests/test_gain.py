@@ -20,7 +20,7 @@ from skhybrid.hybrid.blending.gain_report import disagreement
 from skhybrid.persistence import load_model, save_model
 from skhybrid.schedule import LITTLE_ERROR, days_to_determine, step_gain, step_gain_error
 from skhybrid.schedule.lead_problem import LeadProblem
-from skhybrid.schedule.step_gain import KNOWN_HEAT, GainPull, is_delayed, is_usual, observed_gains
+from skhybrid.schedule.step_gain import KNOWN_HEAT, GainPull, ResponseShape, is_delayed, is_usual, observed_gains
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 
@@ -135,14 +135,14 @@ def test_the_first_two_gains_tell_a_radiator_from_heated_air(plan):
 
 
 # --------------------------------------------------------------------------------------------------------- the pull
-def problem_of(model, *, lags, usual=True):
+def problem_of(model, *, lags):
     """The problem of a fit with a pull on every kind of row, and a point off its minimum."""
     fit = network(model)
     plan_ = fit.plan._replace(lags=lags)
     scored = fit.problem.forecasts[0]
     sample = scored.sample._replace(origins=scored.sample.origins[::8])
     scored = scored._replace(segment=scored.segment._replace(plan=plan_), sample=sample)
-    pull = GainPull(fit.problem.pull.observed, usual, fit.model.step)
+    pull = GainPull(fit.problem.pull.observed, ResponseShape.usual(fit.model.step), fit.model.step)
     psi = fit.psi + np.random.default_rng(0).normal(0.0, 0.1, len(fit.psi))
     return LeadProblem(fit.model, (scored,), fit.psi, fit.problem.precision, fit.problem.shrinkage, pull), psi
 
@@ -202,7 +202,7 @@ def test_rows_that_agree_keep_the_usual_response():
     X, _ = heated(lambda hour, row: heat, truth=usual)
     fit = network(SchedulePredictor(purpose="plan", adapt=None, intervals=False).fit(X, X["T_za"]))
     assert is_usual(fit.problem.pull.observed, 0.5) is None  # the jumps are small, and leave it open
-    assert fit.problem.pull.usual
+    np.testing.assert_array_equal(fit.problem.pull.shape.relative, ResponseShape.usual(0.5).relative)
 
 
 # -------------------------------------------------------------------------------------------------------- the blend

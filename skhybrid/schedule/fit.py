@@ -9,14 +9,14 @@ from functools import partial
 import numpy as np
 
 from .._table import ZoneTable
-from .._time import rows_per_day, spell
+from .._time import rows_in, rows_per_day, spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_channels, make_plan, with_contrast
 from .constrained_ridge import Solution, gram, solve_coefficients
 from .expected_heat import block_grams, heat_surprise
 from .filter_model import FILTER_PARAMETERS, FilterModel
-from .lead_problem import Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
+from .lead_problem import OVERLAP, Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .network_prior import NetworkPrior, NetworkSums
 from .segment import Segment, make_segment
 from .step_gain import GainPull, is_delayed, is_usual
@@ -165,6 +165,8 @@ def fit_leads(
         return _fit_under(prior, table, scored, reference, scale)
     if pull is not None and is_usual(pull.observed, step) is None:
         pull = _without_contradiction(FilterModel.of(plan.network, step, scale), scored, pull)
+    if pull is not None and scored.surprise is None and pull.shape is None and pull.observed and not plan.lags:
+        pull = _toward_one_hour(FilterModel.of(plan.network, step, scale), scored, pull)
     fit, best = _fit_at_scale(table, scored, reference, scale, _SCALES, pull)
     undetermined = _undetermined(fit, best, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
@@ -176,12 +178,26 @@ def fit_leads(
 
 def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
     """A pull that lets the usual response go where forecasts with delivered heat speak against it."""
-    few, free = scored._replace(surprise=None).every(4), pull._replace(usual=False)
+    few, free = scored._replace(surprise=None).every(4), pull._replace(shape=None)
     problem, start = _start(model, few, _best_of_grid(model, few, _SCALES, free), free)
     best = minimise(problem, start, max_steps=10)
     problem = replace(problem, pull=pull)
     held = minimise(problem, problem.evaluate(best.psi), max_steps=10)
     return pull if held.loss - best.loss < _WORSE * best.loss + _WORSE_BY_CHANCE else free
+
+
+def _toward_one_hour(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
+    """A pull toward the shape of the response that forecasts over an hour tell.
+
+    Within an hour a thermostat answers little of what happens after the origin.
+    """
+    lead = rows_in(1.0, model.step)
+    origins = np.arange(scored.sample.origins[0], scored.segment.n_rows - lead, max(lead // 2, 1))
+    short = ScoredForecasts(scored.segment, ForecastSample(origins, np.array([lead])), OVERLAP)
+    problem, start = _start(model, short, _best_of_grid(model, scored, _SCALES, pull), pull)
+    best = minimise(problem, start, max_steps=20)
+    _, H = problem.slopes(best)
+    return pull.toward_response_of(model, best.psi, np.linalg.inv(H), scored.segment.plan.heated)
 
 
 def with_expected_heat(scored: ScoredForecasts, step: float) -> ScoredForecasts:

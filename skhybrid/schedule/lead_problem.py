@@ -19,7 +19,7 @@ from .responses import Responses, error_columns, error_sensitivities, simulate_r
 from .segment import Segment
 from .step_gain import GainPull
 
-_OVERLAP = 8.0  # hours within which forecasts overlap so much that they count as one
+OVERLAP = 8.0  # hours within which forecasts overlap so much that they count as one
 _LEAST_PENALTY = 1e-3  # penalty of coefficients that are not shrunk, which keeps the equations regular
 _WINDOW = 10.0  # unit of a window [m2] under that penalty
 _LEAST_GAIN = 1e-3  # usual relative decrease of the objective below which a search stops
@@ -143,7 +143,7 @@ class LeadProblem:
 
     def overlap_weight(self, spacing: float) -> float:
         """Weight of each forecast where origins are ``spacing`` rows apart."""
-        return min(spacing * self.model.step / _OVERLAP, 1.0)
+        return min(spacing * self.model.step / OVERLAP, 1.0)
 
     def root_weights_of(self, known: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """(O, L) square roots of the weights of forecasts that count ``weight`` (O,); 0 where not ``known`` (O, L)."""

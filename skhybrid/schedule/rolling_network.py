@@ -95,7 +95,7 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
         forecasts = [with_expected_heat(scored, fit.model.step) for scored in forecasts]
     if pull is not None and (seen := GainPull.of(window, fit.model.step)).observed:
         # what the training says of the response lasts
-        pull = seen._replace(usual=seen.usual and (pull.usual or not pull.observed))
+        pull = seen._replace(shape=pull.shape) if pull.observed else seen
     problem = replace(fit.problem, forecasts=tuple(forecasts), pull=pull)
     return minimise(problem, problem.evaluate(psi), max_steps=_STEPS).psi
 

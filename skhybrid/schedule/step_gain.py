@@ -27,9 +27,11 @@ _LASTING = 0.75
 _SPREAD = 0.03  # relative standard error to which a gain is believed, beside that of the jumps
 _MOST_ERROR = 0.5  # relative standard error from which jumps tell nothing
 KNOWN_HEAT = -1  # in place of the index of a channel
-#: usual step response of a room whose air is heated, 1 + 0.24 ln(t / 15 min) relative to 15 min: EnergyPlus, 14 step
-#: tests in seven zones of three buildings; hours at which it is read, and the spread of its logarithm
-_HOURS, _PER_LOG, _SHAPE_SPREAD = np.array([0.25, 1.0, 4.0, 12.0, 24.0]), 0.24, 0.1
+#: usual step response of a room whose air is heated, 1 + 0.24 ln(t / 15 min) relative to 15 min: EnergyPlus, 22 step
+#: tests in eleven zones of four buildings; hours at which it is read
+_HOURS, _PER_LOG = np.array([0.25, 1.0, 4.0, 12.0, 24.0]), 0.24
+#: spread of its logarithm; plants differ by 0.08 up to 12 h, but delivered heat pulls all forecasts the same way
+_USUAL_SPREAD = 0.07
 _NEAR, _FAR = 0.2, 0.3  # differences of logarithms: up to the first a response is usual, beyond the second it is not
 
 
@@ -126,6 +128,11 @@ def _usual(hours: np.ndarray) -> np.ndarray:
     return np.log(np.maximum(1.0 + _PER_LOG * np.log(hours / _HOURS[0]), _PER_LOG))
 
 
+def _shape_rows(step: float) -> np.ndarray:
+    """Rows at which the shape of a response is read, the first of them its unit."""
+    return np.unique(np.maximum(np.round(_HOURS / step).astype(int), 1))
+
+
 def is_usual(gains: tuple[ObservedGain, ...], step: float) -> bool | None:
     """Whether jumps say that the response begins as is usual where the air is heated; None if they leave it open."""
     found = _of_known_heat(gains)
@@ -176,23 +183,42 @@ def step_response(model: FilterModel, M: Matrices, psi: np.ndarray, heated: int,
     return StepResponse(*simulated(np.ones(len(rows)), np.zeros(len(rows))), *simulated(lag, rows * rate * lag))
 
 
+class ResponseShape(NamedTuple):
+    """Logarithms of a step response at some rows, relative to the first of them."""
+
+    relative: np.ndarray  # (k,)
+    spread: np.ndarray  # (k,) standard errors
+
+    @classmethod
+    def usual(cls, step: float) -> Self:
+        """The shape that is usual where the air is heated."""
+        usual = _usual(_shape_rows(step) * step)
+        return cls(usual[1:] - usual[0], np.full(len(usual) - 1, _USUAL_SPREAD))
+
+
 class GainPull(NamedTuple):
     """Additional rows of the least-squares problem, which pull the gains of the network toward observed ones."""
 
     observed: tuple[ObservedGain, ...]
-    usual: bool  # whether the response is also pulled toward the usual shape
+    shape: ResponseShape | None  # toward which the response is pulled, too
     step: float  # [h]
 
     @classmethod
     def of(cls, segment: Segment, step: float) -> Self:
         """Pull toward what the jumps in these rows say."""
         observed = observed_gains(segment)
-        return cls(observed, is_usual(observed, step) is not False, step)
+        return cls(observed, None if is_usual(observed, step) is False else ResponseShape.usual(step), step)
+
+    def toward_response_of(self, model: FilterModel, psi: np.ndarray, covariance: np.ndarray, heated: int) -> Self:
+        """The same, and toward the shape of a network's response, whose psi has a ``covariance`` (p, p)."""
+        relative, slope = self._relative(self._response(model, psi, heated))
+        variance = np.einsum("kp,pq,kq->k", slope, covariance, slope)
+        return self._replace(shape=ResponseShape(relative, np.sqrt(_SPREAD**2 + variance)))
 
     @property
     def n_rows(self) -> int:
         """Number of the rows."""
-        return len(self.observed) + len(self._rows) - 1
+        return len(self.observed) + (0 if self.shape is None else len(self.shape.relative))
 
     @property
     def root(self) -> np.ndarray:
@@ -212,8 +238,9 @@ class GainPull(NamedTuple):
                     row[n_channels] = at.lagging[g.lead - 1]
             else:
                 row[g.source] = at.gain[g.lead - 1]
-        shape = np.zeros((len(self._rows) - 1, E.shape[1]))
-        shape[:, -1], _ = self._shape_errors(at)
+        errors, _ = self._shape_errors(at)
+        shape = np.zeros((len(errors), E.shape[1]))
+        shape[:, -1] = errors
         return np.vstack([self.root[:, None] * E, shape])
 
     def sensitivities(self, model: FilterModel, psi: np.ndarray, coef: np.ndarray, segment: Segment) -> np.ndarray:
@@ -226,19 +253,19 @@ class GainPull(NamedTuple):
                 row -= coef[-1] * at.dlagging[g.lead - 1]
         return np.vstack([self.root[:, None] * de, self._shape_errors(at)[1]])
 
-    @property
-    def _rows(self) -> np.ndarray:
-        """Rows at which the shape is read, the first of them its unit."""
-        rows = np.maximum(np.round(_HOURS / self.step).astype(int), 1)
-        return np.unique(rows) if self.usual else rows[:1]
-
     def _response(self, model: FilterModel, psi: np.ndarray, heated: int) -> StepResponse:
-        return step_response(model, model.matrices(psi), psi, heated, max(*JUMP_LEADS, *self._rows))
+        n_leads = max(*JUMP_LEADS, *_shape_rows(self.step))
+        return step_response(model, model.matrices(psi), psi, heated, n_leads)
 
     def _shape_errors(self, at: StepResponse) -> tuple[np.ndarray, np.ndarray]:
         """Weighted errors of the shape, and their derivatives by psi."""
-        rows = self._rows
-        gain, slope = at.gain[rows - 1], at.slope[rows - 1] / at.gain[rows - 1, None]
-        usual = _usual(rows * self.step)
-        error = usual - usual[0] - np.log(gain / gain[0])
-        return error[1:] / _SHAPE_SPREAD, (slope[0] - slope[1:]) / _SHAPE_SPREAD
+        if self.shape is None:
+            return np.empty(0), np.empty((0, at.slope.shape[1]))
+        relative, slope = self._relative(at)
+        return (self.shape.relative - relative) / self.shape.spread, -slope / self.shape.spread[:, None]
+
+    def _relative(self, at: StepResponse) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) logarithms of a response relative to its first row, and their derivatives (k, p) by psi."""
+        rows = _shape_rows(self.step) - 1
+        gain, slope = np.log(at.gain[rows]), at.slope[rows] / at.gain[rows, None]
+        return gain[1:] - gain[0], slope[1:] - slope[0]
