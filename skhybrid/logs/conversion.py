@@ -11,7 +11,7 @@ import pandas as pd
 from .._table import listed, role_of
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
-from .fill_values import fill_remark, fill_values, without_huge
+from .fill_values import fill_remark, fill_values, sensor_failures, without_huge
 from .raw_log import RawLog
 from .unit_names import COUNTERS, ENERGY, IRRADIATION
 
@@ -84,15 +84,18 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
     Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
     contract does not have keeps its numbers.  A counter's power begins at its reading, whatever the label of the log.
     """
-    return pd.DataFrame({c.role: _converted(raw, c) for c in channels}, index=raw.frame.index)
+    columns = {c.role: _converted(raw, c) for c in channels}
+    measured = {role: np.where(sensor_failures(values, role), np.nan, values) for role, values in columns.items()}
+    return pd.DataFrame(measured, index=raw.frame.index)
 
 
 def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:
-    """A remark on each channel with numbers that stand for a missing value, by the name of its column."""
+    """A remark on each channel with numbers that stand for a missing value, or a failed sensor, by its column."""
     found = {}
     for channel in channels:
         series = raw.frame[channel.name]
         filled = fill_values(series, channel.role, counter_of(raw, channel) is not None)
+        filled |= sensor_failures(_converted(raw, channel), channel.role)
         if filled.any():
             found[channel.name] = fill_remark(series, filled)
     return found

@@ -1,4 +1,4 @@
-"""Numbers that files and loggers write where nothing was measured, such as -9999."""
+"""Numbers that files, loggers and failed sensors give where nothing was measured, such as -9999 and 85 degC."""
 
 from __future__ import annotations
 
@@ -11,6 +11,11 @@ _CODES = (-999.0, -999.9, -9999.0, -9999.9, -99999.0, 999.0, 999.9, 9999.0, 9999
 _HUGE = 1e15  # beyond every quantity; NetCDF fills with 9.97e36
 _FAR = 5.0  # times the range of all but the few largest and smallest of the others, from their middle
 _NEVER_NEGATIVE = ("q_sol", "u_")
+_AIR = ("T_za", "T_oa")
+_FARTHEST = 30.0  # air does not leave nine tenths of its other temperatures by more [K]
+_FEW_CODES = 2  # a failed sensor shows one value, or two by turns
+_NEAR = 2.0  # of the usual temperatures, which values are in that are degF [K]
+_FAR_FROM_ZERO = 5.0  # no temperature falls to exactly 0 that is else above this [degC]
 
 
 def fill_values(series: pd.Series, role: str, is_counter: bool) -> pd.Series:
@@ -24,6 +29,25 @@ def fill_values(series: pd.Series, role: str, is_counter: bool) -> pd.Series:
         far = np.abs(values - middle) > _FAR * (high - low)
         filled |= codes & (far | ((values < 0.0) & role.startswith(_NEVER_NEGATIVE)))
     return pd.Series(filled, series.index)
+
+
+def sensor_failures(values: np.ndarray, role: str) -> np.ndarray:
+    """Whether each temperature (n,) [degC] of air is one that a failed sensor shows, such as 85, 127, -40 or 0.
+
+    Values that move, and those that are usual ones in degF, are of another unit.
+    """
+    known = np.isfinite(values)
+    if not role.startswith(_AIR) or not known.any():
+        return np.zeros(len(values), dtype=bool)
+    low, high = np.quantile(values[known], [0.1, 0.9])
+    celsius = (values - 32.0) / 1.8
+    far = (values < low - _FARTHEST) | (values > high + _FARTHEST)
+    far &= (celsius < low - _NEAR) | (celsius > high + _NEAR)
+    spells = np.cumsum(np.diff(far, prepend=False))
+    failed = far & (pd.Series(values).groupby(spells).transform("nunique").to_numpy() <= _FEW_CODES)
+    zero = values == 0.0
+    others = values[known & ~failed & ~zero]
+    return failed | (zero & bool(len(others) and others.min() > _FAR_FROM_ZERO))
 
 
 def without_huge(series: pd.Series) -> pd.Series:
