@@ -175,6 +175,49 @@ def test_fill_values_are_missing_and_told(write, unit, factor):
     assert len(told) == 3
 
 
+@pytest.mark.parametrize(
+    ("column", "values", "failed"),
+    [
+        ("Room temp", [85.0], True),
+        ("Room temp", [127.0, -127.0, 127.0], True),
+        ("Room temp", [-40.0] * 12, True),
+        ("Room temp", [0.0] * 12, True),
+        ("Room temp (°F)", [185.0], True),
+        ("Room temp", [85.0, 86.0, 87.0], False),  # a sensor that moves is in another unit
+        ("Room temp", [68.0, 68.0], False),  # 20 degC
+        ("Outdoor temp", [0.0], True),
+        ("Heating setpoint", [0.0], False),  # off
+    ],
+)
+def test_values_of_a_failed_sensor_are_missing_and_told(column, values, failed):
+    """One of 85 degC stopped every fit; of 1 % at 0 degC, forecasts had twice the error."""
+    factor, offset = (1.8, 32.0) if "°F" in column else (1.0, 0.0)
+    spoilt = factor * np.tile(ROOM, 3) + offset
+    spoilt[30 : 30 + len(values)] = values
+    report = LogReport(pd.DataFrame({column: spoilt}, pd.date_range("2024-03-01", periods=180, freq="1h")))
+    assert report.frame.isna().sum().sum() == len(values) * failed
+    assert any(f"such as {values[0]:g} taken as missing" in found.text for found in report.findings) == failed
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_cells_that_end_with_their_status(write, decimal):
+    """Niagara writes it after each value; no column held numbers."""
+    cells = [f"{stamp};{room:.2f} °C {{ok}}".replace(".", decimal) for stamp, room in zip(STAMPS, ROOM, strict=True)]
+    cells[7] = cells[7].replace("{ok}", "{down,stale}")
+    log = read_log(write("time;Room\n" + "\n".join(cells)))
+    np.testing.assert_allclose(log.frame["Room"], np.where(np.arange(60) == 7, np.nan, ROOM))
+    with pytest.raises(ValueError, match=r"no column of numbers .*; its cells are such as '20.00 of 30'"):
+        read_log(write("time;Room\n" + rows_of(STAMPS, sep=";").replace("\n", " of 30\n")))
+
+
+def test_rows_that_are_no_data_are_left_out(write):
+    """Footers with a number in their first cell were refused."""
+    rows = rows_of(STAMPS).splitlines()
+    rows[20:20] = ["", "Page 3 of 9", "time,Room"]
+    log = read_log(write("\n".join(["time,Room", *rows, "Total,1200", "60 rows,", "Created on 2024-03-03 12:00"])))
+    np.testing.assert_allclose(log.frame["Room"], ROOM)
+
+
 def test_energy_of_a_row_and_power_in_watts_may_be_9999(write):
     heat = np.where(np.arange(60) == 7, 9999.0, 6000.0 + 50.0 * np.arange(60))
     path = write(pd.DataFrame({"HVAC (W)": heat}, STAMPS).rename_axis("time").to_csv())
@@ -187,7 +230,12 @@ def test_energy_of_a_row_and_power_in_watts_may_be_9999(write):
         ("solarIntensity", ROOM * 4.0, None, "may be percent, or W/m2 of a dark season"),
         ("solarIntensity (W/m2)", ROOM * 4.0, "q_sol", "irradiance"),
         ("q_sol", ROOM * 4.0, "q_sol", "W/m2 is assumed"),
-        ("heatingPower", np.arange(60.0), "u_heat", "as those of a stage; values reach 59: percent is assumed"),
+        (
+            "heatingPower",
+            np.roll(np.arange(60.0), 1),
+            "u_heat",
+            "as those of a stage; values reach 59: percent is assumed",
+        ),
         ("heatingPower", 30.0 + 0.5 * np.arange(60) * (-1) ** np.arange(60), "Q_heat", "kW is assumed"),
         ("heatingPower (kW)", np.arange(60.0), "Q_heat", "power or energy"),
     ],
@@ -298,6 +346,12 @@ def test_a_blank_set_point_of_a_plant_that_is_off(plant, filled, zone):
     if filled:
         assert remarks[0].startswith(f"T_heat_set{zone} is missing in 56 rows in which the plant is off: 14 degC")
     assert found.drop(columns=f"T_heat_set{zone}").equals(frame.drop(columns=f"T_heat_set{zone}"))
+
+
+def test_single_blanks_of_a_set_point_are_gaps():
+    frame, _ = blank_at_night({"Q_hvac": lambda day, t: 0.0 * day})
+    frame["T_heat_set"] = np.where(np.arange(len(frame)) % 10 == 3, np.nan, 21.0)
+    assert filled_setpoints(frame)[1] == []
 
 
 def test_blank_set_points_are_filled_where_a_log_is_read(write):

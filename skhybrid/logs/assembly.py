@@ -16,6 +16,7 @@ from .cell_numbers import NumberColumn
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
 from .raw_log import RawLog
+from .stamp_cells import is_stamp
 from .stamp_parts import joined_cells
 from .stamps import in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
@@ -186,11 +187,14 @@ def _with_dates(piece: pd.DataFrame, pieces: Pieces, date: Any) -> tuple[pd.Data
 
 
 def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
-    """The rows that have a time stamp; a footer such as "Total" and a repeated header have none."""
+    """The rows that have a time stamp; a footer such as "Total" or "Page 3 of 9" and a repeated header have none."""
     cells = piece[pieces.stamps[0]]
     known = cells.notna()
     if not (pd.api.types.is_datetime64_any_dtype(cells) or pd.api.types.is_numeric_dtype(cells)):
         known &= cells.astype(str).str.contains(r"\d", regex=True)
+        rest = piece.drop(columns=list(pieces.stamps))
+        alone = known & (rest.isna() | (rest == "")).all(axis=1)
+        known &= ~alone | cells.where(alone, "").map(lambda cell: is_stamp(str(cell).strip()))
     if known.all():
         return piece
     _refuse_other_header(piece[~known], pieces.where)
@@ -277,7 +281,10 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
                     "decimal=',' for a CSV, or store them as numbers in Excel"
                 )
     if not kept:
-        raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps.")
+        cells = next(
+            (f"; its cells are such as {channel.odd[0]!r}" for channel in channels.values() if channel.odd[1]), ""
+        )
+        raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps{cells}.")
     return kept
 
 
