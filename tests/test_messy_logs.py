@@ -30,6 +30,7 @@ def rows_of(stamps, values=ROOM, sep=","):
         ("Fecha;Hora", "%d/%m/%Y;%H.%M", 2024),
         ("time", "%Y%m%d%H", 2024),
         ("time", "%Y%m%d:%H%M", 2024),
+        ("time", "%Y%m%dT%H%M%S", 2024),
         ("time", "%Y%m%d%H%M", 2024),
         ("Year;Month;Day;Hour;Minute", "%Y;%m;%d;%H;%M", 2024),
         ("Jahr;Monat;Tag;Stunde", "%Y;%m;%d;%H", 2024),
@@ -87,6 +88,11 @@ def test_epochs_count_before_a_local_clock_and_may_have_blanks(write):
     log = read_log(write(f"Timestamp;Timezone : Europe/Berlin;Temperature\n{rows_of(seconds, sep=';')}"))
     assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
     assert list(log.frame) == ["Temperature"]
+
+
+def test_digits_with_the_sign_of_utc(write):
+    log = read_log(write(f"time,Room\n{rows_of(STAMPS.strftime('%Y%m%dT%H%M%SZ'))}"))
+    assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
 
 
 @pytest.mark.parametrize(
@@ -208,6 +214,30 @@ def test_cells_that_end_with_their_status(write, decimal):
     np.testing.assert_allclose(log.frame["Room"], np.where(np.arange(60) == 7, np.nan, ROOM))
     with pytest.raises(ValueError, match=r"no column of numbers .*; its cells are such as '20.00 of 30'"):
         read_log(write("time;Room\n" + rows_of(STAMPS, sep=";").replace("\n", " of 30\n")))
+
+
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("time;Room;Room Quality;Power", "{};{};{};1.5"),
+        ("time;Room;Status;Power;Status", "{};{};{};1.5;Good"),
+        ("tag;time;value;quality", "Room;{};{};{}"),
+    ],
+)
+@pytest.mark.parametrize(("good", "bad"), [("Good", "Bad"), ("OK", "Comm fault"), (192, 0)])
+def test_values_of_bad_quality_are_missing(write, header, rows, good, bad):
+    """A historian writes 0 or the last value beside the word."""
+    at = np.arange(60) % 10 == 3
+    cells = zip(STAMPS, np.where(at, 0.0, ROOM), np.where(at, bad, good), strict=True)
+    log = read_log(write("\n".join([header, *(rows.format(*row) for row in cells)])))
+    np.testing.assert_allclose(log.frame["Room"].reindex(STAMPS), np.where(at, np.nan, ROOM))
+    assert any("6 cells such as" in note for note in log.notes)
+
+
+def test_the_state_of_a_plant_is_no_quality(write):
+    cells = [f"{stamp};{ROOM[k]};{'fault' if k < 5 else 'ok'};7" for k, stamp in enumerate(STAMPS)]
+    log = read_log(write("time;Room;Boiler status;Status\n" + "\n".join(cells)))
+    np.testing.assert_allclose(log.frame["Room"], ROOM)
 
 
 def test_rows_that_are_no_data_are_left_out(write):

@@ -15,6 +15,7 @@ from .._warnings import several
 from .cell_numbers import NumberColumn
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
+from .quality_columns import columns_judged, quality_columns, without_bad
 from .raw_log import RawLog
 from .stamp_cells import is_stamp
 from .stamp_parts import joined_cells
@@ -85,7 +86,7 @@ def assemble_columns(
     read: Callable[[list[str]], Iterable[pd.DataFrame]],
 ) -> RawLog:
     """The log of a table of which ``read`` gives the columns that it needs; ``long`` are points and values, if any."""
-    wanted = choice.wanted(names, pieces.stamps, pieces.where) if long is None else [*long, *unit_columns(names)]
+    wanted = choice.wanted(names, pieces.stamps, pieces.where) if long is None else [*long, *columns_beside(names)]
     pieces.frames = read([*pieces.stamps, *wanted])
     return assemble(pieces, choice) if long is None else assemble_long(pieces, *long, choice)
 
@@ -96,6 +97,7 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
     texts = []
     for kept in _with_stamps(pieces):
         texts.append(joined_cells(kept, pieces.stamps))
+        kept = without_bad(kept, columns_judged(kept.columns.drop(list(pieces.stamps))))
         for name in kept.columns.drop(list(pieces.stamps)):
             channels.setdefault(str(name), NumberColumn()).add(kept[name], pieces.decimal)
     stamps, order = _stamps(texts, pieces, choice)
@@ -119,6 +121,7 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
     for kept in _with_stamps(pieces):
         kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
         texts.append(joined_cells(kept, pieces.stamps))
+        kept = without_bad(kept, dict.fromkeys(quality_columns(kept), value))
         for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
             channel = channels.setdefault(str(name).strip(), NumberColumn())
             channel.add(kept[value].iloc[places], pieces.decimal)
@@ -161,6 +164,12 @@ def rows_of_piece(n_columns: int) -> int:
 def unit_columns(names: Iterable[Hashable]) -> list[str]:
     """The columns of a long table that have the usual name of one of units."""
     return [str(name) for name in names if _UNIT_COLUMN.fullmatch(str(name).strip())]
+
+
+def columns_beside(names: Iterable[Hashable]) -> list[str]:
+    """The columns of a long table that are read beside those of points and values: units and qualities."""
+    names = list(names)
+    return [*unit_columns(names), *quality_columns(names)]
 
 
 def _with_stamps(pieces: Pieces) -> Iterator[pd.DataFrame]:

@@ -18,7 +18,8 @@ _SWITCHES |= dict.fromkeys(
     ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt", "idle"), 0.0
 )
 _ERRORS = re.compile(
-    r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
+    r"\W*|comm\w*\W(fail|fault|err|lost|loss).*|"
+    r"#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
     r"invalid\b.*|missing|offline|unknown|unavailable|not available|stale|disconnected|down|disabled|over(flow|range)?|"
     r"under(flow|range)?|(open|short) circuit|i/o timeout|time ?out|uncertain|undef(ined)?|#[a-z0-9/]+[!?]?|"
     r"[-+]?inf(inity)?",
@@ -34,6 +35,11 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
 _WITH_STATUS = re.compile(r"(.+?)\s*[{\[(]\s*([\w ,]+?)\s*[)\]}]")  # 20.5 °C {ok}
 _GOOD = re.compile(r"(?:(?:ok|good|valid|normal|overridden|alarm|unackedalarm)\W*)+", re.IGNORECASE)
+
+
+def is_error(text: str) -> bool:
+    """Whether a cell is a word that loggers write for an error."""
+    return re.search(r"\w", text) is not None and _ERRORS.fullmatch(text.strip()) is not None
 
 
 def decimal_sign(cells: list[str], sep: str) -> str:
