@@ -248,6 +248,35 @@ def test_rows_that_are_no_data_are_left_out(write):
     np.testing.assert_allclose(log.frame["Room"], ROOM)
 
 
+def daily(values):
+    """A log of ten days by the hour with a role whose values are made of the hour of the day."""
+    stamps = pd.date_range("2024-03-01", periods=240, freq="1h", name="time")
+    room = 20.0 + np.sin(np.arange(240) / 9.0)
+    return {"T_za": room, "T_oa": room - 15.0, **{role: of(stamps) for role, of in values.items()}}, stamps
+
+
+@pytest.mark.parametrize(
+    ("role", "values", "is_zero"),
+    [
+        ("q_sol", lambda t: np.where((t.hour > 6) & (t.hour < 18), 0.2, np.nan), True),
+        ("Q_heat", lambda t: np.where((t.hour > 5) & (t.hour < 22), 2.0 + 0.1 * t.hour, np.nan), True),
+        ("u_heat", lambda t: np.where(t.hour % 3 > 0, 0.5, np.nan), True),
+        ("Q_heat", lambda t: np.where(t.hour > 5, 2.0 * (t.hour < 22), np.nan), False),  # it is 0 in other rows
+        ("Q_heat", lambda t: np.where(t.day > 3, 2.0, np.nan), False),  # an outage
+        ("Q_heat", lambda t: np.where(t.hour % 3 == 0, 2.0, np.nan), False),  # it has a row every three hours
+        ("T_floor", lambda t: np.where(t.hour > 5, 25.0, np.nan), False),
+    ],
+)
+def test_inputs_that_are_blank_where_they_are_0(write, role, values, is_zero):
+    """A log whose sun is blank at night was refused, and heat of a plant that is off was interpolated."""
+    columns, stamps = daily({role: values})
+    path = write(pd.DataFrame(columns, stamps).to_csv())
+    known = values(stamps)
+    report = LogReport(read_log(path), {name: name for name in columns})
+    np.testing.assert_allclose(report.frame[role], np.where(np.isnan(known) & is_zero, 0.0, known))
+    assert any("hardly ever 0: taken as 0 there" in found.text for found in report.findings) == is_zero
+
+
 def test_energy_of_a_row_and_power_in_watts_may_be_9999(write):
     heat = np.where(np.arange(60) == 7, 9999.0, 6000.0 + 50.0 * np.arange(60))
     path = write(pd.DataFrame({"HVAC (W)": heat}, STAMPS).rename_axis("time").to_csv())
