@@ -332,8 +332,11 @@ def test_irradiation_of_each_row_becomes_irradiance(frame):
 def test_set_points_of_a_plant_that_is_off(frame, tmp_path):
     """0 degC would be a set-point to cool to; the word off is none."""
     log = frame.iloc[:, :2].assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, 0.0, 24.0)})
-    found = [f for f in LogReport(log).findings if f.where == "T_cool_set"]
-    assert found[0][::2] == ("warning", "is 0 degC in 280 rows: if the plant is off then, leave them empty.")
+    report = LogReport(log)
+    assert report.frame["T_cool_set"].isna().sum() == 280
+    assert ("Cooling setpoint", "280 values such as 0 taken as missing.") in [f[1:] for f in report.findings]
+    heating = LogReport(log.rename(columns={"Cooling setpoint": "Heating setpoint"}))
+    assert "is 0 degC in 280 rows: if the plant is off then, leave them empty." in [f.text for f in heating.findings]
     log.assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, "Off", "24")}).to_csv(tmp_path / "log.csv")
     words = LogReport(read_log(tmp_path / "log.csv"))
     assert words.frame["T_cool_set"].isna().sum() == 280

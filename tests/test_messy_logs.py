@@ -193,16 +193,30 @@ def test_fill_values_are_missing_and_told(write, unit, factor):
         ("Room temp", [68.0, 68.0], False),  # 20 degC
         ("Outdoor temp", [0.0], True),
         ("Heating setpoint", [0.0], False),  # off
+        ("Cooling setpoint", [0.0] * 12, True),
+        ("Heating setpoint", [85.0], True),
+        ("Heat meter (kW)", [2e3], True),
+        ("Heat meter (kW)", [100.0], False),
+        ("Solar (kW/m2)", [30.0], True),
     ],
 )
 def test_values_of_a_failed_sensor_are_missing_and_told(column, values, failed):
     """One of 85 degC stopped every fit; of 1 % at 0 degC, forecasts had twice the error."""
-    factor, offset = (1.8, 32.0) if "°F" in column else (1.0, 0.0)
+    factor, offset = (1.8, 32.0) if "°F" in column else (0.01, 0.0) if "Solar" in column else (1.0, 0.0)
     spoilt = factor * np.tile(ROOM, 3) + offset
     spoilt[30 : 30 + len(values)] = values
     report = LogReport(pd.DataFrame({column: spoilt}, pd.date_range("2024-03-01", periods=180, freq="1h")))
     assert report.frame.isna().sum().sum() == len(values) * failed
     assert any(f"such as {values[0]:g} taken as missing" in found.text for found in report.findings) == failed
+
+
+@pytest.mark.parametrize(("role", "spike"), [("Q_hvac", 500.0), ("q_sol", 30.0)])
+def test_a_spike_does_not_make_a_column_one_of_watts(role, spike):
+    """Of one row of 500 kW, all heat was a thousandth."""
+    values = 0.5 + 0.2 * np.sin(np.arange(180.0))
+    values[7] = spike
+    report = LogReport(pd.DataFrame({role: values}, pd.date_range("2024-03-01", periods=180, freq="1h")))
+    np.testing.assert_allclose(report.frame[role], np.where(values == spike, np.nan, values))
 
 
 @pytest.mark.parametrize("decimal", [".", ","])
