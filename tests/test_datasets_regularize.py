@@ -198,9 +198,11 @@ def test_a_held_value_holds_until_the_next_one():
 def test_a_held_value_ends_after_the_longest_hold():
     out, report = regularize(CHANGES, "1h", held=list(CHANGES), max_hold="90min", return_report=True)
     np.testing.assert_array_equal(out["T_za"], [20.0, 20.0, 20.5, np.nan, np.nan])
+    np.testing.assert_allclose(out["u_heat"], [1 / 3, 0.0, 0.0, 0.0, 0.25])  # a plant stays off
+    on = regularize(1.0 - CHANGES[["u_heat"]], "1h", held=["u_heat"], max_hold="90min")["u_heat"]
     # known from 00:20 to 01:50, then for the last quarter of the last hour only
-    np.testing.assert_allclose(out["u_heat"], [1 / 3, 0.0, np.nan, np.nan, np.nan])
-    assert report.missing == {"T_za": 2, "u_heat": 3, "T_oa": 3}
+    np.testing.assert_allclose(on, [2 / 3, 1.0, np.nan, np.nan, np.nan])
+    assert report.missing == {"T_za": 2, "T_oa": 3}
     assert not report.filled
 
 
@@ -225,6 +227,8 @@ def test_a_set_point_holds_over_a_weekend():
     out = regularize(log, held=["T_heat_set", "T_cool_set", "u_heat"])
     assert out[["T_heat_set", "T_cool_set"]].notna().sum().tolist() == [7 * 24] * 2
     assert out["u_heat"].notna().sum() == 24
+    off = regularize(log.assign(u_heat=0.0 * log["u_heat"]), held=["u_heat"])  # it may be off all summer
+    assert (off["u_heat"] == 0.0).all()
     assert regularize(log, held=["T_heat_set"], max_hold="9D")["T_heat_set"].notna().sum() == 9 * 24
 
 

@@ -118,6 +118,27 @@ def frame():
         ("Cooling (tons)", "Q_cool", "tons"),
         ("Room thermometer", None, None),
         ("temperature_2m (°C)", "T_oa", "degC"),
+        ("Zone Total Heating Rate [W](TimeStep)", "Q_heat", "W"),
+        ("Heating output BTU/h", "Q_heat", "Btu/h"),
+        ("Heating (therms)", "Q_heat", "therm"),
+        ("Cooling energy (ton-hours)", "Q_cool", "ton-h"),
+        ("Heating power (kcal/h)", "Q_heat", "kcal/h"),
+        ("Heizung Gas m³", None, None),
+        ("Compressor power (W)", "Q_cool", "W"),
+        ("Temperatura pokoju", "T_za", None),
+        ("Temperatura zewnętrzna", "T_oa", None),
+        ("Zużycie ciepła kWh", "Q_heat", "kWh"),
+        ("Temperatura zadana", "T_heat_set", None),
+        ("Rumstemperatur", "T_za", None),
+        ("Utomhustemperatur", "T_oa", None),
+        ("Værelse køling kW", "Q_cool", "kW"),
+        ("Värmeeffekt kW", "Q_heat", "kW"),
+        ("Börvärde värme", "T_heat_set", None),
+        ("Potência de aquecimento (kW)", "Q_heat", "kW"),
+        ("Temperatura interna", "T_za", None),
+        ("室温", "T_za", None),
+        ("室外温度", "T_oa", None),
+        ("暖房出力 [kW]", "Q_heat", "kW"),
     ],
 )
 def test_names_in_the_languages_of_buildings(name, role, unit):
@@ -149,6 +170,22 @@ def test_a_column_of_on_and_off_is_no_heat(tmp_path, last, is_heat):
     report = LogReport(read_log(tmp_path / "log.csv"))
     assert ("Q_heat" in report.roles) == is_heat
     assert ("give u_heat or u_cool" in report.columns.loc["Heating power", "reason"]) == (not is_heat)
+
+
+@pytest.mark.parametrize(
+    ("names", "used"),
+    [
+        (("Heat pump electrical power (W)", "Heat pump thermal output (W)"), 1),
+        (("HP power consumed kW", "HP power produced kW"), 1),
+        (("HVAC power (kW)", "Heat meter (Wh)"), 0),
+        (("Heating stage", "Heating power (kW)"), 1),
+    ],
+)
+def test_of_two_meters_of_one_heat_one_is_taken(names, used):
+    """Electricity of a heat pump stood for its heat, and a part of the heat was added to all of it."""
+    found = assign_roles({name: unit_in_name(name) for name in names})
+    assert [guess.role is not None for guess in found.values()] == [place == used for place in range(2)]
+    assert "was taken for the same quantity" in found[names[1 - used]].reason
 
 
 def test_a_role_has_one_column():
@@ -230,6 +267,21 @@ def test_values_below_zero_are_those_of_no_stage(frame):
     assert LogReport(offset).roles["u_heat"] == "Heating"
 
 
+def test_a_counter_is_no_stage(frame):
+    """The m3 of a gas meter, below 100, were taken for percent."""
+    counter = np.arange(len(frame)) // 20 * 0.1
+    report = LogReport(frame.assign(**{"Heating gas": counter}).drop(columns=frame.columns[3]))
+    assert "u_heat" not in report.roles
+    assert (
+        "values only rise, as those of a counter; if it counts heat, give Q_heat"
+        in report.columns.loc["Heating gas", "reason"]
+    )
+    given = LogReport(report.raw.frame, {"Q_heat": "Heating gas"}, {"Q_heat": "kWh counter"}, {"Q_heat": 10.0}).frame[
+        "Q_heat"
+    ]
+    assert given.sum() * 0.25 == pytest.approx(10.0 * counter[-1], rel=0.03)
+
+
 def test_a_meter_without_a_unit_is_a_counter(frame):
     meter = 1200.0 + np.arange(960) // 2
     report = LogReport(frame.iloc[:, :2].assign(Wärmezähler=meter))
@@ -280,8 +332,11 @@ def test_irradiation_of_each_row_becomes_irradiance(frame):
 def test_set_points_of_a_plant_that_is_off(frame, tmp_path):
     """0 degC would be a set-point to cool to; the word off is none."""
     log = frame.iloc[:, :2].assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, 0.0, 24.0)})
-    found = [f for f in LogReport(log).findings if f.where == "T_cool_set"]
-    assert found[0][::2] == ("warning", "is 0 degC in 280 rows: if the plant is off then, leave them empty.")
+    report = LogReport(log)
+    assert report.frame["T_cool_set"].isna().sum() == 280
+    assert ("Cooling setpoint", "280 values such as 0 taken as missing.") in [f[1:] for f in report.findings]
+    heating = LogReport(log.rename(columns={"Cooling setpoint": "Heating setpoint"}))
+    assert "is 0 degC in 280 rows: if the plant is off then, leave them empty." in [f.text for f in heating.findings]
     log.assign(**{"Cooling setpoint": np.where(frame.index.hour < 7, "Off", "24")}).to_csv(tmp_path / "log.csv")
     words = LogReport(read_log(tmp_path / "log.csv"))
     assert words.frame["T_cool_set"].isna().sum() == 280
@@ -552,14 +607,14 @@ def test_numbers_and_units_in_words(frame):
     plain = frame.set_axis(["Room (°F)", "Outdoor (°C)", "Sun (W/m²)", "Heat valve", "RH"], axis=1)
     plain["Room (°F)"] = plain["Room (°F)"] * 1.8 + 32.0
     plain.loc["2024-01-18":"2024-01-19 14:15", "Room (°F)"] = 65.9
-    plain.iloc[5, 1] = 90.0
+    plain.iloc[5:8, 1] = 90.0, 91.0, 92.0
     plain = plain.drop(plain.index[500:540])
     report = LogReport(
         plain, {"u_heat": "Heat valve", "T_za": "Room (°F)", "T_oa": "Outdoor (°C)"}, scale={"u_heat": 0.01}
     )
     found = {f.where: f.text for f in reversed(report.findings)}
     assert found["Room (°F)"].startswith("stays at 18.83 degC for 38 h from 2024-01-18")
-    assert found["Outdoor (°C)"].startswith("1 value beyond -90 to 60 degC, first 90 at")
+    assert found["Outdoor (°C)"].startswith("3 values beyond -90 to 60 degC, first 90 at")
     assert found["clock"].startswith("the log does not say") or found["clock"].startswith("1 gap; the longest")
     assert "; 1 gap, the longest of" in str(report)
     assert "u_heat      'Heat valve': fraction, 0.01 times the column;" in str(report)

@@ -55,6 +55,24 @@ def test_excel(workbook):
     assert list(read_log(workbook, columns=["Valve"]).frame) == ["Valve"]
 
 
+@pytest.mark.parametrize("apart", [True, False])
+def test_sheets_that_go_on_are_read_together(tmp_path, apart):
+    """Of a sheet per month only the first was read; sheets of the same stamps are rooms."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for k, name in enumerate(("Jan", "Feb")):
+        sheet = book.create_sheet(name)
+        sheet.append(["Time", "Room"])
+        for stamp in INDEX[20 * k : 20 * k + 20] if apart else INDEX[:20]:
+            sheet.append([stamp.to_pydatetime(), 20.5 + k])
+    book.save(tmp_path / "log.xlsx")
+    log = read_log(tmp_path / "log.xlsx")
+    assert log.frame["Room"].tolist() == [20.5] * 20 + [21.5] * 20 * apart
+    said = "read from sheets 'Jan', 'Feb'" if apart else "not read: 'Feb', which also hold tables; put all columns in"
+    assert any(said in note for note in log.notes)
+
+
 def test_sheet_of_a_workbook(workbook, tmp_path):
     log = read_log(workbook, sheet="Other")
     assert log.frame.index.tolist() == [pd.Timestamp(f"2024-01-05 0{k}:30") for k in range(3)]

@@ -30,6 +30,7 @@ def rows_of(stamps, values=ROOM, sep=","):
         ("Fecha;Hora", "%d/%m/%Y;%H.%M", 2024),
         ("time", "%Y%m%d%H", 2024),
         ("time", "%Y%m%d:%H%M", 2024),
+        ("time", "%Y%m%dT%H%M%S", 2024),
         ("time", "%Y%m%d%H%M", 2024),
         ("Year;Month;Day;Hour;Minute", "%Y;%m;%d;%H;%M", 2024),
         ("Jahr;Monat;Tag;Stunde", "%Y;%m;%d;%H", 2024),
@@ -87,6 +88,11 @@ def test_epochs_count_before_a_local_clock_and_may_have_blanks(write):
     log = read_log(write(f"Timestamp;Timezone : Europe/Berlin;Temperature\n{rows_of(seconds, sep=';')}"))
     assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
     assert list(log.frame) == ["Temperature"]
+
+
+def test_digits_with_the_sign_of_utc(write):
+    log = read_log(write(f"time,Room\n{rows_of(STAMPS.strftime('%Y%m%dT%H%M%SZ'))}"))
+    assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
 
 
 @pytest.mark.parametrize(
@@ -175,6 +181,116 @@ def test_fill_values_are_missing_and_told(write, unit, factor):
     assert len(told) == 3
 
 
+@pytest.mark.parametrize(
+    ("column", "values", "failed"),
+    [
+        ("Room temp", [85.0], True),
+        ("Room temp", [127.0, -127.0, 127.0], True),
+        ("Room temp", [-40.0] * 12, True),
+        ("Room temp", [0.0] * 12, True),
+        ("Room temp (°F)", [185.0], True),
+        ("Room temp", [85.0, 86.0, 87.0], False),  # a sensor that moves is in another unit
+        ("Room temp", [68.0, 68.0], False),  # 20 degC
+        ("Outdoor temp", [0.0], True),
+        ("Heating setpoint", [0.0], False),  # off
+        ("Cooling setpoint", [0.0] * 12, True),
+        ("Heating setpoint", [85.0], True),
+        ("Heat meter (kW)", [2e3], True),
+        ("Heat meter (kW)", [100.0], False),
+        ("Solar (kW/m2)", [30.0], True),
+    ],
+)
+def test_values_of_a_failed_sensor_are_missing_and_told(column, values, failed):
+    """One of 85 degC stopped every fit; of 1 % at 0 degC, forecasts had twice the error."""
+    factor, offset = (1.8, 32.0) if "°F" in column else (0.01, 0.0) if "Solar" in column else (1.0, 0.0)
+    spoilt = factor * np.tile(ROOM, 3) + offset
+    spoilt[30 : 30 + len(values)] = values
+    report = LogReport(pd.DataFrame({column: spoilt}, pd.date_range("2024-03-01", periods=180, freq="1h")))
+    assert report.frame.isna().sum().sum() == len(values) * failed
+    assert any(f"such as {values[0]:g} taken as missing" in found.text for found in report.findings) == failed
+
+
+@pytest.mark.parametrize(("role", "spike"), [("Q_hvac", 500.0), ("q_sol", 30.0)])
+def test_a_spike_does_not_make_a_column_one_of_watts(role, spike):
+    """Of one row of 500 kW, all heat was a thousandth."""
+    values = 0.5 + 0.2 * np.sin(np.arange(180.0))
+    values[7] = spike
+    report = LogReport(pd.DataFrame({role: values}, pd.date_range("2024-03-01", periods=180, freq="1h")))
+    np.testing.assert_allclose(report.frame[role], np.where(values == spike, np.nan, values))
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_cells_that_end_with_their_status(write, decimal):
+    """Niagara writes it after each value; no column held numbers."""
+    cells = [f"{stamp};{room:.2f} °C {{ok}}".replace(".", decimal) for stamp, room in zip(STAMPS, ROOM, strict=True)]
+    cells[7] = cells[7].replace("{ok}", "{down,stale}")
+    log = read_log(write("time;Room\n" + "\n".join(cells)))
+    np.testing.assert_allclose(log.frame["Room"], np.where(np.arange(60) == 7, np.nan, ROOM))
+    with pytest.raises(ValueError, match=r"no column of numbers .*; its cells are such as '20.00 of 30'"):
+        read_log(write("time;Room\n" + rows_of(STAMPS, sep=";").replace("\n", " of 30\n")))
+
+
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("time;Room;Room Quality;Power", "{};{};{};1.5"),
+        ("time;Room;Status;Power;Status", "{};{};{};1.5;Good"),
+        ("tag;time;value;quality", "Room;{};{};{}"),
+    ],
+)
+@pytest.mark.parametrize(("good", "bad"), [("Good", "Bad"), ("OK", "Comm fault"), (192, 0)])
+def test_values_of_bad_quality_are_missing(write, header, rows, good, bad):
+    """A historian writes 0 or the last value beside the word."""
+    at = np.arange(60) % 10 == 3
+    cells = zip(STAMPS, np.where(at, 0.0, ROOM), np.where(at, bad, good), strict=True)
+    log = read_log(write("\n".join([header, *(rows.format(*row) for row in cells)])))
+    np.testing.assert_allclose(log.frame["Room"].reindex(STAMPS), np.where(at, np.nan, ROOM))
+    assert any("6 cells such as" in note for note in log.notes)
+
+
+def test_the_state_of_a_plant_is_no_quality(write):
+    cells = [f"{stamp};{ROOM[k]};{'fault' if k < 5 else 'ok'};7" for k, stamp in enumerate(STAMPS)]
+    log = read_log(write("time;Room;Boiler status;Status\n" + "\n".join(cells)))
+    np.testing.assert_allclose(log.frame["Room"], ROOM)
+
+
+def test_rows_that_are_no_data_are_left_out(write):
+    """Footers with a number in their first cell were refused."""
+    rows = rows_of(STAMPS).splitlines()
+    rows[20:20] = ["", "Page 3 of 9", "time,Room"]
+    log = read_log(write("\n".join(["time,Room", *rows, "Total,1200", "60 rows,", "Created on 2024-03-03 12:00"])))
+    np.testing.assert_allclose(log.frame["Room"], ROOM)
+
+
+def daily(values):
+    """A log of ten days by the hour with a role whose values are made of the hour of the day."""
+    stamps = pd.date_range("2024-03-01", periods=240, freq="1h", name="time")
+    room = 20.0 + np.sin(np.arange(240) / 9.0)
+    return {"T_za": room, "T_oa": room - 15.0, **{role: of(stamps) for role, of in values.items()}}, stamps
+
+
+@pytest.mark.parametrize(
+    ("role", "values", "is_zero"),
+    [
+        ("q_sol", lambda t: np.where((t.hour > 6) & (t.hour < 18), 0.2, np.nan), True),
+        ("Q_heat", lambda t: np.where((t.hour > 5) & (t.hour < 22), 2.0 + 0.1 * t.hour, np.nan), True),
+        ("u_heat", lambda t: np.where(t.hour % 3 > 0, 0.5, np.nan), True),
+        ("Q_heat", lambda t: np.where(t.hour > 5, 2.0 * (t.hour < 22), np.nan), False),  # it is 0 in other rows
+        ("Q_heat", lambda t: np.where(t.day > 3, 2.0, np.nan), False),  # an outage
+        ("Q_heat", lambda t: np.where(t.hour % 3 == 0, 2.0, np.nan), False),  # it has a row every three hours
+        ("T_floor", lambda t: np.where(t.hour > 5, 25.0, np.nan), False),
+    ],
+)
+def test_inputs_that_are_blank_where_they_are_0(write, role, values, is_zero):
+    """A log whose sun is blank at night was refused, and heat of a plant that is off was interpolated."""
+    columns, stamps = daily({role: values})
+    path = write(pd.DataFrame(columns, stamps).to_csv())
+    known = values(stamps)
+    report = LogReport(read_log(path), {name: name for name in columns})
+    np.testing.assert_allclose(report.frame[role], np.where(np.isnan(known) & is_zero, 0.0, known))
+    assert any("hardly ever 0: taken as 0 there" in found.text for found in report.findings) == is_zero
+
+
 def test_energy_of_a_row_and_power_in_watts_may_be_9999(write):
     heat = np.where(np.arange(60) == 7, 9999.0, 6000.0 + 50.0 * np.arange(60))
     path = write(pd.DataFrame({"HVAC (W)": heat}, STAMPS).rename_axis("time").to_csv())
@@ -187,7 +303,12 @@ def test_energy_of_a_row_and_power_in_watts_may_be_9999(write):
         ("solarIntensity", ROOM * 4.0, None, "may be percent, or W/m2 of a dark season"),
         ("solarIntensity (W/m2)", ROOM * 4.0, "q_sol", "irradiance"),
         ("q_sol", ROOM * 4.0, "q_sol", "W/m2 is assumed"),
-        ("heatingPower", np.arange(60.0), "u_heat", "as those of a stage; values reach 59: percent is assumed"),
+        (
+            "heatingPower",
+            np.roll(np.arange(60.0), 1),
+            "u_heat",
+            "as those of a stage; values reach 59: percent is assumed",
+        ),
         ("heatingPower", 30.0 + 0.5 * np.arange(60) * (-1) ** np.arange(60), "Q_heat", "kW is assumed"),
         ("heatingPower (kW)", np.arange(60.0), "Q_heat", "power or energy"),
     ],
@@ -298,6 +419,12 @@ def test_a_blank_set_point_of_a_plant_that_is_off(plant, filled, zone):
     if filled:
         assert remarks[0].startswith(f"T_heat_set{zone} is missing in 56 rows in which the plant is off: 14 degC")
     assert found.drop(columns=f"T_heat_set{zone}").equals(frame.drop(columns=f"T_heat_set{zone}"))
+
+
+def test_single_blanks_of_a_set_point_are_gaps():
+    frame, _ = blank_at_night({"Q_hvac": lambda day, t: 0.0 * day})
+    frame["T_heat_set"] = np.where(np.arange(len(frame)) % 10 == 3, np.nan, 21.0)
+    assert filled_setpoints(frame)[1] == []
 
 
 def test_blank_set_points_are_filled_where_a_log_is_read(write):

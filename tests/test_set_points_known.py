@@ -21,7 +21,7 @@ from skhybrid import (
 from skhybrid._table import read_table
 from skhybrid.control import Band, WantedPaths
 from skhybrid.datasets import make_office
-from skhybrid.exceptions import UnitWarning
+from skhybrid.exceptions import PlanWarning, UnitWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
@@ -277,6 +277,18 @@ def test_a_side_without_a_set_point_is_free(log, model):
     np.testing.assert_allclose(heated["T_za"], high["T_za"], atol=1e-9)
     assert (model.forecast(None, future, setpoint=(None, None))["Q_hvac"] == 0.0).all()
     assert (model.predict_load(future, (19.0, None))["Q_hvac"] >= 0.0).all()
+
+
+def test_a_set_point_that_the_training_lacks_is_not_used(log):
+    """The law has learned that the plant cools without it; it cooled twice, and the room was kelvins too cold."""
+    model = SchedulePredictor(known={"Q_h": 6.0}).fit(
+        log[: 14 * DAY].drop(columns="T_cool_set"), log["T_za"][: 14 * DAY]
+    )
+    future = ahead(log, 14 * DAY)
+    one = model.forecast(None, future.drop(columns="T_cool_set"))
+    for given in ({}, {"setpoint": (future["T_heat_set"], future["T_cool_set"])}):
+        with pytest.warns(PlanWarning, match="T_cool_set is not used, since the training has none"):
+            pd.testing.assert_frame_equal(model.forecast(None, future, **given), one)
 
 
 def test_zeta_of_a_load_is_that_of_the_forecast_under_it(log):

@@ -15,7 +15,9 @@ from .._warnings import several
 from .cell_numbers import NumberColumn
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
+from .quality_columns import columns_judged, quality_columns, without_bad
 from .raw_log import RawLog
+from .stamp_cells import is_stamp
 from .stamp_parts import joined_cells
 from .stamps import in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
@@ -84,7 +86,7 @@ def assemble_columns(
     read: Callable[[list[str]], Iterable[pd.DataFrame]],
 ) -> RawLog:
     """The log of a table of which ``read`` gives the columns that it needs; ``long`` are points and values, if any."""
-    wanted = choice.wanted(names, pieces.stamps, pieces.where) if long is None else [*long, *unit_columns(names)]
+    wanted = choice.wanted(names, pieces.stamps, pieces.where) if long is None else [*long, *columns_beside(names)]
     pieces.frames = read([*pieces.stamps, *wanted])
     return assemble(pieces, choice) if long is None else assemble_long(pieces, *long, choice)
 
@@ -95,6 +97,7 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
     texts = []
     for kept in _with_stamps(pieces):
         texts.append(joined_cells(kept, pieces.stamps))
+        kept = without_bad(kept, columns_judged(kept.columns.drop(list(pieces.stamps))))
         for name in kept.columns.drop(list(pieces.stamps)):
             channels.setdefault(str(name), NumberColumn()).add(kept[name], pieces.decimal)
     stamps, order = _stamps(texts, pieces, choice)
@@ -118,6 +121,7 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
     for kept in _with_stamps(pieces):
         kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
         texts.append(joined_cells(kept, pieces.stamps))
+        kept = without_bad(kept, dict.fromkeys(quality_columns(kept), value))
         for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
             channel = channels.setdefault(str(name).strip(), NumberColumn())
             channel.add(kept[value].iloc[places], pieces.decimal)
@@ -162,6 +166,12 @@ def unit_columns(names: Iterable[Hashable]) -> list[str]:
     return [str(name) for name in names if _UNIT_COLUMN.fullmatch(str(name).strip())]
 
 
+def columns_beside(names: Iterable[Hashable]) -> list[str]:
+    """The columns of a long table that are read beside those of points and values: units and qualities."""
+    names = list(names)
+    return [*unit_columns(names), *quality_columns(names)]
+
+
 def _with_stamps(pieces: Pieces) -> Iterator[pd.DataFrame]:
     """The rows of each piece that have a time stamp, numbered so that messages name their line of the file."""
     begin, date = pieces.first_line - 2, None
@@ -186,11 +196,14 @@ def _with_dates(piece: pd.DataFrame, pieces: Pieces, date: Any) -> tuple[pd.Data
 
 
 def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
-    """The rows that have a time stamp; a footer such as "Total" and a repeated header have none."""
+    """The rows that have a time stamp; a footer such as "Total" or "Page 3 of 9" and a repeated header have none."""
     cells = piece[pieces.stamps[0]]
     known = cells.notna()
     if not (pd.api.types.is_datetime64_any_dtype(cells) or pd.api.types.is_numeric_dtype(cells)):
         known &= cells.astype(str).str.contains(r"\d", regex=True)
+        rest = piece.drop(columns=list(pieces.stamps))
+        alone = known & (rest.isna() | (rest == "")).all(axis=1)
+        known &= ~alone | cells.where(alone, "").map(lambda cell: is_stamp(str(cell).strip()))
     if known.all():
         return piece
     _refuse_other_header(piece[~known], pieces.where)
@@ -277,7 +290,10 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
                     "decimal=',' for a CSV, or store them as numbers in Excel"
                 )
     if not kept:
-        raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps.")
+        cells = next(
+            (f"; its cells are such as {channel.odd[0]!r}" for channel in channels.values() if channel.odd[1]), ""
+        )
+        raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps{cells}.")
     return kept
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from .._ranges import range_of
 from .conversion import Channel, contract_unit, row_hours
-from .counters import is_counter
+from .counters import is_counter, usual_peak
 from .naming import NAMED_BY_ROLE, SURE, Guess
 
 _LEAST_PERCENT = 20.0  # that is neither kW/m2 nor the kW of a room
@@ -25,6 +25,9 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     known = known[np.isfinite(known)]
     if not len(known) or (role.startswith("u_") and factor != 1.0):
         return None, factor, ""
+    if role.startswith("u_") and known.max() > 1.0 and (np.diff(known) >= 0.0).all() and is_counter(values):
+        why = f"values only rise, as those of a counter; if it counts heat, give Q_{role[2:]} and its unit"
+        return None, factor, f"{why}, such as 'kWh counter', and the kWh of a count under [scale]"
     if role.startswith("u_"):
         return _of_stage(float(known.min()), float(known.max()), role, factor)
     if role == "T_oa" and factor == 1.0 and _moves_by_tenths(values):
@@ -34,7 +37,8 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     low, high = float(known.min()), float(known.max())
     if role.startswith("Q_") and is_counter(values):
         return "kWh", factor, "values only rise: a counter in kWh is assumed"
-    if (role.startswith("q_sol") and high > 2.0) or (role.startswith("Q_") and np.abs(known).max() > 200.0):
+    limit = 2.0 if role.startswith("q_sol") else 200.0
+    if role.startswith(("q_sol", "Q_")) and usual_peak(np.abs(known[known != 0.0])) > limit:
         unit = "W/m2" if role.startswith("q_sol") else "W"
         return unit, factor, f"values reach {max(high, -low):.0f}: {unit} is assumed"
     return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant
+from .._time import SHORTEST_GAP
 from .._warnings import several
 
 _BEYOND = 3.0  # from the lowest or highest measured temperature to one that the room does not reach [K]
@@ -51,7 +52,10 @@ def _runs(frame: pd.DataFrame, zone: str, sign: float) -> pd.Series | None:
 
 
 def _blanks_without(runs: pd.Series, blank: pd.Series) -> pd.Series:
-    """Rows of blanks in which the plant is known to be off, but for the few at their ends."""
+    """Rows of blanks in which the plant is known to be off, but for the few at their ends; a short one is a gap."""
     number = (blank != blank.shift()).cumsum()[blank]
     share = runs[blank].groupby(number).transform(lambda one: one.mean(skipna=False))
-    return (share <= _MAY_RUN).reindex(blank.index, fill_value=False)
+    stamps = blank.index.to_series()
+    ends = stamps.shift(-1, fill_value=stamps.iloc[-1] + SHORTEST_GAP)  # one at the end of the log may go on
+    hours = ends[blank].groupby(number).transform("max") - stamps[blank].groupby(number).transform("min")
+    return ((share <= _MAY_RUN) & (hours >= SHORTEST_GAP)).reindex(blank.index, fill_value=False)

@@ -18,7 +18,8 @@ _SWITCHES |= dict.fromkeys(
     ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt", "idle"), 0.0
 )
 _ERRORS = re.compile(
-    r"\W*|#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
+    r"\W*|comm\w*\W(fail|fault|err|lost|loss).*|"
+    r"#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
     r"invalid\b.*|missing|offline|unknown|unavailable|not available|stale|disconnected|down|disabled|over(flow|range)?|"
     r"under(flow|range)?|(open|short) circuit|i/o timeout|time ?out|uncertain|undef(ined)?|#[a-z0-9/]+[!?]?|"
     r"[-+]?inf(inity)?",
@@ -32,16 +33,30 @@ _THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")  # or a decimal comma with three 
 _ONE_DOT = re.compile(r"[-+]?\d{1,3}\.\d{3}")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
+_WITH_STATUS = re.compile(r"(.+?)\s*[{\[(]\s*([\w ,]+?)\s*[)\]}]")  # 20.5 °C {ok}
+_GOOD = re.compile(r"(?:(?:ok|good|valid|normal|overridden|alarm|unackedalarm)\W*)+", re.IGNORECASE)
+
+
+def is_error(text: str) -> bool:
+    """Whether a cell is a word that loggers write for an error."""
+    return re.search(r"\w", text) is not None and _ERRORS.fullmatch(text.strip()) is not None
 
 
 def decimal_sign(cells: list[str], sep: str) -> str:
     """The decimal sign of the numbers in a sample of cells of a file with the separator ``sep``."""
+    cells = list(map(_without_status, cells))
     cells = [apart[1] if (apart := _WITH_UNIT.fullmatch(cell)) and unit_named(apart[2]) else cell for cell in cells]
     commas = [found for cell in cells if (found := _ONE_COMMA.fullmatch(cell)) or _GROUPED_DOT.fullmatch(cell)]
     # 1,234 in quotes is a thousand in a file with commas between cells, and a decimal in one with semicolons
     sure = [found for found in commas if sep != "," or found is None or len(found[1]) != 3]
     points = [cell for cell in cells if re.fullmatch(r"[-+]?\d*\.\d+", cell) and not _ONE_DOT.fullmatch(cell)]
     return "," if len(sure) > len(points) else "."
+
+
+def _without_status(text: str) -> str:
+    """A cell without a word in brackets after it that says that its value is good."""
+    found = _WITH_STATUS.fullmatch(text)
+    return found[1] if found and _GOOD.fullmatch(found[2]) else text
 
 
 def number_in(text: str, decimal: str = ".") -> float | None:
@@ -98,7 +113,7 @@ class NumberColumn:
     @property
     def tells_plant(self) -> bool:
         """Whether a column of words seems to say when a plant heats and cools."""
-        return self.switch.lower() == "heating" or any(word.lower() in ("heating", "cooling") for word in self.words)
+        return any(word.lower() in ("heating", "cooling", "heat", "cool") for word in (self.switch, *self.words))
 
     @property
     def is_text(self) -> bool:
@@ -136,5 +151,7 @@ class NumberColumn:
         if apart and unit_named(apart[2]) and (number := number_in(apart[1], decimal)) is not None:
             self.units[apart[2]] += n
             return number
+        if (value := _without_status(word)) != word:
+            return self._one(value, n, decimal)
         self.words[word if word in self.words or len(self.words) < 1000 else "..."] += n
         return np.nan

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from .._table import listed, role_of
+from .._warnings import several
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
+from .blank_zeros import zeros_left_blank
 from .counters import hours_between, is_counter, power_of_counter
-from .fill_values import fill_remark, fill_values, without_huge
+from .fill_values import fill_remark, fill_values, sensor_failures, without_huge
 from .raw_log import RawLog
 from .unit_names import COUNTERS, ENERGY, IRRADIATION
 
@@ -84,18 +86,37 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
     Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
     contract does not have keeps its numbers.  A counter's power begins at its reading, whatever the label of the log.
     """
-    return pd.DataFrame({c.role: _converted(raw, c) for c in channels}, index=raw.frame.index)
+    frame = _measured(raw, channels)
+    return frame.assign(**{c.role: frame[c.role].mask(zeros, 0.0) for c, zeros in _blank_zeros(raw, channels, frame)})
 
 
 def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:
-    """A remark on each channel with numbers that stand for a missing value, by the name of its column."""
+    """A remark on each channel with numbers that stand for a missing value or a failed sensor, or blanks for 0."""
     found = {}
     for channel in channels:
         series = raw.frame[channel.name]
         filled = fill_values(series, channel.role, counter_of(raw, channel) is not None)
+        filled |= sensor_failures(_converted(raw, channel), channel.role)
         if filled.any():
             found[channel.name] = fill_remark(series, filled)
+    for channel, zeros in _blank_zeros(raw, channels, _measured(raw, channels)):
+        text = f"blank in {several(int(zeros.sum()), 'row')} and hardly ever 0: taken as 0 there"
+        found[channel.name] = "; ".join(filter(None, (found.get(channel.name), text)))
     return found
+
+
+def _measured(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
+    """Columns by role without the temperatures of failed sensors."""
+    columns = {c.role: _converted(raw, c) for c in channels}
+    measured = {role: np.where(sensor_failures(values, role), np.nan, values) for role, values in columns.items()}
+    return pd.DataFrame(measured, index=raw.frame.index)
+
+
+def _blank_zeros(raw: RawLog, channels: list[Channel], frame: pd.DataFrame) -> Iterator[tuple[Channel, np.ndarray]]:
+    """The channels that are blank where they are 0, and these rows."""
+    for channel in channels:
+        if channel.name not in raw.held and (zeros := zeros_left_blank(frame, channel.role)).any():
+            yield channel, zeros
 
 
 def _converted(raw: RawLog, channel: Channel) -> np.ndarray:

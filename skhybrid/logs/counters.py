@@ -124,7 +124,7 @@ def _jumps(known: pd.Series) -> tuple[np.ndarray, np.ndarray]:
     power, dips = _power_of_rises(known), _dips(values)
     failed, replaced = np.zeros((2, len(values)), dtype=bool)
     others = np.delete(power, [back - 1 for _, back in dips])
-    usual = _usual(others[others > 0.0])
+    usual = usual_peak(others[others > 0.0])
     for fall, back in dips:
         failed[fall:back] |= power[back - 1] > _BACK_ABOVE * usual
     good, highest = np.flatnonzero(~failed), range_of("Q_").highest
@@ -153,7 +153,7 @@ def _dips(values: np.ndarray) -> list[tuple[int, int]]:
     return found
 
 
-def _usual(rises: np.ndarray) -> float:
+def usual_peak(rises: np.ndarray) -> float:
     """The largest of some rises, but for the few that may be faults; 0 where there is none."""
     n = len(rises)
     left_out = max(min(1 + n // 100, 3), n // 1000) if n >= _FEWEST_RISES else 0

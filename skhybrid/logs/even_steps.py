@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import is_history, is_instant, is_set_point, numeric
+from .._table import is_history, is_instant, is_plant, is_set_point, numeric
 from .._time import SHORTEST_GAP, duration_from_zero, positive_duration, spell
 from .._warnings import several
 from ..preprocessing._gaps import fill_gaps, stamp_hours
@@ -91,7 +91,8 @@ def regularize(
         Columns that were logged by change (``held`` of a :class:`~skhybrid.logs.RawLog`): a value holds until the next.
     max_hold : timedelta-like
         Longest time for which a value of a held column holds; after it the column is missing.  A set-point
-        (``T_heat_set``, ``T_cool_set``) holds for a week, or for ``max_hold`` if that is longer.
+        (``T_heat_set``, ``T_cool_set``) holds for a week, or for ``max_hold`` if that is longer, and a plant that is
+        off (0) until it is logged otherwise.
     return_report : bool
 
     Returns
@@ -281,7 +282,8 @@ def _held_column(
         inside = (last >= 0) & (wanted - logged[last] <= longest)
         return np.where(inside, values[known][last], np.nan)
     seconds = step.total_seconds()
-    spans = np.minimum(np.diff(logged, append=wanted[-1] + seconds), longest)  # the last one holds to the end
+    held = np.where(is_plant(name) & (values[known] == 0.0), np.inf, longest)  # it is off until it is logged otherwise
+    spans = np.minimum(np.diff(logged, append=wanted[-1] + seconds), held)  # the last one holds to the end
     return _means(wanted, logged, values[known], seconds, spans)
 
 

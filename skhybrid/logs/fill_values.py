@@ -1,16 +1,24 @@
-"""Numbers that files and loggers write where nothing was measured, such as -9999."""
+"""Numbers that files, loggers and failed sensors give where nothing was measured, such as -9999 and 85 degC."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
+from .._ranges import range_of
+from .._table import SETPOINT_ROLES
 from .._warnings import several
+from .counters import usual_peak
 
 _CODES = (-999.0, -999.9, -9999.0, -9999.9, -99999.0, 999.0, 999.9, 9999.0, 9999.9, 99999.0)
 _HUGE = 1e15  # beyond every quantity; NetCDF fills with 9.97e36
 _FAR = 5.0  # times the range of all but the few largest and smallest of the others, from their middle
 _NEVER_NEGATIVE = ("q_sol", "u_")
+_FARTHEST = 30.0  # air does not leave nine tenths of its other temperatures by more [K]
+_FEW_CODES = 2  # a failed sensor shows one value, or two by turns
+_NEAR = 2.0  # of the usual temperatures, which values are in that are degF [K]
+_SPIKE, _LEAST_SPIKE = 20.0, 20.0  # times the usual peak of heat, and kW, beyond which a meter has failed
+_FAR_FROM_ZERO = 5.0  # no temperature falls to exactly 0 that is else above this [degC]
 
 
 def fill_values(series: pd.Series, role: str, is_counter: bool) -> pd.Series:
@@ -24,6 +32,36 @@ def fill_values(series: pd.Series, role: str, is_counter: bool) -> pd.Series:
         far = np.abs(values - middle) > _FAR * (high - low)
         filled |= codes & (far | ((values < 0.0) & role.startswith(_NEVER_NEGATIVE)))
     return pd.Series(filled, series.index)
+
+
+def sensor_failures(values: np.ndarray, role: str) -> np.ndarray:
+    """Whether each value (n,) is one that only a failed sensor shows: air of 85 degC or 0, a spike of sun or heat."""
+    known = np.isfinite(values)
+    if role.startswith(("T_za", "T_oa", *SETPOINT_ROLES)) and known.any():
+        return _failed_temperatures(values, known, role)
+    moving = known & (values != 0.0)
+    if not role.startswith(("q_sol", "Q_")) or not moving.any():
+        return np.zeros(len(values), dtype=bool)
+    usual, sizes = usual_peak(np.abs(values[moving])), np.abs(values)
+    if role.startswith("q_sol"):
+        return (sizes > range_of(role).highest) & bool(usual <= range_of(role).highest)
+    return sizes > max(_SPIKE * usual, _LEAST_SPIKE)
+
+
+def _failed_temperatures(values: np.ndarray, known: np.ndarray, role: str) -> np.ndarray:
+    """Temperatures (n,) [degC] far from the others, or 0 among others that are never near it.
+
+    Values that move, and those that are usual ones in degF, are of another unit.  A heating set-point of 0 is off.
+    """
+    low, high = np.quantile(values[known], [0.1, 0.9])
+    celsius = (values - 32.0) / 1.8
+    far = (values < low - _FARTHEST) | (values > high + _FARTHEST)
+    far &= (celsius < low - _NEAR) | (celsius > high + _NEAR)
+    spells = np.cumsum(np.diff(far, prepend=False))
+    failed = far & (pd.Series(values).groupby(spells).transform("nunique").to_numpy() <= _FEW_CODES)
+    zero = (values == 0.0) & (role.partition("_set")[0] != "T_heat")
+    others = values[known & ~failed & ~zero]
+    return failed | (zero & bool(len(others) and others.min() > _FAR_FROM_ZERO))
 
 
 def without_huge(series: pd.Series) -> pd.Series:

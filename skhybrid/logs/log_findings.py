@@ -376,4 +376,5 @@ def _sun_clock(name: str, known: pd.Series) -> Iterator[Finding]:
     middle = np.angle(np.sum(sun * np.exp(1j * angle))) * 24.0 / (2.0 * np.pi) % 24.0
     if not _NOON[0] <= middle <= _NOON[1]:
         text = f"the sun culminates at {int(middle)}:{int(middle % 1 * 60):02d} by the log's clock"
-        yield Finding("warning", name, f"{text}; is the time zone right?")
+        utc = " If the stamps are UTC, name their column 'time (UTC)'." if index.tz is None else ""
+        yield Finding("warning", name, f"{text}; is the time zone right?{utc}")

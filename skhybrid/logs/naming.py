@@ -10,33 +10,52 @@ from typing import NamedTuple
 from ..preprocessing._units import UNITS
 from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_text
 
+#: letters that are no others with an accent, and Japanese and Chinese words
+_SCRIPTS = (
+    *(
+        ("ß", "ss"),
+        ("ø", "o"),
+        ("ł", "l"),
+        ("æ", "ae"),
+        ("室温", " room temp "),
+        ("室内", " room "),
+        ("室外", " outdoor "),
+    ),
+    *(("外気温", " outdoor temp "), ("外気", " outdoor "), ("温度", " temp "), ("設定", " set "), ("设定", " set ")),
+    *(("日射", " solar "), ("暖房", " heating "), ("冷房", " cooling "), ("電力", " electricity ")),
+)
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _ROOM = (
     r"\b(zone|zn|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|"
-    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion"
+    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion|"
+    r"intern[ao]\b|soggiorno|stanza|\bsala\b|wewnetrzn|pokoj|pomieszcz|rumtemp|rumstemp|romtemp|inomhus|innetemp|stuetemp"
 )
 _OUT = (
     r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
-    r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient"
+    r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
+    r"zewnetrzn|utomhus|utetemp|udetemp"
 )
 _SET = (
     r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
-    r"consigna|gewenst|streef|setpunt|instel"
+    r"consigna|gewenst|streef|setpunt|instel|"
+    r"zadan|borvarde|settpunkt"
 )
 _SET_POINT = (
     r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
-    r"\b(heat|cool)(ing)? set\b"
+    r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt"
 )
 _IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
 _OF_A_MODE = r"\b(un)?occ\b|night|standby|stand by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
 _HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
-    r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera"
+    r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
+    r"grzew|grzej|cieplo|ciepla\b|varme|aquec"
 )
 _COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
-    r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b"
+    r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
+    r"chlodz|\bkyl|\bkoling|arrefec"
 )
 _TEMPERATURE = r"temp|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
@@ -49,14 +68,21 @@ _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photov
 _OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
 _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
-_PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
+_PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
 _ELECTRICITY = (
     r"elec|strom(?!ung)|stroom|heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor|"
-    r"\b(pac|wp|hp|ac)\b|air ?con|consumption|verbrauch|plug|socket"
+    r"\b(pac|wp|hp|ac)\b|air ?con|compressor|consum(ption|ed)|verbrauch|plug|socket"
 )
-_DELIVERED = r"thermal|thermique|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
+_DELIVERED = (
+    r"thermal|thermique|termic|produced|delivered|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
+)
+_OF_WATER = "; from a flow of water and its temperatures of supply and return, write a column of heat [kW]"
+_OF_FUEL = (
+    "; if it counts the fuel of the heating, give Q_heat, its unit as 'kWh counter', and the kWh of one under [scale]"
+)
+_HINTS = dict.fromkeys(("m3", "ccf"), _OF_FUEL) | dict.fromkeys(("l/h", "l/min", "l/s", "m3/h"), _OF_WATER)
 #: what no model reads
 _OTHER = (
     r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
@@ -77,7 +103,8 @@ SURE = 99
 _STANDARD = re.compile(r"T_(oa|za|heat_set|cool_set)|q_sol(_\w+)?|[uQ]_(heat|cool|hvac)")
 
 #: roles that exclude one: a stage adds nothing to the heat that it delivered
-_EXCLUDED = {"u_heat": ("Q_heat", "Q_hvac"), "u_cool": ("Q_cool", "Q_hvac"), "Q_hvac": ("Q_heat", "Q_cool")}
+_EXCLUDED: dict[str, tuple[str, ...]] = {"u_heat": ("Q_heat", "Q_hvac"), "u_cool": ("Q_cool", "Q_hvac")}
+_EXCLUDED |= {"Q_hvac": ("Q_heat", "Q_cool"), "Q_heat": ("Q_hvac",), "Q_cool": ("Q_hvac",)}
 
 
 class Guess(NamedTuple):
@@ -103,7 +130,9 @@ def unit_in_name(name: str) -> str | None:
 def plain(name: str) -> str:
     """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
     text = re.sub(rf"{_OF_INTERVAL}\(([^)]*)\)", r"\1", name)
-    text = re.sub(r"[\[(][^\])]*[\])]", " ", re.sub(_PRESENT, r"\1", text)).replace("ß", "ss")
+    text = re.sub(r"[\[(][^\])]*[\])]", " ", re.sub(_PRESENT, r"\1", text))
+    for script, word in _SCRIPTS:
+        text = text.replace(script, word)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     return " ".join(re.sub(r"[^0-9A-Za-z]+", " ", text).lower().split())
@@ -115,7 +144,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(name, 10, NAMED_BY_ROLE)
     words = plain(name)
     if unit is None and is_foreign(stated := unit_text(name) or ""):
-        return Guess(None, 0, f"no model reads {stated}")
+        return Guess(None, 0, f"no model reads {stated}{_HINTS.get(stated.lower().replace('³', '3'), '')}")
     if re.search(_OTHER, words):
         return Guess(None, 0, "no model reads such a quantity")
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (_HEAT, _COOL, _SET))
@@ -130,7 +159,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way
         reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
-        return Guess(role, 2, reason + " (electricity?)" * electric, electric)
+        certainty = 2 + bool(re.search(_DELIVERED, words))
+        return Guess(role, certainty, reason + " (electricity?)" * electric, electric)
     if of == "power":
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
     if of in ("stage", None) and heat and cool:
@@ -195,7 +225,8 @@ def assign_roles(
         known[column] = Guess(own, SURE, NAMED_BY_ROLE if own == column else "it was given")
     guesses = {c: known.get(c) or guess_role(c, u) for c, u in units.items()}
     taken: dict[str, str] = {}
-    for column in sorted(guesses, key=lambda c: -guesses[c].certainty):
+    rank = {c: (-g.certainty, g.is_electricity, str(g.role).startswith("u_")) for c, g in guesses.items()}
+    for column in sorted(guesses, key=rank.__getitem__):
         role = guesses[column].role
         if role is None:
             continue

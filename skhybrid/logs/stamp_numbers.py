@@ -11,7 +11,7 @@ import pandas as pd
 from .stamps import cell
 
 _EPOCH = r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?"
-_DIGITS = r"(?:19|20)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])[ :]?(?:[01]\d|2[0-4])(?:[0-5]\d){0,2}"
+_DIGITS = r"(?:19|20)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])[ :T]?(?:[01]\d|2[0-4])(?:[0-5]\d){0,2}Z?"
 _SERIAL = r"[2-6]\d{4}(?:[.,]\d+)?"  # of 1954 to 2091
 _IS_EPOCH, _IS_DIGITS, _IS_SERIAL = map(re.compile, (_EPOCH, _DIGITS, _SERIAL))
 _EPOCH_UNITS = ((1e11, "s", 1e9), (1e14, "ms", 1e6), (1e17, "us", 1e3), (np.inf, "ns", 1.0))  # limit, unit, nanoseconds
@@ -55,8 +55,10 @@ def in_words(text: pd.Series) -> pd.Series:
     """Stamps of digits alone as dates and times with signs between them; others as they are."""
     if not text.iloc[:_SAMPLE].str.fullmatch(_DIGITS).any():
         return text
-    apart = r"(\d{4})(\d{2})(\d{2})[ :]?(\d{2})(\d{2})?(\d{2})?"
-    return text.str.replace(apart, lambda m: f"{m[1]}-{m[2]}-{m[3]} {m[4]}:{m[5] or '00'}:{m[6] or '00'}", regex=True)
+    apart = r"(\d{4})(\d{2})(\d{2})[ :T]?(\d{2})(\d{2})?(\d{2})?(Z?)"
+    return text.str.replace(
+        apart, lambda m: f"{m[1]}-{m[2]}-{m[3]} {m[4]}:{m[5] or '00'}:{m[6] or '00'}{m[7]}", regex=True
+    )
 
 
 def _from_epoch(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[str]]:

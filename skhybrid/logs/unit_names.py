@@ -18,16 +18,22 @@ _SPELLINGS = {
     "MW": ("MW", "megawatt", "megawatts"),
     "Btu/h": ("btu/h", "btu/hr", "btuh"),
     "kBtu/h": ("kbtu/h", "kbtu/hr", "kbtuh", "mbh"),
+    "kcal/h": ("kcal/h", "kcal/hr"),
+    "MJ/h": ("mj/h", "mj/hr"),
     "tons": ("tons", "ton", "tonr", "rt", "tonsrefrigeration", "tonsofrefrigeration"),
 }
 _UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 #: units of energy [kWh]: per row, or a counter where the readings only rise; they become kW once the step is known
-ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "kBtu": 0.2930710702, "MJ": 1.0 / 3.6, "GJ": 1e3 / 3.6}
+ENERGY = {"kWh": 1.0, "Wh": 1e-3, "MWh": 1e3, "J": 1e-6 / 3.6, "MJ": 1.0 / 3.6, "GJ": 1e3 / 3.6, "kcal": 1.163e-3}
+ENERGY |= {"Btu": 2.930710702e-4, "kBtu": 0.2930710702, "therm": 29.30710702, "ton-h": 3.516852842}
 #: units of a counter [kWh], also where a few rows or a standing meter do not show that it is one
 COUNTERS = {f"{unit} counter": factor for unit, factor in ENERGY.items()}
 #: units of the irradiation of each row [kWh/m2], which becomes irradiance likewise
 IRRADIATION = {"Wh/m2": 1e-3, "kWh/m2": 1.0, "J/cm2": 1.0 / 360.0, "kJ/m2": 1.0 / 3600.0, "MJ/m2": 1.0 / 3.6}
-_ENERGIES = {name.lower(): name for name in (*ENERGY, *IRRADIATION)}
+_ENERGIES = {name.lower(): name for name in (*ENERGY, *IRRADIATION)} | {
+    **dict.fromkeys(("therms", "thm"), "therm"),
+    **dict.fromkeys(("ton-hours", "ton-hour", "ton-hr", "tonhours", "tonhr", "tonh", "rth"), "ton-h"),
+}
 #: units that a unit line may hold and no channel is converted from
 _FOREIGN = "ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|ccf|l/s|l/h|l/min|cfm|m/s|km/h|mph|mm|%rh|rh"
 _OTHERS = (
@@ -38,8 +44,8 @@ _IS_FOREIGN = re.compile(rf"(?:{_FOREIGN})\Z", re.IGNORECASE)
 _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
-    r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|k?Btu/?h|Celsius|"
-    r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|kbtu)))\s*\Z"
+    r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
+    r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|k?btu/?hr?|k?btu|therms?)))\s*\Z"
 )
 _SYMBOLS = (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("⋅", ""), ("*", ""), ("⁻", "-"))
 
@@ -60,8 +66,9 @@ def unit_text(name: str) -> str | None:
     found = _BRACKETS.search(name)
     if found and (found[1].strip() and is_unit(found[1])):
         return found[1].strip()
-    found = _ENDING.search(name)
-    return None if found is None else found[1]
+    if ending := _ENDING.search(name):
+        return ending[1]
+    return unit_text(name[: found.start()]) if found else None  # EnergyPlus ends with (TimeStep)
 
 
 def is_unit(text: str) -> bool:

@@ -44,6 +44,8 @@ UNITS: dict[str, Conversion] = {
     "MW": Conversion("power", 1e3),
     "Btu/h": Conversion("power", 2.930710702e-4),
     "kBtu/h": Conversion("power", 0.2930710702),
+    "kcal/h": Conversion("power", 1.163e-3),
+    "MJ/h": Conversion("power", 1.0 / 3.6),
     "tons": Conversion("power", 3.516852842),  # of refrigeration
 }
 KIND_OF_PREFIX = (("T_", "temperature"), ("q_sol", "irradiance"), ("u_", "fraction"), ("Q_", "power"))

@@ -11,10 +11,11 @@ from typing import NamedTuple, Self
 import numpy as np
 import pandas as pd
 
-from ..._table import ZoneTable, is_plant
+from ..._table import SETPOINT_ROLES, ZoneTable, is_plant
 from ..._time import rows_per_day, rows_per_hour
-from ...control import Band, LoadPaths, WantedPaths
-from ...exceptions import TooFewDaysError
+from ..._warnings import warn_user
+from ...control import FREE, Band, LoadPaths, WantedPaths
+from ...exceptions import PlanWarning, TooFewDaysError
 from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ...forecasting.quantiles import path_clock
 from ...forecasting.weather_error import WeatherError
@@ -154,7 +155,7 @@ class ClosedLoop:
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
-        rows = LawRows.of(table, scheme.plant_heat(table), band_of(table))
+        rows = LawRows.of(table, scheme.plant_heat(table), self._learned_sides(band_of(table)))
         spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(table, rows)
         oldest = max(weeks.begin, int(origins[0]) - (_DAYS_BACK + 1) * rows.per_day)
         # forecasts whose errors count
@@ -192,6 +193,19 @@ class ClosedLoop:
             spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
             wanted = wanted._replace(spread=spread)
         return self._blended(scheme, table, wanted, errors, weeks, levels)
+
+    def _learned_sides(self, band: Band) -> Band:
+        """The set-points of the sides that had some in training; loads of the other side are learned without them."""
+        runs, sides = (self._capacity.highest > 0.0, self._capacity.lowest < 0.0), []
+        for side, role, free, learned, acts in zip(band, SETPOINT_ROLES, FREE, self._sides, runs, strict=True):
+            if not learned and acts and np.isfinite(side).any():
+                warn_user(
+                    f"{role} is not used, since the training has none: the thermostat is the one learned without it; "
+                    f"fit on a log with {role}, or leave it out.",
+                    PlanWarning,
+                )
+            sides.append(side if learned else np.full_like(side, free))
+        return Band(*sides)
 
     def _weather_spread(
         self,

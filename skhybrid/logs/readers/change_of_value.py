@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..assembly import Choice, assemble_long, unit_columns
+from ..assembly import Choice, assemble_long, columns_beside
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
 from ..table_layout import find_layout, separator_of, split_lines
@@ -49,7 +49,7 @@ def read(
     point, value = chosen_columns(table.layout.names, point_column, value_column, where)
     others = table.sample.drop(columns=[point, value])
     stamps = find_stamp_columns(others, choice.time_column, where)
-    text = (point, value, *unit_columns(others))
+    text = (point, value, *columns_beside(others))
     frames = table.pieces(stamps, text, text)
     return assemble_long(pieces_of(table, frames, stamps, "change of value"), point, value, choice)
 

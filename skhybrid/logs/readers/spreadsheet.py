@@ -16,7 +16,7 @@ from ..assembly import Choice, Pieces, assemble_columns, assemble_long
 from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
 from ..raw_log import RawLog
-from ..stamp_cells import find_stamp_columns
+from ..stamp_cells import find_stamp_columns, is_stamp
 from ..table_layout import Layout, find_layout, table_of
 from .change_of_value import long_columns
 
@@ -35,7 +35,10 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLog:
-    """Read a sheet of a workbook, by default the one with the most stamps; other options are those of ``Choice``."""
+    """Read a sheet of a workbook, by default that with the most stamps, and those that go on from it.
+
+    The options beside ``sheet`` are those of ``Choice``.
+    """
     choice = Choice(**options)
     book = _open(path)
     try:
@@ -73,26 +76,34 @@ def _open(path: Path) -> Any:
 
 
 def _find_table(book: Any, sheet: str | int | None, file: str) -> tuple[Iterator[list[str]], Layout, str, list[str]]:
-    """The rows of the chosen sheet, its layout, its name in messages, and notes."""
+    """The rows of the chosen sheet, and of those with the same names and other stamps; layout, name, and notes."""
     names = [one.title for one in book.worksheets]
     if isinstance(sheet, int) and 0 <= sheet < len(names):
         sheet = names[sheet]
     if sheet is not None and sheet not in names:
         raise ValueError(f"{file} has no sheet {sheet!r}; its sheets are {', '.join(map(repr, names))}.")
-    found = []
+    found = {}
     for name in names if sheet is None else [sheet]:
-        layout = find_layout(list(islice(_rows(book[name]), _HEAD)))
+        head = list(islice(_rows(book[name]), _HEAD))
+        layout = find_layout(head)
         if layout is not None:
-            found.append((name, layout))
+            found[name] = layout, next((cell for cell in head[layout.first] if is_stamp(cell)), "")
     if not found:
         which = f"sheet {sheet!r} of {file}" if sheet else file
         raise ValueError(f"{which} has no table with time stamps in its first {_HEAD} rows.")
-    name, layout = max(found, key=lambda one: one[1].n_stamps)
-    notes = [f"read from sheet {name!r}"] if len(names) > 1 else []
-    others = [repr(other) for other, table in found if other != name and table.n_stamps > 1]
+    best, begin = max(found.values(), key=lambda one: one[0].n_stamps)
+    same = {name: one[1] for name, one in found.items() if one[0].names == best.names}
+    goes_on = len(set(same.values())) == len(same)  # as one sheet per month; rooms have the same stamps
+    read = list(same) if goes_on else [next(name for name in same if same[name] == begin)]
+    which = ("sheet " if len(read) == 1 else "sheets ") + ", ".join(map(repr, read))
+    notes = [f"read from {which}"] if len(names) > 1 else []
+    others = [repr(name) for name, (table, _) in found.items() if name not in read and table.n_stamps > 1]
     if others:
-        notes.append(f"not read: {', '.join(others)}, which also hold tables")
-    return _rows(book[name]), layout, f"sheet {name!r} of {file}", notes
+        notes.append(
+            f"not read: {', '.join(others)}, which also hold tables; put all columns in one sheet, or choose by sheet ="
+        )
+    tables = (islice(_rows(book[name]), found[name][0].first, None) for name in read[1:])
+    return chain(_rows(book[read[0]]), *tables), found[read[0]][0], f"{which} of {file}", notes
 
 
 def _rows(sheet: Any) -> Iterator[list[str]]:
