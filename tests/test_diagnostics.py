@@ -411,7 +411,7 @@ def test_absent_stamps_are_rows_without_a_measurement():
         diagnose_residuals(whole).autocorrelation,
     )
     assert diagnose_residuals(frame.drop(index=frame.index[1])).sampling_time == frame.index[1] - frame.index[0]
-    with pytest.raises(ValueError, match="is no whole number of steps of 10 min after the first"):
+    with pytest.raises(ValueError, match="is not a whole number of steps of 10 min after the first"):
         diagnose_residuals(frame, sampling_time="10min")
 
 

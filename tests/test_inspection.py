@@ -321,7 +321,7 @@ def test_parts_of_a_comparison_and_of_a_map_must_fit():
     for given, words in (((values, difference), "difference has no case 'b'"), (([1], difference), "errors is a list")):
         with pytest.raises(ValueError, match=words):
             RobustnessDisplay.from_predictions(*given, values, ["a"])
-    with pytest.raises(ValueError, match="couplings name 'hall', which is no pair of zones"):
+    with pytest.raises(ValueError, match="couplings name 'hall', which is not a pair of zones"):
         RoomMapDisplay.from_predictions({"hall": 1.0}, {"hall": 0.3})
 
 

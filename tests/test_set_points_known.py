@@ -152,7 +152,7 @@ def test_rows_after_the_end_of_a_table_have_no_measured_stage(log, model):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"weather_error": "huge"}, "weather_error='huge' is none of 'low', 'medium', 'high'"),
+        ({"weather_error": "huge"}, "weather_error='huge' is not one of 'low', 'medium', 'high'"),
         ({"heat_known": "no"}, "heat_known='no'"),
         ({"columns": ["T_oa", "q_sol", *PLANT, "T_za"]}, "T_heat_set is missing in 96 rows"),
         ({"estimator": ARXRegressor()}, "heat_known=False needs a hybrid predictor of one zone"),

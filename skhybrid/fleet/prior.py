@@ -194,12 +194,13 @@ def _long_enough(spans: Sequence[pd.Timedelta], names: Sequence[str]) -> list[in
     kept = [i for i, span in enumerate(spans) if span >= _LEAST]
     if len(kept) < 2:
         raise ValueError(
-            f"models holds {several(len(kept), 'zone')} that learned from two days or more; a prior needs two of them."
+            f"models holds {several(len(kept), 'zone')} that learned from two days or more; a prior needs "
+            "at least two of them."
         )
     short = [name for i, name in enumerate(names) if i not in kept]
     if short:
         warn_user(
-            f"{several(len(short), 'zone')} of {len(names)} learned from less than two days, and tell nothing, "
+            f"{several(len(short), 'zone')} of {len(names)} learned from less than two days and are left out, "
             f"the first {short[0]}.",
             SkhybridWarning,
         )

@@ -368,7 +368,7 @@ class ZoneFleet(BaseEstimator):
         self.errors_ = {**known, **{files.labels[o.zone]: o.error for o in ordered if o.error is not None}}
         self.warnings_ = {files.labels[o.zone]: o.warnings for o in ordered if o.warnings}
         if ordered and all(o.error is not None for o in ordered):
-            raise ValueError(f"no zone succeeded, the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
+            raise ValueError(f"no zone succeeded; the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
         return ordered
 
     def _joined(self, outcomes: Sequence[Outcome], files: ZoneFiles) -> pd.DataFrame:

@@ -213,7 +213,7 @@ def _errors(measured: pd.DataFrame, forecast: pd.DataFrame) -> tuple[pd.DataFram
     expected = float_columns(forecast, getattr(forecast, "columns", ()), "forecast")
     days = known.index
     if not (isinstance(days, pd.DatetimeIndex) and days.is_unique and days.is_monotonic_increasing and known.shape[1]):
-        raise ValueError("measured has no increasing days as its index, or no columns; give one row per day.")
+        raise ValueError("measured needs increasing days as its index, and at least one column; give one row per day.")
     if not (days.equals(expected.index) and known.columns.equals(expected.columns)):
         raise ValueError("measured and forecast differ in their days or columns; give the same rows of both.")
     return known, (known - expected).to_numpy(dtype=np.float64)

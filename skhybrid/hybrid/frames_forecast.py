@@ -94,7 +94,7 @@ class FramesForecastMixin(FramesReadingMixin):
         if setpoint is None and not self._has_setpoints_only(future):
             self._refuse_without_heat(future)
             if limits is not None:
-                raise ValueError("limits are of a plant that a thermostat runs; with given heat leave limits=None.")
+                raise ValueError("limits= are for a plant that a thermostat runs; with given heat leave limits=None.")
             return self._under_heat(history, future, now, levels, weather)
         self._refuse_without_plant("set-points do nothing: leave setpoint=None")
         return self._under_thermostat(history, future, now, levels, setpoint, read_plant_limits(limits), weather)

@@ -120,7 +120,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     @property
     def _hours(self) -> HourClasses:
         if self.variance not in tuple(HOUR_CLASSES):
-            raise ValueError(f"variance={self.variance!r} is none of {', '.join(map(repr, HOUR_CLASSES))}.")
+            raise ValueError(f"variance={self.variance!r} is not one of {', '.join(map(repr, HOUR_CLASSES))}.")
         return HOUR_CLASSES[self.variance]
 
     def _make_problem(

@@ -63,7 +63,7 @@ def named_again(
 def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:
     top = next((step for step in _STAGE_STEPS if high <= step), None)
     if low < range_of(role).lowest * max(1.0, high):
-        why = f"values from {low:g} to {high:g} are those of no stage; give Q_{role[2:]} and its unit if it is heat"
+        why = f"values from {low:g} to {high:g} are not those of a stage; give Q_{role[2:]} and its unit if it is heat"
         return None, factor, why
     if top == 1.0:
         return None, factor, ""

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 def _no_truth(value: Any) -> Any:
     if isinstance(value, bool):
-        raise ValueError("true or false is no number; post 1 or 0 where that is meant")
+        raise ValueError("true or false is not a number; post 1 or 0 where that is meant")
     return value
 
 
