@@ -56,7 +56,7 @@ class Office:
         _, heating, cooling = np.mean(self.log[-len(setpoints) :], axis=0)
         return heating - cooling
 
-    def lived(self):
+    def record(self):
         """Temperature [degC], heating and cooling [kW] so far."""
         return pd.DataFrame(self.log, self.index[: len(self.log)], ["T_za", "heating", "cooling"])
 
@@ -74,7 +74,7 @@ def draw(seed):
 office, X = draw(0)
 thermostat = Office(office, WEEK)
 thermostat.hold(office.setpoints.loc[WEEK, "T_heat_set"])
-print(f"largest difference: {(thermostat.lived()['T_za'] - office.states['T_za']).abs().max():.1e} K")
+print(f"largest difference: {(thermostat.record()['T_za'] - office.states['T_za']).abs().max():.1e} K")
 
 # %%
 # Cost and comfort
@@ -97,10 +97,10 @@ def price_of(weather):
 
 def account(plant, office):
     """What some days cost."""
-    lived = plant.lived()
-    heat = lived["heating"] + lived["cooling"]
-    cold = np.clip(comfort_of(lived.index) - lived["T_za"], 0.0, None)
-    energy = price_of(office.X.loc[lived.index]) @ heat / 12
+    record = plant.record()
+    heat = record["heating"] + record["cooling"]
+    cold = np.clip(comfort_of(record.index) - record["T_za"], 0.0, None)
+    energy = price_of(office.X.loc[record.index]) @ heat / 12
     return {
         "heat [kWh]": heat.sum() / 12,
         "energy cost": energy,
@@ -158,7 +158,7 @@ planned, plans = control(office, X)
 midnight = pd.Timestamp("2023-02-01")
 q, ahead = plans[midnight]
 day = slice(midnight, ahead.index[-1])
-lived = planned.lived()[day]
+record = planned.record()[day]
 figure, (above, middle, below) = plt.subplots(
     3, 1, sharex=True, figsize=(8, 7), layout="constrained", height_ratios=[3, 2, 1]
 )
@@ -168,12 +168,12 @@ above.fill_between(
     ahead.index, *(T[:, None] + ahead.offsets).T, color="tab:blue", alpha=0.2, lw=0, label="80 % interval"
 )
 above.plot(ahead.index, T, color="tab:blue", label="planned at midnight")
-above.plot(lived["T_za"], color="black", label="happened")
-above.plot(thermostat.lived().loc[day, "T_za"], color="tab:orange", lw=1, label="thermostat alone")
+above.plot(record["T_za"], color="black", label="happened")
+above.plot(thermostat.record().loc[day, "T_za"], color="tab:orange", lw=1, label="thermostat alone")
 above.step(ahead.index, comfort_of(ahead.index), where="post", color="black", ls="--", lw=1, label="comfort limit")
 above.set_ylabel("room [degC]")
 middle.step(ahead.index, q, where="post", color="tab:blue", label="planned at midnight")
-middle.step(ahead.index, lived["heating"].resample("30min").mean(), where="post", color="black", label="happened")
+middle.step(ahead.index, record["heating"].resample("30min").mean(), where="post", color="black", label="happened")
 middle.set_ylabel("heat [kW]")
 below.step(ahead.index, price_of(X[day]), where="post", color="tab:red")
 below.set_ylabel("price\n[per kWh of heat]")

@@ -127,14 +127,14 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
     @property
     def arx(self) -> dict[str, ARXPrior]:
         """Prior of the coefficients of ARX, by objective."""
-        (log_plate, spread), (ratio, ratio_spread) = self._plate, self.ratio
+        (log_plate, spread), (ratio, ratio_spread) = self._log_nameplate, self.ratio
         size = log_plate + ratio, float(np.hypot(spread, ratio_spread))
         return {objective: prior.sized(*size) for objective, prior in self.regressions.items()}
 
     @property
     def network(self) -> NetworkPrior | None:
         """Prior of parameters and coefficients of the network with schedules; None where none was fitted."""
-        return None if self.resistances is None else self.resistances.scaled(*self._plate)
+        return None if self.resistances is None else self.resistances.scaled(*self._log_nameplate)
 
     def __getitem__(self, name: str) -> tuple[float, float]:
         prior, own = self.network, list(self)
@@ -155,7 +155,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         return len(list(iter(self)))
 
     @property
-    def _plate(self) -> tuple[float, float]:
+    def _log_nameplate(self) -> tuple[float, float]:
         if self.nameplate is not None:
             return float(np.log(self.nameplate)), 0.0
         return self.nameplates or (0.0, 0.0)

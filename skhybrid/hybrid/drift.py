@@ -147,7 +147,7 @@ class DriftMonitor:
         recurrence, _ = self._recurrence(error, weekend, self._usual)
         mean, std = self.recurrence_
         recurring = np.minimum((recurrence - mean) / std, _MOST_RECURRENCE) - _ALLOWANCE_RECURRENCE
-        sums, rows = [_Sum(2.0 * self.threshold_), _Sum(2.0 * self.threshold_)], []
+        sums, rows = [_BoundedSum(2.0 * self.threshold_), _BoundedSum(2.0 * self.threshold_)], []
         for day, steps in enumerate(zip(excess, recurring, strict=True)):
             for one, step in zip(sums, steps, strict=True):
                 one.add(day, step)
@@ -194,7 +194,7 @@ class DriftMonitor:
         return "level" if abs(float(np.nanmean(profile))) > float(np.nanstd(profile)) else "schedule"
 
 
-class _Sum:
+class _BoundedSum:
     """A sum that stays between zero and a limit, so that it can fall again soon."""
 
     def __init__(self, most: float) -> None:

@@ -40,7 +40,7 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"
 
 
-def named_again(
+def reread_percent(
     guesses: Mapping[str, Guess], stated: Mapping[str, str | None], frame: pd.DataFrame
 ) -> dict[str, Guess]:
     """Guesses from names without a unit whose values are those of percent: powers are stages, irradiance is none."""
