@@ -61,7 +61,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
     def learn(
         cls, models: Iterable[Any], sizes: Iterable[float] | None = None, names: Iterable[str] | None = None
     ) -> Self:
-        """Learn from fitted zones; one that learned from less than two days says nothing of others, and is left out.
+        """Learn from fitted zones; those that learned from less than two days are left out.
 
         Parameters
         ----------

@@ -28,13 +28,13 @@ _SMALLEST = 0.05  # least error of a day, as a share of the reference's median, 
 
 
 class DriftMonitor:
-    """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it recurs.
+    """Watch day-ahead errors for growth and for repeated daily patterns, by cumulative sums (CUSUM).
 
     A day counts by the logarithm of its root mean square error, less the mean of the reference days of its kind
     (weekday or weekend), in long-run standard deviations.  What exceeds an allowance is summed up, never below zero; an
-    alarm is a sum above the threshold.  Errors by a schedule that moves need not be larger, but are alike on all days
-    of a kind: a second sum takes the product of each day's hourly errors with the fading mean of earlier days' of its
-    kind, standardised by the reference days.  The larger sum counts.
+    alarm is a sum above the threshold.  When a schedule moves, errors need not be larger, but they are alike on all
+    days of a kind.  So a second sum takes the product of each day's hourly errors with the fading mean of those of
+    earlier days of its kind, standardised by the reference days.  The larger sum counts.
 
     Parameters
     ----------

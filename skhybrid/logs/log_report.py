@@ -163,7 +163,7 @@ class LogReport:
 
     @property
     def assumed_label(self) -> str:
-        """Label of the stamps: as known, else as guessed."""
+        """Label of the stamps: as the log states it, or else as guessed."""
         return self.label or guessed_label(pd.DatetimeIndex(self.raw.frame.index), self.step)
 
     def electricity(self) -> list[str]:

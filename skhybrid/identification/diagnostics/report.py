@@ -145,7 +145,7 @@ def diagnose_residuals(
     level: float = 0.01,
     name: str = "model",
 ) -> Diagnostics:
-    """Test one-step errors that were computed already, as :func:`diagnose` does.
+    """Test one-step errors that have been computed, as :func:`diagnose` does.
 
     Parameters
     ----------

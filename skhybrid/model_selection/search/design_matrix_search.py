@@ -33,7 +33,7 @@ from .tasks import MeasuredRmse, Problem
 
 
 class DesignMatrixSearchCV(BaseSearchCV):
-    """Search over a design matrix: resumable, distributed, and not ended by candidates that fail.
+    """Search over a design matrix: it can be resumed and distributed, and goes on where candidates fail.
 
     It gives the results of ``GridSearchCV`` over the same candidates, bit for bit if every ``random_state`` is a
     number, but reads each split once, identifies the network of each split once, and trains only forecasters after
