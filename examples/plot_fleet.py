@@ -36,7 +36,7 @@ fleet.errors_
 
 # %%
 # Add two days, and forecast the next
-# ----------------------------------
+# -----------------------------------
 forecast = fleet.update(later[later.index < "2024-01-24"]).forecast(None, later[later.index >= "2024-01-24"])
 forecast.head(3)
 

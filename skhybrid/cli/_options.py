@@ -25,7 +25,7 @@ def log_option(text: str) -> Callable[[Any], Any]:
 
 
 def _config(remark: str = "") -> Callable[[Any], Any]:
-    text = f"How the log is read; skhybrid check LOG --config zone.toml proposes it.{remark}"
+    text = f"Configuration of the log; skhybrid check LOG --config zone.toml proposes one.{remark}"
     return click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help=text)
 
 

@@ -58,7 +58,7 @@ def tick(
     """Take in new rows, forecast, and archive both (for cron).
 
     The forecast starts from the end of the log.  The model is fitted again where its errors drift, or where it is old.
-    A tick that fails or is killed leaves the folder whole; the next one makes up for it.
+    A tick that fails or is killed leaves the folder intact; the next one catches up.
     """
     import pandas as pd
 
