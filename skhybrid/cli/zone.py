@@ -105,7 +105,7 @@ command = as_group(
 
 def _in_words(found: dict[str, Any]) -> dict[str, Any]:
     """The status of a zone for those who read it."""
-    none_yet = "no forecast has run out yet"
+    none_yet = "no forecast is over yet"
     found = {name: value for name, value in found.items() if name != "last measured" or value is not None}
     drift = found["drift"]
     grown = f"errors have grown since {drift['since']}" if drift.get("drifted") else "none"
