@@ -279,7 +279,9 @@ def test_targets_by_the_names_of_zones(house):
     ):
         np.testing.assert_array_equal(fit(other), expected)
     for wrong in (by_zone.rename(columns={"study": "office"}), by_zone[zones[:3]]):
-        with pytest.raises(ValueError, match=r"not one column 'T_za_study' or 'study'; give .* or 'living', 'kitchen'"):
+        with pytest.raises(
+            ValueError, match=r"exactly one column 'T_za_study' or 'study'; give .* or 'living', 'kitchen'"
+        ):
             fit(wrong)
 
 
