@@ -2,8 +2,8 @@
 The heat that tomorrow will need
 ================================
 
-A small office, simulated with EnergyPlus.  Tomorrow's two set-points and its weather are known, the people are
-not.  How much heat will the office need, when is the peak, and what would a smaller plant do?
+A small office, simulated with EnergyPlus.  Tomorrow's set-points and weather are known; what people will do is not.
+How much heat will the office need, when is the peak, and what would a smaller plant do?
 """
 
 # %%
@@ -27,7 +27,8 @@ setpoints["2018-10-15":"2018-10-15"].iloc[[0, 24, 32, 84, 95]]
 # The forecast
 # ------------
 # The model is fitted on six autumn weeks in which the plant mostly cooled.  It forecasts four weeks later, when the
-# plant heats; the rows in between are its history.  A day's forecast reads no measurement after its midnight.
+# plant heats; the rows in between are its history.  A day's forecast reads no measurement after the midnight at which
+# it starts.
 model = HybridPredictor(random_state=0).fit(train, train["T_za"])
 later, last = X["2018-10-15":"2018-11-16"], slice("2018-11-12", "2018-11-16")
 band = setpoints.loc[later.index]
@@ -35,8 +36,8 @@ load = model.predict_load(later, band)
 load[last].resample("1D")[["Q_hvac"]].agg(["min", "mean", "max"]).round(1)
 
 # %%
-# A pair of columns is a band: between the two set-points the load is zero, and the temperature floats.  The morning
-# step of the heating set-point is met at once and causes the peak of the day.
+# A pair of columns is a band: between the two set-points the load is zero, and the temperature floats.  The step of the
+# heating set-point in the morning is met within one row and causes the peak of the day.
 fig, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6), layout="constrained")
 fig.suptitle("Temperature and load of the last day between two set-points")
 time = later[last].index

@@ -17,7 +17,7 @@ from skhybrid.inspection import PosteriorDisplay, RobustnessDisplay
 from skhybrid.model_selection import DesignMatrixSearchCV, RollingOriginSplit, design_matrix, select_case
 
 # %%
-# Four weeks are for training, and two further weeks for the choice.  The error of the chosen model must be measured on
+# Four weeks are for training, and two more weeks for the choice.  The error of the chosen model must be measured on
 # later rows.
 
 office = make_office(n_days=42, random_state=0)
@@ -27,9 +27,9 @@ matrix = design_matrix(
 print(matrix)
 
 # %%
-# Each candidate replaces the forecaster; the network of a split is identified once.  With ``store=`` a search that was
-# stopped continues.  Twenty epochs keep this page quick; the paper uses 1000 with patience 150.  Baselines that do not
-# forecast the disturbance, such as ARX, are given separately.
+# Each candidate replaces the forecaster; the thermal network is identified only once per split.  With ``store=`` a
+# search that was stopped continues.  Twenty epochs keep this page quick; the paper uses 1000 with patience 150.
+# Baselines that do not forecast the disturbance, such as ARX, are given separately.
 
 estimator = HybridPredictor(
     OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=4, random_state=0),

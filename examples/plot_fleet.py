@@ -2,8 +2,8 @@
 A model per zone
 ================
 
-A fleet keeps one model per zone.  This example fits twelve zones, one of which has a broken log, takes in two days, and
-shows which zones need attention.
+A fleet keeps one model per zone.  This example fits twelve zones, one of which has a broken log, adds two days of
+measurements, and shows which zones need attention.
 """
 
 # %%
@@ -35,8 +35,8 @@ fleet = ZoneFleet(ARXRegressor(), n_jobs=1).fit(training)
 fleet.errors_
 
 # %%
-# Take in two days, and forecast the next
-# ---------------------------------------
+# Add two days, and forecast the next
+# -----------------------------------
 forecast = fleet.update(later[later.index < "2024-01-24"]).forecast(None, later[later.index >= "2024-01-24"])
 forecast.head(3)
 

@@ -2,9 +2,9 @@
 The paper's identification study
 ================================
 
-Section 2 of the paper on one office: four ways to identify a room with occupants whom nobody counts, and their
-strengths.  The truth is known here, so everything can be compared with it.
-:doc:`/results/paper` has the same over several seeds, with a verdict on each statement of the paper.
+Section 2 of the paper on one office: four ways to identify a room whose occupants nobody counts, and what each is good
+for.  The office is simulated, so everything can be compared with the truth.  :doc:`/results/paper` has the same over
+several seeds, with a verdict on each statement of the paper.
 """
 
 # %%
@@ -42,7 +42,7 @@ raw.starts_[["loss", "Q_h", "C_w", "R_zo"]].round(3)
 # %%
 # Table 1 of the paper
 # --------------------
-# So the capacity on the nameplate fixes the scale, and the paper's numbers are rescaled to the same capacity.
+# So the scale is fixed by the capacity on the nameplate, and the paper's numbers are rescaled to the same capacity.
 nameplate = {"Q_h": office.theta["Q_h"]}  # kW
 models = {
     "CONV": GrayBoxRC(known=nameplate, n_starts=10, random_state=0),
@@ -113,7 +113,8 @@ errors.pow(2).mean().pow(0.5).round(2)
 # %%
 # The runtime that holds the measured temperature
 # -----------------------------------------------
-# The networks inverted, with the gain given (Eq. 16 of the paper): hourly means of the cooling runtime.
+# Each network is inverted, with the gain given (Eq. 16 of the paper).  The plot shows hourly means of the cooling
+# runtime.
 plain = {label: GrayBoxRC(known=theta, horizon="1D").fit(X_train, y_train) for label, theta in thetas.items()}
 runtime = pd.DataFrame({"measured": X_test["u_cool"].resample("1h").mean()})
 for label, network in plain.items():
@@ -124,7 +125,7 @@ draw_days(runtime, "cooling runtime [-]", "Cooling that holds the measured tempe
 # %%
 # A day ahead, the gain unknown
 # -----------------------------
-# No parameters, not even the true ones, make up for heat that nobody forecasts.
+# Even the true parameters cannot make up for heat that nobody forecasts.
 without = pd.DataFrame({"measured": y_test, **{label: network.predict(X_test) for label, network in plain.items()}})
 draw_days(without, "zone temperature [degC]", "A day ahead, the heat gain unknown")
 
@@ -136,7 +137,7 @@ errors.pow(2).mean().pow(0.5).round(2)
 # %%
 # The week of the estimated disturbance
 # -------------------------------------
-# Each network inverted: the heat that explains the measured temperature, with the true gain for comparison.
+# Each network is inverted: this is the heat that explains the measured temperature, beside the true gain.
 fig, axes = plt.subplots(3, 1, figsize=(9, 8), sharex=True, layout="constrained")
 fig.suptitle("Estimated disturbance of a week")
 for ax, label in zip(axes, ("true", "Periodic", "CONV"), strict=True):

@@ -4,14 +4,15 @@ A planned day, and what happened
 
 A predictive controller plans the heat of an office with the affine forecast of the hybrid.  Every half hour it measures
 the room, plans the next day anew, and sends the thermostat a set-point.  The office is simulated, with people of whom
-the controller knows nothing.  The example shows the plan, what came of it, and what thermostats alone would have cost.
+the controller knows nothing.  The example shows the plan, what happened, and what a thermostat alone would have cost.
 """
 
 # %%
 # The office
 # ----------
 # Three winter weeks of an ordinary log, and the five working days after them, which are for the controllers.  Besides
-# the log, ``make_office`` returns what no log has: the network, the gains, and the conductance of the air exchange.
+# the log, ``make_office`` returns what no log has: the network, the heat gains, and the conductance of the air
+# exchange.
 import cvxpy as cp
 import matplotlib.pyplot as plt
 import numpy as np
@@ -55,7 +56,7 @@ class Office:
         _, heating, cooling = np.mean(self.log[-len(setpoints) :], axis=0)
         return heating - cooling
 
-    def lived(self):
+    def record(self):
         """Temperature [degC], heating and cooling [kW] so far."""
         return pd.DataFrame(self.log, self.index[: len(self.log)], ["T_za", "heating", "cooling"])
 
@@ -73,7 +74,7 @@ def draw(seed):
 office, X = draw(0)
 thermostat = Office(office, WEEK)
 thermostat.hold(office.setpoints.loc[WEEK, "T_heat_set"])
-print(f"largest difference: {(thermostat.lived()['T_za'] - office.states['T_za']).abs().max():.1e} K")
+print(f"largest difference: {(thermostat.record()['T_za'] - office.states['T_za']).abs().max():.1e} K")
 
 # %%
 # Cost and comfort
@@ -96,10 +97,10 @@ def price_of(weather):
 
 def account(plant, office):
     """What some days cost."""
-    lived = plant.lived()
-    heat = lived["heating"] + lived["cooling"]
-    cold = np.clip(comfort_of(lived.index) - lived["T_za"], 0.0, None)
-    energy = price_of(office.X.loc[lived.index]) @ heat / 12
+    record = plant.record()
+    heat = record["heating"] + record["cooling"]
+    cold = np.clip(comfort_of(record.index) - record["T_za"], 0.0, None)
+    energy = price_of(office.X.loc[record.index]) @ heat / 12
     return {
         "heat [kWh]": heat.sum() / 12,
         "energy cost": energy,
@@ -112,8 +113,8 @@ def account(plant, office):
 # The controller
 # --------------
 # A linear program over the next day.  The offsets of the lower quantile make the room warm enough in nine cases of ten.
-# While there is heat in the plan, the thermostat gets the temperature that is planned for the end of the half hour; so
-# it makes up for what the plan did not foresee.
+# While the plan heats, the thermostat gets the temperature that is planned for the end of the half hour; so it corrects
+# for what the plan did not foresee.
 
 
 def plan(ahead, weather):
@@ -152,12 +153,12 @@ planned, plans = control(office, X)
 # %%
 # One day
 # -------
-# The plan of Wednesday as it was at midnight, with its band, and what happened.  The plan was made anew every half
-# hour, so the room follows the midnight plan only until the people of the day differ from those of the average day.
+# The plan of Wednesday as it was at midnight, with its interval, and what happened.  The plan was made anew every half
+# hour, so the room follows the midnight plan only as long as people behave as on an average day.
 midnight = pd.Timestamp("2023-02-01")
 q, ahead = plans[midnight]
 day = slice(midnight, ahead.index[-1])
-lived = planned.lived()[day]
+record = planned.record()[day]
 figure, (above, middle, below) = plt.subplots(
     3, 1, sharex=True, figsize=(8, 7), layout="constrained", height_ratios=[3, 2, 1]
 )
@@ -167,12 +168,12 @@ above.fill_between(
     ahead.index, *(T[:, None] + ahead.offsets).T, color="tab:blue", alpha=0.2, lw=0, label="80 % interval"
 )
 above.plot(ahead.index, T, color="tab:blue", label="planned at midnight")
-above.plot(lived["T_za"], color="black", label="happened")
-above.plot(thermostat.lived().loc[day, "T_za"], color="tab:orange", lw=1, label="thermostat alone")
+above.plot(record["T_za"], color="black", label="happened")
+above.plot(thermostat.record().loc[day, "T_za"], color="tab:orange", lw=1, label="thermostat alone")
 above.step(ahead.index, comfort_of(ahead.index), where="post", color="black", ls="--", lw=1, label="comfort limit")
 above.set_ylabel("room [degC]")
 middle.step(ahead.index, q, where="post", color="tab:blue", label="planned at midnight")
-middle.step(ahead.index, lived["heating"].resample("30min").mean(), where="post", color="black", label="happened")
+middle.step(ahead.index, record["heating"].resample("30min").mean(), where="post", color="black", label="happened")
 middle.set_ylabel("heat [kW]")
 below.step(ahead.index, price_of(X[day]), where="post", color="tab:red")
 below.set_ylabel("price\n[per kWh of heat]")
@@ -185,8 +186,8 @@ plt.show()
 # -----------------
 # One office and one day prove nothing.  Here are the five days in three offices, whose people differ.  A better
 # schedule of set-points may do as well, so a rule is compared too: one level from some hour until 6 h, and another
-# until 18 h.  The rule is the best of a grid on the week before, tried on the simulated office itself, which nobody
-# could do on site.
+# until 18 h.  The rule is the best of a grid, tried on the simulated office in the week before; nobody could do that in
+# a real building.
 
 
 def by_rule(office, rows, start, before, during):
@@ -221,5 +222,5 @@ print(table.round(1).to_string())
 print(table.groupby("controller").sum().round(1).to_string())
 
 # %%
-# The weather was known in advance, which favours the predictive controller, and the office is the model's own kind of
-# network.  In both respects a real building is harder.
+# The weather was known in advance, which favours the predictive controller, and the simulated office is a network like
+# that of the model.  In both respects a real building is harder.

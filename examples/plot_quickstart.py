@@ -38,7 +38,7 @@ gray_box = GrayBoxRC(known=nameplate, n_starts=5, random_state=0).fit(X[:n_train
 # %%
 # Tomorrow
 # --------
-# From the last row of the history, with the weather and the control of tomorrow known.
+# The forecast starts from the last row of the history, with tomorrow's weather and control known.
 origin = n_train - 1
 history, future = X[:n_train], X[n_train:].drop(columns="T_za")
 tomorrow = hybrid.forecast(history, future, quantiles=(0.1, 0.9))

@@ -10,7 +10,8 @@ room by itself and with its neighbours, and shows who warms whom.
 # The house
 # ---------
 # A living room with doors to a kitchen and a bedroom.  Each room has windows, a heater, set-points and people of its
-# own.  In three weeks by the hour, the columns of a room end with its name; the heat [kW] replaces the stages.
+# own.  The log has three weeks in steps of an hour.  The columns of a room end with its name; the heat [kW] replaces
+# the stages.
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -27,8 +28,8 @@ X.iloc[[8, 12, 20]].T.round(2)
 # %%
 # The forecast
 # ------------
-# A building is learned from one table.  ``purpose="plan"`` asks for the right response to a kW.  How much the forecast
-# with neighbours counts, by room and by lead:
+# A building is learned from one table.  ``purpose="plan"`` asks for the right response to a kW.  ``shares_`` says how
+# much the forecast with neighbours counts, by room and by lead:
 n_train = 14 * 24
 building = BuildingPredictor(HybridPredictor(purpose="plan"), adjacency=house.adjacency)
 building.fit(X[:n_train], y[:n_train])
@@ -64,8 +65,8 @@ figure.autofmt_xdate()
 # %%
 # Who warms whom
 # --------------
-# The forecast is affine in the heat of all rooms, so one number says what a kW in one room does to another: here the
-# change of temperature after a kW for four hours.
+# The forecast is affine in the heat of all rooms, so one number says what a kW in one room does to another: here, how
+# much the temperature has changed after one kW for four hours.
 affine = building.affine_forecast(None, tomorrow)
 forecast = affine.gain[4, :4].sum(axis=0)  # (room that is heated, room that warms) [K]
 
@@ -80,8 +81,8 @@ states = pd.DataFrame(states, house.network.states, heat)
 warmed = states.loc[list(y), list(affine.inputs)].to_numpy().T
 
 # %%
-# The forecast is a blend with the forecast of each room by itself, which has no effect on others; so it shows a smaller
-# effect on neighbours, and none beyond the next room.
+# The forecast blends in the forecast of each room by itself, in which a room has no effect on others.  So it shows a
+# smaller effect on neighbours, and none beyond the next room.
 figure, axes = plt.subplots(1, 2, figsize=(8, 3.6), sharey=True, layout="constrained")
 for ax, title, after in zip(axes, ("forecast", "simulated house"), (forecast, warmed), strict=True):
     image = ax.imshow(after, cmap="Oranges", vmin=0.0, vmax=2.0)

@@ -2,8 +2,8 @@
 One plan, three optimisers
 ==========================
 
-skhybrid forecasts; an optimiser decides what to do with the forecast.  This example makes the same plan of heat for
-tomorrow with cvxpy, with CasADi and with do-mpc, in about fifteen lines each (extra ``control``).
+skhybrid forecasts; an optimiser decides what to do with the forecast.  This example plans tomorrow's heat with cvxpy,
+with CasADi and with do-mpc (extra ``control``), in a few lines each.
 """
 
 # %%
@@ -36,7 +36,7 @@ model = HybridPredictor(random_state=0).fit(train, train["T_za"])
 # The problem
 # -----------
 # Heat comes from a heat pump of 6 kW, whose coefficient of performance falls with the outdoor temperature.  The price
-# of electricity goes by the clock.  In office hours the room should be at 20 degC; a degree too cold for an hour costs
+# of electricity goes by the clock.  In office hours the room should be at 20 degC or more; each K h below costs
 # ``discomfort``, so that there is always a plan.  The quantile offsets turn this limit into a chance constraint: the
 # room is to be warm enough in nine cases of ten.
 hours, hour = 0.5, future.index.hour
@@ -89,7 +89,7 @@ def plan_by_casadi(space):
 # %%
 # do-mpc
 # ------
-# What changes with time (the forcing, the price, the comfort) goes into its time-varying parameters.
+# What changes with time (the forcing, the price, the comfort limit) goes into time-varying parameters.
 
 
 def plan_by_do_mpc(space):
@@ -127,7 +127,8 @@ def plan_by_do_mpc(space):
 # %%
 # The same plan
 # -------------
-# All three find the same cost.  Where two steps have the same price, their heat may differ, since no plan is better.
+# All three find the same cost.  Where two steps have the same price, plans may divide the heat differently between them
+# at the same cost.
 space = model.to_state_space(None, future, T_za=T_now)
 plans = {
     "cvxpy": plan_by_cvxpy(ahead),

@@ -2,8 +2,8 @@
 Two rooms, two thermometers, two unmeasured gains
 =================================================
 
-A network is declared, not programmed: nodes, resistors, and which nodes are measured, heated and disturbed.  Here two
-rooms share a wall.  Each has its own window, heater and people.  Both temperatures are fitted together.
+A network is declared, not programmed: its nodes and resistors, and which nodes are measured, heated and disturbed.
+Here two rooms share a wall.  Each has its own window, heater and people.  Both temperatures are fitted together.
 """
 
 # %%
@@ -37,7 +37,7 @@ flat
 # A log whose truth is known
 # --------------------------
 # Two weeks in which the heaters follow a pseudo-random sequence and the unmeasured gains drift slowly.  The south room
-# gets the sun from the morning to the evening, the north room only the diffuse part.
+# gets direct sun from morning to evening, the north room only the diffuse part.
 truth = {"C_wn": 4.0, "C_ws": 6.0, "C_n": 0.8, "C_s": 1.2, "R_nw": 1.2, "R_sw": 0.9, "R_no": 8.0, "R_so": 6.0}
 truth |= {"R_ns": 2.5, "A_win_north": 1.0, "A_win_south": 3.0, "Q_h_north": 5.0, "Q_h_south": 6.0}
 

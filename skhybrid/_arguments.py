@@ -49,7 +49,7 @@ def check_bool(name: str, value: Any) -> None:
 def check_verbose(verbose: Any) -> None:
     """Refuse what is neither a bool nor an integer: any word would count as True."""
     if not isinstance(verbose, int | np.integer | np.bool_):
-        raise ValueError(f"verbose={verbose!r} must be True, False or an integer, of which 0 shows nothing.")
+        raise ValueError(f"verbose={verbose!r} must be True, False or an integer; 0 shows nothing.")
 
 
 def is_number(value: Any) -> bool:

@@ -68,7 +68,9 @@ def checked_columns(columns: Mapping[str, Any] | None) -> dict[str, Any]:
         if not isinstance(column, Hashable):
             raise ValueError(f"columns= gives {role!r} the column {column!r}; give one name or position.")
         if role_of(role) is None:
-            raise ValueError(f"columns= names the role {role!r}, which is none of {', '.join(r for r, *_ in ROLES)}.")
+            raise ValueError(
+                f"columns= names the role {role!r}, which is not one of {', '.join(r for r, *_ in ROLES)}."
+            )
     role_by_column: dict[Any, str] = {}
     for role, column in columns.items():
         if column is not None and (other := role_by_column.setdefault(column, role)) != role:
@@ -166,7 +168,7 @@ def role_numbers(column: pd.Series, role: str, label: str | None = None) -> np.n
     """The column of a role as :func:`numeric` reads it; True and False, which pandas takes for 1 and 0, are stages."""
     if not role.startswith("u_") and pd.api.types.infer_dtype(column) == "boolean":
         label = f"column {column.name!r}" if label is None else label
-        raise ValueError(f"{label} is true or false, but {role} is no stage; give numbers.")
+        raise ValueError(f"{label} is true or false, but {role} is not a stage; give numbers.")
     return numeric(column, label)
 
 

@@ -50,10 +50,10 @@ def _refuse_apart(history: pd.Index, future: pd.Index) -> None:
         raise ValueError(f"{'future' if dated[0] else 'history'} has no time stamps; give it a DatetimeIndex.")
     steps = {index[-1] - index[-2] for index in (history, future) if all(dated) and len(index) > 1}
     if len(steps) == 1 and (step := steps.pop()) > pd.Timedelta(0) and future[0] != history[-1] + step:
-        raise _apart(future, history, step, "future", _HISTORY_ENDS)
+        raise _not_adjacent(future, history, step, "future", _HISTORY_ENDS)
 
 
-def _apart(ahead: pd.Index, known: pd.Index, step: pd.Timedelta, name: str, last: str) -> ValueError:
+def _not_adjacent(ahead: pd.Index, known: pd.Index, step: pd.Timedelta, name: str, last: str) -> ValueError:
     how = ""
     if not isinstance(ahead, pd.DatetimeIndex):
         how = ", with time stamps"
@@ -75,7 +75,7 @@ def refuse_unless_following(
 ) -> None:
     """Raise a ValueError if rows, the argument ``name``, do not begin one step after the known ones."""
     if not ahead.follows(known):
-        raise _apart(ahead.index, known.index, known.step, name, last)
+        raise _not_adjacent(ahead.index, known.index, known.step, name, last)
 
 
 def warn_if_unmeasured(table: ZoneTable, roles: Iterable[str], column_of: Callable[[str], Any]) -> None:

@@ -126,7 +126,7 @@ def _warn_of_zeros(T: np.ndarray, name: str, index: pd.Index) -> None:
     if zeros.any() and len(others) and others.min() > _FAR_FROM_ZERO:
         warn_user(
             f"{name} is 0 degC in {several(int(zeros.sum()), 'row')} (first at {index[int(np.argmax(zeros))]}) and "
-            f"else never below {others.min():.4g}: likely a fill value; set such values to NaN.",
+            f"otherwise never below {others.min():.4g}: likely a fill value; set such values to NaN.",
             UnitWarning,
         )
 

@@ -354,7 +354,7 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
 def refuse_other_stamps(given: pd.Series | pd.DataFrame, index: pd.Index, name: str, of: str = "X") -> None:
     """Refuse values whose index is not that of the table that they belong to."""
     if not given.index.equals(index):
-        raise ValueError(f"{name} bears other time stamps than {of}; align it with .reindex({of}.index).")
+        raise ValueError(f"{name} has other time stamps than {of}; align it with .reindex({of}.index).")
 
 
 def spell(step: pd.Timedelta) -> str:

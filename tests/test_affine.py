@@ -313,7 +313,7 @@ def test_a_gray_box_follows_new_rows(name, fitted, tables):
     ("given", "message"),
     [
         ({"inputs": ("Q_x",)}, "'Q_x', which was not in the training table"),
-        ({"inputs": ("u_heat",)}, "'u_heat', which was not in the training table; .* are 'Q_hvac'"),
+        ({"inputs": ("u_heat",)}, "'u_heat', which was not in the training table; .* heating and cooling 'Q_hvac'"),
         ({"inputs": ("T_oa",)}, "'T_oa', which is neither heating nor cooling"),
         ({"inputs": ()}, r"inputs=\(\) must be a list of different names"),
         ({"inputs": ("Q_hvac", "Q_hvac")}, "list of different names"),

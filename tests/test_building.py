@@ -107,18 +107,21 @@ def test_a_boiler_for_all_and_one_sun():
         ((["a"],), r"zones=\['a'\] has 1 of the two or more"),
         ((["a", "b", "a"],), "names a zone twice"),
         ((["a", "the hall"],), "zones has 'the hall', which cannot be part of a column's name"),
-        ((AB, [("a", "c")]), "adjacency names 'c', which is none of the zones a, b"),
+        ((AB, [("a", "c")]), "adjacency names 'c', which is not one of the zones a, b"),
         ((AB, [("a", "a")]), "adjacency couples 'a' with itself"),
         ((AB, [("a", "b"), ("b", "a")]), "adjacency has the pair 'b', 'a' twice"),
         ((AB, ["ab"]), "adjacency has 'ab'; give pairs of zones"),
         ((["a", "b_c", "a_b", "c"], [("a", "b_c"), ("a_b", "c")]), "'a_b' and 'c' would be a second 'R_a_b_c'"),
         ((["zo", "a"], [("zo", "a")]), "'zo' and 'a' would be a second 'R_zo_a'; rename"),
         ((AB, [("a", "b", "a")]), r"adjacency has \('a', 'b', 'a'\); give pairs"),
-        (({"a": "2R2C", "b": "1R1C"}, [("a", "b")], {"couple": "w"}), "couple names the node 'w', which zone 'b' has"),
-        ((AB, None, {"heated": {"c": ()}}), "heated names 'c', which is none of the zones"),
-        ((AB, None, {"solar": {"c": ()}}), "solar names 'c', which is none of the zones"),
-        ((AB, None, {"solar": {"a": "sun"}}), "solar names 'sun', which is no irradiance"),
-        ((AB, None, {"solar": "sun"}), "solar names 'sun', which is no irradiance"),
+        (
+            ({"a": "2R2C", "b": "1R1C"}, [("a", "b")], {"couple": "w"}),
+            "couple names the node 'w', which zone 'b' lacks",
+        ),
+        ((AB, None, {"heated": {"c": ()}}), "heated names 'c', which is not one of the zones"),
+        ((AB, None, {"solar": {"c": ()}}), "solar names 'c', which is not one of the zones"),
+        ((AB, None, {"solar": {"a": "sun"}}), "solar names 'sun', which is not an irradiance"),
+        ((AB, None, {"solar": "sun"}), "solar names 'sun', which is not an irradiance"),
         ((AB, None, {"solar": ["q_sol"]}), "solar=.* must be a mapping of zones to roles, or one role"),
         (
             (AB, None, {"solar": {"a": {"q_sol": "za"}}}),
@@ -146,7 +149,7 @@ def test_what_is_no_building_is_refused(arguments, message):
 
 @pytest.mark.parametrize(("network", "zone"), [("2R2C", "a"), (building_network(AB), ["a"])])
 def test_a_room_of_what_is_no_building_is_refused(network, zone):
-    with pytest.raises(ValueError, match=r"is no network of a building|has no zone"):
+    with pytest.raises(ValueError, match=r"is not the network of a building|has no zone"):
         room_network(network, zone)
 
 
@@ -276,7 +279,9 @@ def test_targets_by_the_names_of_zones(house):
     ):
         np.testing.assert_array_equal(fit(other), expected)
     for wrong in (by_zone.rename(columns={"study": "office"}), by_zone[zones[:3]]):
-        with pytest.raises(ValueError, match=r"not one column 'T_za_study' or 'study'; give .* or 'living', 'kitchen'"):
+        with pytest.raises(
+            ValueError, match=r"exactly one column 'T_za_study' or 'study'; give .* or 'living', 'kitchen'"
+        ):
             fit(wrong)
 
 
@@ -316,7 +321,7 @@ def test_rooms_that_cannot_be_identified_apart(house):
         identify_rooms(InputDisturbanceID(walls), X, y)
     with pytest.raises(ValueError, match="column 'Q_hvac' is heat that rooms share"):
         identify_rooms(InputDisturbanceID(house.network), X.assign(Q_hvac=1.0), y)
-    with pytest.raises(ValueError, match="y has not one column 'T_za_study'"):
+    with pytest.raises(ValueError, match="y needs exactly one column 'T_za_study'"):
         identify_rooms(InputDisturbanceID(house.network), X, y.iloc[:, :3])
     with pytest.raises(ValueError, match="X must be a DataFrame"):
         identify_rooms(InputDisturbanceID(house.network), X.to_numpy(), y)
@@ -388,7 +393,7 @@ def test_what_tells_no_floor_plan_is_refused(house, change, message):
     X, y = change(with_heat(house), house.y)
     with pytest.raises(ValueError, match=message):
         find_adjacency(X, y)
-    with pytest.raises(ValueError, match="y has not one column 'T_za_x' or 'x'"):
+    with pytest.raises(ValueError, match="y needs exactly one column 'T_za_x' or 'x'"):
         find_adjacency(house.X, house.y, zones=["living", "x"])
     with pytest.raises(ValueError, match="two zones or more"):
         find_adjacency(house.X, house.y, zones=["living", "living"])

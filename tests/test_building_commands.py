@@ -339,7 +339,7 @@ def test_backtest_judges_every_zone(folder, tmp_path, capsys):
 def test_commands_of_one_zone_refuse_several(command, folder, tmp_path, capsys):
     given = [folder / a if a == "log.csv" else tmp_path / a if a == "made" else a for a in command]
     message = refusal(capsys, *given, "--config", folder / "house.toml")
-    assert "of several zones (kitchen, hall)" in message
+    assert "describes several zones (kitchen, hall)" in message
     assert message.count("\n") == 1
 
 

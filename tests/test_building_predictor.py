@@ -217,7 +217,7 @@ def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
     for wrong, said in (
         ({"kitchen": 20.5}, "T_za lacks the zone 'hall'; the zones are"),
         ([20.0, 19.0, 18.0, 17.0], "T_za has 4 values; give one for each of 'kitchen'"),
-        ({**now, "attic": 3.0}, "T_za names 'attic', which is no zone; the zones are"),
+        ({**now, "attic": 3.0}, "T_za names 'attic', which is not a zone; the zones are"),
     ):
         with pytest.raises(ValueError, match=said):
             building.forecast(None, tomorrow, T_za=wrong)
@@ -275,9 +275,9 @@ def test_loads_hold_the_set_points_and_share_a_plant(building, later):
     assert limited["T_za_kitchen"].min() < free["T_za_kitchen"].min() + 1e-9
     apart = building.predict_load(rows, wanted, {"kitchen": (0.0, 0.1)})
     assert apart["Q_hvac_kitchen"].max() <= 0.1 + 1e-9
-    with pytest.raises(ValueError, match="limits names 'attic', which is no zone"):
+    with pytest.raises(ValueError, match="limits names 'attic', which is not a zone"):
         building.predict_load(rows, wanted, {"attic": (0.0, 0.1)})
-    with pytest.raises(ValueError, match="setpoint names 'attic', which is no zone"):
+    with pytest.raises(ValueError, match="setpoint names 'attic', which is not a zone"):
         building.predict_load(rows, {"attic": 20.0})
 
 
@@ -448,7 +448,7 @@ def test_names_of_zones(rooms):
         (lambda X, y, m: (X, y.rename(columns={"hall": "the hall"}), m), "zone 'the hall'"),
         (
             lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "attic")])),
-            "adjacency names 'attic', which is none of",
+            "adjacency names 'attic', which is not one of",
         ),
         (lambda X, y, m: (X, y, m.set_params(adjacency=[("hall", "hall")])), "couples 'hall' with itself"),
         (lambda X, y, m: (X, y, m.set_params(adjacency=["hall"])), "adjacency has 'hall'; give pairs of zones"),

@@ -983,7 +983,8 @@ def test_a_list_of_commands_cuts_no_sentence(name, capsys):
 
 
 PAGES = [p for part in ("start", "how_to") for p in (Path(__file__).parents[1] / "docs" / part).glob("*.rst")]
-SHOWN = [line for page in PAGES for line in re.findall(r"^   \$ skhybrid (\w.+)$", page.read_text(), re.MULTILINE)]
+TEXTS = [page.read_text().replace("\\\n", "") for page in PAGES]  # with commands over several lines on one
+SHOWN = [line for text in TEXTS for line in re.findall(r"^   \$ skhybrid (\w.+)$", text, re.MULTILINE)]
 
 
 @pytest.mark.parametrize("line", sorted(set(SHOWN)))

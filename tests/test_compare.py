@@ -16,7 +16,7 @@ from skhybrid.datasets import make_office
 from skhybrid.identification import make_state_space
 from skhybrid.model_selection import RollingOriginSplit, compare_models
 from skhybrid.model_selection.assessment import Assessment, hold_out, log_density
-from skhybrid.model_selection.recommendation import _as_good, likelihood_ratio, nesting, recommend
+from skhybrid.model_selection.recommendation import _within_standard_error, likelihood_ratio, nesting, recommend
 from skhybrid.model_selection.splitters import default_split
 
 SMALL = {"C_w": 6.0, "C_za": 1.0, "R_zw": 1.5, "R_zo": 6.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
@@ -223,18 +223,18 @@ def test_as_good_is_within_a_standard_error_of_the_days():
     index = pd.date_range("2024-01-01", periods=4 * 24, freq="1h")
     by_day = np.repeat([0.3, -0.1, 0.2, 0.0], 24)  # mean 0.1, standard error 0.0913
     best = Assessment(held_out=pd.Series(0.0, index))
-    assert not _as_good(Assessment(held_out=pd.Series(-by_day, index)), best, "cv_log_score")
-    assert _as_good(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "cv_log_score")
-    assert not _as_good(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "bic")
-    assert not _as_good(Assessment(), best, "cv_log_score")
+    assert not _within_standard_error(Assessment(held_out=pd.Series(-by_day, index)), best, "cv_log_score")
+    assert _within_standard_error(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "cv_log_score")
+    assert not _within_standard_error(Assessment(held_out=pd.Series(0.02 - by_day, index)), best, "bic")
+    assert not _within_standard_error(Assessment(), best, "cv_log_score")
 
 
 def test_days_of_an_array_have_as_many_rows_as_its_step_says():
     by_day = np.repeat([0.3, -0.1, 0.2, 0.0], 24)
     hourly = SimpleNamespace(sampling_time_=pd.Timedelta("1h"))
     best, other = (Assessment(estimator=hourly, held_out=pd.Series(values)) for values in (0.0 * by_day, -by_day))
-    assert not _as_good(other, best, "cv_log_score")
-    assert _as_good(Assessment(held_out=pd.Series(0.02 - by_day)), best, "cv_log_score")
+    assert not _within_standard_error(other, best, "cv_log_score")
+    assert _within_standard_error(Assessment(held_out=pd.Series(0.02 - by_day)), best, "cv_log_score")
 
 
 def test_log_density_adds_what_was_measured():

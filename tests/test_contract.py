@@ -223,7 +223,7 @@ def test_missing_role_names_the_role_and_the_columns(office):
     ("columns", "message"),
     [
         ({"T_oa": "out"}, "gives 'T_oa' the column 'out', but X has 'T_oa'"),
-        ({"outdoor": "T_oa"}, "names the role 'outdoor', which is none of T_oa, q_sol"),
+        ({"outdoor": "T_oa"}, "names the role 'outdoor', which is not one of T_oa, q_sol"),
         ({"T_za": "T_oa", "T_oa": "T_oa"}, "gives 'T_za' and 'T_oa' the same column 'T_oa'; give each its own"),
         ({"T_oa": ["T_oa"]}, r"gives 'T_oa' the column \['T_oa'\]; give one name"),
         (["T_oa"], r"columns=\['T_oa'\] must be a mapping of roles to columns"),
@@ -260,7 +260,7 @@ def test_columns_may_change_after_fit_to_those_of_another_table(model, office):
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({"outdoor": 0}, "names the role 'outdoor', which is none of T_oa"),
+        ({"outdoor": 0}, "names the role 'outdoor', which is not one of T_oa"),
         ({"T_oa": 2}, "gives 'T_oa' the column 2, but X is an array of 2 columns: give a position"),
         ({"T_oa": "T_oa"}, "the column 'T_oa', but X is an array"),
         ({"T_oa": -1}, "the column -1, but X is an array"),
@@ -654,7 +654,9 @@ def test_a_disturbance_in_another_unit_is_refused():
 def test_zeros_that_fill_a_file_are_told(role, office):
     """A summer never comes near 0 degC, so that 0 is no measurement; in a winter it may be one."""
     filled = office.X[role].where(np.arange(len(office.X)) % 50 != 7, 0.0)
-    words = rf"column '{role}' is 0 degC in 8 rows .first at 2023-07-08 01:45:00. and else never below \d.*fill value"
+    words = (
+        rf"column '{role}' is 0 degC in 8 rows .first at 2023-07-08 01:45:00. and otherwise never below \d.*fill value"
+    )
     with pytest.warns(UnitWarning, match=words):
         read(office.X.assign(**{role: filled}))
     with warnings.catch_warnings():
@@ -765,7 +767,9 @@ def test_true_and_false_are_no_temperatures(office, kind):
 def test_columns_of_true_and_false_are_stages(office, role, kind):
     on = office.X["u_heat"] > 0.1
     np.testing.assert_array_equal(read(office.X.assign(u_heat=on.astype(kind))).inputs["u_heat"], on)
-    with pytest.raises(ValueError, match=rf"^column {role!r} is true or false, but {role} is no stage; give numbers"):
+    with pytest.raises(
+        ValueError, match=rf"^column {role!r} is true or false, but {role} is not a stage; give numbers"
+    ):
         read(office.X.assign(**{role: on.astype(kind)}))
 
 

@@ -399,7 +399,7 @@ def test_what_comes_again_every_day_and_what_is_larger_by_day_is_said():
 def test_noise_taken_for_disturbance_shows_as_opposed_errors():
     frame = _white()
     frame["innovation"] -= 0.5 * frame["innovation"].shift().fillna(0.0)
-    assert "follow one another are opposed" in diagnose_residuals(frame).findings[0]
+    assert "successive errors are negatively correlated" in diagnose_residuals(frame).findings[0]
 
 
 def test_absent_stamps_are_rows_without_a_measurement():
@@ -411,7 +411,7 @@ def test_absent_stamps_are_rows_without_a_measurement():
         diagnose_residuals(whole).autocorrelation,
     )
     assert diagnose_residuals(frame.drop(index=frame.index[1])).sampling_time == frame.index[1] - frame.index[0]
-    with pytest.raises(ValueError, match="is no whole number of steps of 10 min after the first"):
+    with pytest.raises(ValueError, match="is not a whole number of steps of 10 min after the first"):
         diagnose_residuals(frame, sampling_time="10min")
 
 

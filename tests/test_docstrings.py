@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import is_dataclass
 from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from types import ModuleType
 
 import pytest
@@ -99,6 +100,14 @@ def test_a_summary_says_what_a_function_does_or_returns():
     begins = re.compile(r'"""(What|How|Which|Where) .*')
     found = [f"{path}: {begin[0]}" for path in sources for begin in begins.finditer(path.read_text("utf-8"))]
     assert not found
+
+
+def test_a_name_that_a_text_gives_exists():
+    """Messages and docstrings send users to classes and functions by their full names."""
+    sources = (Path(__file__).parents[1] / "skhybrid").rglob("*.py")
+    given = re.compile(r"(?<![\w./-])skhybrid(?:\.\w+)+")
+    for name in sorted({name for path in sources for name in given.findall(path.read_text("utf-8"))}):
+        resolve_name(name)
 
 
 def _wrong(given: int) -> int:

@@ -15,7 +15,7 @@ from skhybrid.identification import GrayBoxRC, PeriodicDisturbanceID
 from skhybrid.study import read_settings
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import ZoneModel, emhass_parameters
-from skhybrid.zone.emhass import Law, temperatures
+from skhybrid.zone.emhass import EmhassLaw, temperatures
 
 COLUMNS = {role: role for role in ("T_za", "T_oa", "q_sol", "u_heat", "u_cool")}
 STEP = 0.5  # of the plan [h]
@@ -54,13 +54,13 @@ def _difference(law, simulated):
 
 def test_emhass_own_equation_reproduces_the_first_hours_of_the_office(office, truth):
     found = emhass_parameters(truth, _settings(), hours=6.0)
-    law = Law(*found.values["value"])
+    law = EmhassLaw(*found.values["value"])
     simulated = _heated(truth, office, 6)
     error = _difference(law, simulated)
     assert error == pytest.approx(found.misfit, rel=1e-6)
     assert error < 0.13 * (simulated[-1] - 10.0)  # two time constants in one
     assert error < min(
-        _difference(Law(factor * law.heating_rate, law.cooling_constant), simulated) for factor in (0.97, 1.03)
+        _difference(EmhassLaw(factor * law.heating_rate, law.cooling_constant), simulated) for factor in (0.97, 1.03)
     )
     # 6 kW hold a zone, whose only way out is R_zo, 6 R_zo above the outdoors
     assert law.heating_rate / law.cooling_constant == pytest.approx(6.0 * office.theta["R_zo"], rel=0.01)
@@ -71,7 +71,7 @@ def test_a_network_of_one_capacitance_is_the_law_itself(office):
     gray_box = GrayBoxRC("1R1C", known=theta).fit(office.X[:288], office.y[:288])
     settings = _settings(estimator={"known": theta}, plant={"cop": 3.0})
     found = emhass_parameters(gray_box, settings, office.X)
-    law = Law(*found.values["value"].iloc[:2])
+    law = EmhassLaw(*found.values["value"].iloc[:2])
     assert _difference(law, _heated(gray_box, office, 12)) < 1e-8
     left = np.exp(-STEP / 40.0)
     assert law.cooling_constant == pytest.approx((1.0 - left) / STEP, rel=1e-9)

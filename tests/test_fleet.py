@@ -126,7 +126,7 @@ def test_new_rows_are_taken_in_as_by_a_single_zone(alone, fleet):
     for zone, X in ZONES.items():
         expected = alone[zone].update(X[NEW]).forecast(None, of(future(), zone), quantiles=(0.1, 0.9))
         pd.testing.assert_frame_equal(of(found, zone), expected, check_exact=True, check_freq=False)
-    with pytest.raises(ValueError, match="no zone succeeded, the first of 3, a: "):
+    with pytest.raises(ValueError, match="no zone succeeded; the first of 3, a: "):
         again.update(rows(slice(9 * DAY, 10 * DAY)))  # a day is missing before them
 
 
@@ -350,7 +350,7 @@ def test_a_zone_without_rows_or_with_a_stamp_twice_is_refused_as_alone():
         fleet = ZoneFleet(ARX).fit({"a": ZONES["a"][TRAIN], "none": ZONES["a"][:0], "twice": twice})
     assert fleet.errors_["twice"] == str(said.value)
     assert fleet.errors_["none"] == "there are no rows; write those of the zone, or leave it out."
-    with pytest.raises(ValueError, match="no zone succeeded, the first of 1, none: "):
+    with pytest.raises(ValueError, match="no zone succeeded; the first of 1, none: "):
         ZoneFleet(ARX).fit({"none": ZONES["a"][:0]})
 
 

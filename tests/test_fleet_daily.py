@@ -320,7 +320,7 @@ def test_a_name_that_is_too_long_for_a_file_costs_its_zone_alone(tmp_path):
     long, longest = "комната " * 6, "x" * 230
     with pytest.warns(SkhybridWarning, match="1 of 3 zones could not be fitted"):
         fleet = ZoneFleet(ARX, store=tmp_path).fit(dict.fromkeys(("a", longest, long), ZONE[:168]))
-    said = "its name takes 258 characters as that of a file, and 230 are possible; shorten it."
+    said = "its name takes 258 characters as a file name, and at most 230 are possible; shorten it."
     assert fleet.errors_ == {long: said}
     new = dict.fromkeys(("a", longest, long), ZONE[168:192])
     assert set(fleet.predict(new)["zone"]) == {"a", longest}

@@ -79,7 +79,7 @@ FOUND = {
     Call("GrayBoxRC.predict_load", arguments=(("limits", "words"),)): "the lower limit is text",
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "nan"),)): "theta_init gives R_zo the value nan",
     Call("InputDisturbanceID.fit", arguments=(("theta_init", "word"),)): "must be a mapping",
-    Call("OutputDisturbanceID.fit", arguments=(("theta_init", "unknown"),)): "which is none of",
+    Call("OutputDisturbanceID.fit", arguments=(("theta_init", "unknown"),)): "which is not one of",
     Call("OutputDisturbanceID.fit_transform", target="None"): "requires y to be passed",
     Call("DisturbanceForecaster, regressor.fit", Table(step="1ns")): "steps are of a second or more",
     Call("TwoStagePredictor.fit", Table(step="1D", index="text")): "looks like a time stamp",
@@ -119,7 +119,7 @@ FOUND = {
     Call("score_backtest", Table(columns=("T_oa", "q_sol"))): "no column 'y_true'",
     Call("DriftMonitor.watch", Table(columns=("T_oa", "q_sol"))): "2 steps",
     Call("DriftMonitor.watch", Table(container="masked array")): "give a DataFrame",
-    Call("DriftMonitor.fit", Table(columns=())): "no columns",
+    Call("DriftMonitor.fit", Table(columns=())): "at least one column",
     Call("diagnose_residuals", Table(columns=("T_oa",))): "no column 'innovation'",
 }
 

@@ -593,7 +593,7 @@ def test_an_unknown_adapt_is_refused_after_fit_too(hybrid, office):
 
 
 def test_set_point_of_another_index_is_refused(hybrid, office):
-    with pytest.raises(ValueError, match="setpoint bears other time stamps"):
+    with pytest.raises(ValueError, match="setpoint has other time stamps"):
         hybrid.predict_load(office.X[28 * DAY : 29 * DAY], office.y[:DAY])
 
 

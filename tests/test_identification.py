@@ -87,7 +87,7 @@ def test_periodic_variance_by_three_hours(office):
         > 3 * sigma[["sigma_weekday_00", "sigma_weekend_12"]].max()
     )
     assert np.isfinite(model.predict(office.X)).all()
-    with pytest.raises(ValueError, match="variance='hour' is none of 'day_night', '3h'"):
+    with pytest.raises(ValueError, match="variance='hour' is not one of 'day_night', '3h'"):
         PeriodicDisturbanceID(variance="hour").fit(office.X, office.y)
 
 
@@ -372,7 +372,7 @@ def test_a_known_capacity_of_a_plant_that_never_ran_does_not_fix_the_scale(offic
         (PeriodicDisturbanceID(known={"tau": -1.0}), "known= gives tau the value -1.0; it must be > 0"),
         (PeriodicDisturbanceID(known=KNOWN, bounds={"tau": (9, 2)}), r"bounds of tau are \(9, 2\); the lower must be"),
         (PeriodicDisturbanceID(known=KNOWN, bounds={"tau": 5}), "bounds of tau are 5; give two finite numbers"),
-        (PeriodicDisturbanceID(variance=[]), r"variance=\[\] is none of 'day_night', '3h'"),
+        (PeriodicDisturbanceID(variance=[]), r"variance=\[\] is not one of 'day_night', '3h'"),
     ],
 )
 def test_known_values_of_the_disturbance_that_cannot_be_are_refused(office, estimator, message):
@@ -486,7 +486,7 @@ def test_little_excitation_is_named(change, rows, message, office):
     ("given", "message"),
     [
         ({"heat_gain": lambda gain: gain[:-1].to_numpy()}, "heat_gain has 1343 values"),
-        ({"heat_gain": lambda gain: gain[::-1]}, "heat_gain bears other time stamps"),
+        ({"heat_gain": lambda gain: gain[::-1]}, "heat_gain has other time stamps"),
         (
             {"heat_gain": lambda gain: gain.where(gain.index != gain.index[7])},
             "heat_gain contains NaN or inf at",
@@ -720,9 +720,9 @@ def test_a_start_of_an_unknown_parameter_is_refused(office, monkeypatch):
     with monkeypatch.context() as patch:  # before the search
         patch.setattr("skhybrid.identification.base.NetworkIdentifier._search", None)
         for each in (InputDisturbanceID(), OutputDisturbanceID(), PeriodicDisturbanceID()):
-            with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is none of .*C_za"):
+            with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is not one of .*C_za"):
                 each.fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})
-    with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is none of .*C_za"):
+    with pytest.raises(ValueError, match=r"theta_init names 'C_zA', which is not one of .*C_za"):
         GrayBoxRC().fit(office.X.iloc[:192], office.y.iloc[:192], theta_init={"C_zA": 2.0})
 
 

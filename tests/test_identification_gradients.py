@@ -20,7 +20,7 @@ from skhybrid.identification.disturbance_models import (
 )
 from skhybrid.identification.experiment import Experiment
 from skhybrid.identification.fitting.gauss_newton import minimise_together
-from skhybrid.identification.fitting.periodic_channels import Channel, physical
+from skhybrid.identification.fitting.periodic_channels import PeriodicChannel, physical
 from skhybrid.identification.fitting.periodic_likelihood import PRIOR_LOG_SD, PeriodicProblem
 from skhybrid.identification.fitting.prediction_errors import PredictionErrorProblem
 from skhybrid.identification.gain_model import (
@@ -453,7 +453,7 @@ def test_periodic_objective_is_the_marginal_likelihood(name, setting):
 # ------------------------------------------------------------------------------------------- what both stand on
 def test_areas_and_fractions_of_solved_coefficients():
     """Two windows' worth of heat into two nodes are an area and its fraction."""
-    plain = [Channel("A_win:f", 0), Channel("Q_h", 0), Channel("A_win", 1)]
+    plain = [PeriodicChannel("A_win:f", 0), PeriodicChannel("Q_h", 0), PeriodicChannel("A_win", 1)]
 
     def found(beta):
         theta, turn = physical(plain, {"C_za": 2.0}, beta)

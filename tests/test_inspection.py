@@ -283,8 +283,8 @@ def test_an_estimator_of_another_kind_is_refused(display, given, words, table):
         (DayAheadDisplay, "the forecast has no column 'T_za'"),
         (ScheduleDisplay, "the schedule has no column 'gain'"),
         (DisturbanceWeekDisplay, "zeta is a DataFrame; give the Series of estimate_disturbance"),
-        (BodeDisplay, "the frame 'model' is no such response; give the DataFrame of .*frequency_response"),
-        (StepResponseDisplay, "the frame 'model' is no such response; give the DataFrame of .*step_response"),
+        (BodeDisplay, "the frame 'model' is not such a response; give the DataFrame of .*frequency_response"),
+        (StepResponseDisplay, "the frame 'model' is not such a response; give the DataFrame of .*step_response"),
         (ProfileDisplay, "profile is a DataFrame; give the ProfileLikelihood of .*profile_likelihood"),
         (ResidualDisplay, "diagnostics is a DataFrame; give the Diagnostics of .*diagnose"),
         (RobustnessDisplay, "difference has no column 'q_0.05'"),
@@ -304,8 +304,8 @@ def test_a_frame_of_another_kind_is_refused(display, words, table):
         (ForecastDisplay, {"a": 1}, r"frames\['a'\] is a int"),
         (ForecastDisplay, pd.DataFrame({"y_true": [1.0], "y_pred": [1.0]}), "has no column 'origin'"),
         (StepResponseDisplay, [1, 2], "responses is a list"),
-        (StepResponseDisplay, pd.DataFrame(), "'model' is no such response"),
-        (BodeDisplay, pd.DataFrame({"T_oa": [1.0]}, pd.to_timedelta(["1h"])), "'model' is no such response"),
+        (StepResponseDisplay, pd.DataFrame(), "'model' is not such a response"),
+        (BodeDisplay, pd.DataFrame({"T_oa": [1.0]}, pd.to_timedelta(["1h"])), "'model' is not such a response"),
         (PosteriorDisplay, pd.DataFrame(), "draws has no rows or no columns"),
     ],
 )
@@ -321,7 +321,7 @@ def test_parts_of_a_comparison_and_of_a_map_must_fit():
     for given, words in (((values, difference), "difference has no case 'b'"), (([1], difference), "errors is a list")):
         with pytest.raises(ValueError, match=words):
             RobustnessDisplay.from_predictions(*given, values, ["a"])
-    with pytest.raises(ValueError, match="couplings name 'hall', which is no pair of zones"):
+    with pytest.raises(ValueError, match="couplings name 'hall', which is not a pair of zones"):
         RoomMapDisplay.from_predictions({"hall": 1.0}, {"hall": 0.3})
 
 

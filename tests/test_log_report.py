@@ -261,7 +261,7 @@ def test_values_below_zero_are_those_of_no_stage(frame):
     report = LogReport(log)
     assert "u_heat" not in report.roles
     assert report.columns.loc["Heating", "reason"] == (
-        "values from -15 to 40 are those of no stage; give Q_heat and its unit if it is heat"
+        "values from -15 to 40 are not those of a stage; give Q_heat and its unit if it is heat"
     )
     offset = log.assign(Heating=frame[valve] - 5.2)  # of a sensor at rest
     assert LogReport(offset).roles["u_heat"] == "Heating"

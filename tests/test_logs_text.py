@@ -54,7 +54,7 @@ def test_zeros_that_a_loss_of_power_left(write, line, glued):
     log = read_log(write("\n".join(lines)))
     assert log.frame.index.equals(stamps.rename("time"))
     np.testing.assert_allclose(log.frame["room"], 20 + np.arange(40) / 10)
-    with pytest.raises(ValueError, match=r"the format of 'none\.csv' is none of"):
+    with pytest.raises(ValueError, match=r"the format of 'none\.csv' is not one of"):
         read_log(write("\x00" * 512, name="none.csv"))
 
 
@@ -445,7 +445,7 @@ HEAD = "time,T,x\n"
     ("text", "options", "message"),
     [
         ("", {}, "'log.csv' is empty"),
-        ("\x00\x01\x02\x00\x07", {}, "the format of 'log.csv' is none of Home Assistant, ecobee"),
+        ("\x00\x01\x02\x00\x07", {}, "the format of 'log.csv' is not one of Home Assistant, ecobee"),
         ("\n \n\n", {}, "'log.csv' is empty"),
         (HEAD, {}, "'log.csv' has one line only, and no row with a time stamp below it"),
         ("a b\nc d\n", {}, "no rows of two or more cells; pass its separator, such as sep=';'"),
@@ -458,7 +458,7 @@ HEAD = "time,T,x\n"
         (HEAD + "2024-01-01,1,2\n", {"columns": "T"}, "columns='T' is one text; give a list"),
         (HEAD + "2024-01-01,1,2\n", {"time_column": "zeit"}, "time_column= names 'zeit', which is not in 'log.csv'"),
         (HEAD + "2024-01-01,1,2\n", {"sheet": 1}, "format CSV takes no option 'sheet'; it takes sep, decimal, columns"),
-        (HEAD + "2024-01-01,1,2\n", {"format": "XML"}, "format='XML' is none of 'Home Assistant'"),
+        (HEAD + "2024-01-01,1,2\n", {"format": "XML"}, "format='XML' is not one of 'Home Assistant'"),
         (HEAD + "2024-01-01,1,2\n", {"timezone": "Mars/Base"}, "timezone='Mars/Base' is unknown"),
         (
             HEAD + 3 * "2024-01-01,1,2\n" + "2024-01-01,1,2,9\n",

@@ -73,7 +73,7 @@ def test_the_portal_export():
     assert log.frame["Current Temp (F)"].iloc[0] == 67.7
     text = " ".join(log.notes)
     assert "Main Floor" in text
-    assert "'Cool Set Temp (F)' is not in force, for nothing cooled" in text
+    assert "'Cool Set Temp (F)' is not in force, because nothing cooled" in text
 
 
 def test_without_a_zone_the_portal_is_local_time_and_says_so():

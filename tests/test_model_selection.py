@@ -85,7 +85,7 @@ def test_a_block_that_is_scored_for_an_hour_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         day_ahead_scorer(model, X, y)
-    with pytest.warns(SkhybridWarning, match=r"from 20.* 00:00:00 on end after 1 h of their horizon of 24 h; begin"):
+    with pytest.warns(SkhybridWarning, match=r"from 20.* on is short: .* over 1 h of their horizon of 24 h; make"):
         day_ahead_scorer(model, X[22:26], y[22:26])
 
 

@@ -23,7 +23,12 @@ from skhybrid.model_selection import (
     select_case,
 )
 from skhybrid.model_selection.choice import pattern_expressiveness, robustness_comparison
-from skhybrid.model_selection.choice.case_rules import _baselines, _narrowed, _overview, _with_helpful_ingredients
+from skhybrid.model_selection.choice.case_rules import (
+    _baselines,
+    _choose_by_rules,
+    _overview,
+    _with_helpful_ingredients,
+)
 from skhybrid.model_selection.choice.regression_terms import build_terms
 from skhybrid.model_selection.choice.results_table import finished, ingredients
 from skhybrid.persistence import load_model, save_model
@@ -537,7 +542,7 @@ def test_history_then_kind_then_framework_then_median_decide(overview, left, cho
         f"{f} {c} {d}": f"{_name(f, c)} {d}" for f, c, d in overview[["framework", "case", "disturbance"]].to_numpy()
     }
     robust = _fake_comparison(overview, [keys[one] for one in left])
-    found, reasons = _narrowed(overview, robust, {"mlp": 0.0, "lstm": -0.1})
+    found, reasons = _choose_by_rules(overview, robust, {"mlp": 0.0, "lstm": -0.1})
     assert found == keys[chosen]
     assert any(said in reason for reason in reasons), reasons
 
@@ -553,7 +558,7 @@ def test_history_then_kind_then_framework_then_median_decide(overview, left, cho
 def test_hour_of_week_is_preferred_to_day_of_week_and_weekday(medians, chosen):
     rows = [("lstm", case, "input", _name("lstm", case), m) for case, m in medians.items() for _ in range(2)]
     overview = _overview(pd.DataFrame(rows, columns=["framework", "case", "disturbance", "name", "rmse"]), ())
-    found, reasons = _narrowed(overview, _fake_comparison(overview, list(overview.index)), {"lstm": 0.0})
+    found, reasons = _choose_by_rules(overview, _fake_comparison(overview, list(overview.index)), {"lstm": 0.0})
     assert found == f"{_name('lstm', chosen)} input"
     assert any(reason.startswith("Hour of week tells") for reason in reasons) == ("case01" in medians)
 

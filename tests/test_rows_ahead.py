@@ -76,7 +76,7 @@ def test_intervals_allow_for_errors_of_the_weather_by_the_configuration(frame, z
     for quantity in ("q", "Q_hvac"):
         widths = [(f[f"{quantity}_0.9"] - f[f"{quantity}_0.1"]).mean() for f in (plain, wider)]
         assert widths[1] > 1.02 * widths[0]
-    with pytest.raises(ValueError, match="weather_error='much' is none of 'low', 'medium', 'high'"):
+    with pytest.raises(ValueError, match="weather_error='much' is not one of 'low', 'medium', 'high'"):
         settings_from({**SETTINGS, "weather_error": "much"})
 
 
@@ -293,7 +293,9 @@ def test_a_log_of_outages_is_learned_from_by_its_longest_stretch(frame):
         rows = training_rows(frame[:N][kept], settings_from(SETTINGS), 56)
     assert len(rows) == 4 * DAY
     kept[2 * DAY : 4 * DAY] = False
-    with pytest.raises(ValueError, match=r"the log has 2.0 days, of the 56 before .*; a model needs 3"):
+    with pytest.raises(
+        ValueError, match=r"of the 56 days before .*, the log has 2.0 days with all of .*; a model needs 3"
+    ):
         training_rows(frame[:N][kept], settings_from(SETTINGS), 56)
 
 

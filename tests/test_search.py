@@ -361,7 +361,7 @@ def test_a_progress_bar_tells_rate_and_time_left(office, estimator, capsys):
         ({"halving": True}, "halving"),
         ({"halving": (5, 3, 3)}, "halving"),
         ({"retry_failed": "no"}, "retry_failed='no' must be True or False"),
-        ({"verbose": "a"}, "verbose='a' must be True, False or an integer, of which 0 shows nothing"),
+        ({"verbose": "a"}, "verbose='a' must be True, False or an integer; 0 shows nothing"),
         ({"verbose": None}, "verbose=None must be True"),
         ({"baselines": [Ridge()]}, r"baselines=\[Ridge\(\)\] must be a mapping of names to regressors"),
         ({"matrix": {"nope": [1]}}, "every candidate failed .*, the first with ValueError: Invalid parameter 'nope'"),

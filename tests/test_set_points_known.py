@@ -28,7 +28,7 @@ from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
 from skhybrid.hybrid.thermostat_law.closed_loop import _Errors
 from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
-from skhybrid.hybrid.thermostat_law.plant_law import Pairs
+from skhybrid.hybrid.thermostat_law.plant_law import LawPairs
 from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
@@ -152,7 +152,7 @@ def test_rows_after_the_end_of_a_table_have_no_measured_stage(log, model):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"weather_error": "huge"}, "weather_error='huge' is none of 'low', 'medium', 'high'"),
+        ({"weather_error": "huge"}, "weather_error='huge' is not one of 'low', 'medium', 'high'"),
         ({"heat_known": "no"}, "heat_known='no'"),
         ({"columns": ["T_oa", "q_sol", *PLANT, "T_za"]}, "T_heat_set is missing in 96 rows"),
         ({"estimator": ARXRegressor()}, "heat_known=False needs a hybrid predictor of one zone"),
@@ -434,7 +434,7 @@ def test_only_what_was_known_at_a_row_is_learned_from():
     assert np.isfinite(found.values).all()
     assert np.isnan(errors.until(24, oldest=20).values[0, :, 0, 0]).tolist() == [False, True]
     rows = np.arange(3)
-    pairs = Pairs(*(rows[:, None] for _ in range(4)), ends=np.array([5, 7, 9]))
+    pairs = LawPairs(*(rows[:, None] for _ in range(4)), ends=np.array([5, 7, 9]))
     assert pairs.before(7).ends.tolist() == [5]
     assert pairs.before(8).heat.tolist() == [[0], [1]]
 
@@ -472,7 +472,7 @@ def test_a_thermostat_s_week_before_is_that_of_the_local_clock(begin):
 
 def test_a_refit_learns_from_what_was_known_at_the_begin_of_its_week(monkeypatch):
     def pairs(n):
-        return Pairs(*(np.zeros((n, 2)) for _ in range(4)), ends=np.zeros(n, dtype=int))
+        return LawPairs(*(np.zeros((n, 2)) for _ in range(4)), ends=np.zeros(n, dtype=int))
 
     def made(rows, origins, paths, n_known):
         assert (origins.min(), origins.max(), n_known) == (102, 597, 601)

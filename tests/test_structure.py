@@ -54,6 +54,12 @@ def test_no_two_modules_share_a_base_name():
     assert {name for name, count in names.items() if count > 1} <= SAME_THING
 
 
+def test_no_two_classes_share_a_name():
+    nodes = (node for tree in TREES.values() for node in ast.walk(tree))
+    names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
+    assert not [name for name, count in names.items() if count > 1]
+
+
 @pytest.mark.parametrize("path", sorted(TREES))
 def test_no_module_writes_private_state_of_another_object(path):
     assert not [f"{path}:{line} {target}" for line, target in foreign_private_writes(TREES[path])]

@@ -118,7 +118,7 @@ def test_the_last_row_has_no_weather_ahead(office):
 
 
 def test_an_unknown_level_is_refused(office, models):
-    with pytest.raises(ValueError, match="none of 'low', 'medium', 'high'"):
+    with pytest.raises(ValueError, match="not one of 'low', 'medium', 'high'"):
         models["arx"].predict_quantiles(office.X[-96:], weather_error="huge")
 
 

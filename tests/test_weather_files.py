@@ -117,7 +117,7 @@ def test_a_csv(tmp_path):
     assert weather["q_sol"].iloc[:2].tolist() == [0.1, 0.2]
     with pytest.raises(ValueError, match=r"'tomorrow\.csv' has no column 'q_sol', only 'T_oa'"):
         read_weather(path, columns={"T_oa": "outdoor"})
-    with pytest.raises(ValueError, match="window_azimuth= is of no use"):
+    with pytest.raises(ValueError, match="window_azimuth= does nothing"):
         read_weather(path, window_azimuth=180.0)
 
 

@@ -25,7 +25,7 @@ def log_option(text: str) -> Callable[[Any], Any]:
 
 
 def _config(remark: str = "") -> Callable[[Any], Any]:
-    text = f"How the log is read; skhybrid check LOG --config zone.toml proposes it.{remark}"
+    text = f"Configuration of the log; skhybrid check LOG --config zone.toml proposes one.{remark}"
     return click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help=text)
 
 
@@ -35,7 +35,7 @@ SETPOINT = click.option(
     "--setpoint",
     multiple=True,
     help="Heating and cooling set-point [degC]: 21,24; by the clock: '6:00=21,22:00=17;24'; of one zone of several: "
-    "hall:21,24.  May be given again for each zone.",
+    "hall:21,24.  Repeat the option for each zone.",
 )
 WEATHER = click.option(
     "--weather",
@@ -169,6 +169,6 @@ def refuse_zones(settings: Any, source: Any) -> None:
     """Refuse settings of several zones."""
     if settings.zones:
         raise ValueError(
-            f"{source} is of several zones ({', '.join(settings.zones)}), and this command is for one; give a "
+            f"{source} describes several zones ({', '.join(settings.zones)}), and this command is for one; give a "
             "configuration of one of them, with T_za."
         )

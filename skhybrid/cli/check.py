@@ -16,11 +16,11 @@ from ._output import DONE, Progress
     "--config",
     type=click.Path(path_type=Path),
     metavar="zone.toml",
-    help="Configuration to write, or to use where it exists.",
+    help="Configuration to write, or to read if it exists.",
 )
 @click.option("--format", "format_", help="Format of the log, if its content does not show it.")
-@click.option("--timezone", help="Zone of stamps without an offset, such as Europe/Amsterdam.")
-@click.option("--overwrite", is_flag=True, help="Replace a configuration that exists.")
+@click.option("--timezone", help="Time zone of stamps without an offset, such as Europe/Amsterdam.")
+@click.option("--overwrite", is_flag=True, help="Replace the configuration if it exists.")
 def command(
     log: str,
     config: Path | None,

@@ -27,7 +27,7 @@ _QUICK_SPANS = {
     show_default=True,
     help="Folder to write to.",
 )
-@click.option("--quick", is_flag=True, help="Shorter spans, to see that it works.")
+@click.option("--quick", is_flag=True, help="Take shorter spans, only to see that it works.")
 def command(out: Path, quick: bool, say: Progress, as_json: bool) -> int:
     """Study the office log that ships with the package."""
     # imported here so that --help need not wait for it

@@ -81,7 +81,7 @@ def emhass(
 command = as_group(
     "export",
     [emhass],
-    "Write what was identified for other programs (EMHASS).",
+    "Write identified parameters for other programs (EMHASS).",
     "skhybrid export emhass thermostat.csv --config zone.toml",
 )
 

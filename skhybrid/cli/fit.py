@@ -14,7 +14,9 @@ from ._output import DONE, Progress
 @LOG
 @CONFIG
 @MODEL
-@click.option("--days", type=click.IntRange(3), default=56, show_default=True, help="Days at the end to learn from.")
+@click.option(
+    "--days", type=click.IntRange(3), default=56, show_default=True, help="Days at the end of the log to learn from."
+)
 def command(log: str, config: Path | None, model: Path, days: int, say: Progress, as_json: bool) -> int:
     """Learn a model from the last weeks of a log, and save it."""
     settings = settings_at(config, several=True)

@@ -54,8 +54,8 @@ def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
 def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     """Take in new rows of DIR/data and forecast (for cron).
 
-    What was measured since is taken in, and the rows after the last temperature are forecast: they hold the weather to
-    come, and heat or set-points.  The forecasts of all zones are written to DIR/forecast.parquet.
+    Measurements since the last tick are taken in, and the rows after the last temperature are forecast: they hold the
+    weather to come, and heat or set-points.  The forecasts of all zones are written to DIR/forecast.parquet.
     """
     from ..fleet import FleetFolder
 

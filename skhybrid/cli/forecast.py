@@ -38,8 +38,8 @@ def command(
 ) -> int:
     """Forecast the day after a log: room temperature and heat.
 
-    With set-points the thermostat acts inside the forecast, within the limits of the plant; with heat or stages planned
-    in the rows ahead of the log these are taken as they are.  Nothing is learned anew.
+    With set-points, the forecast includes what the thermostat does, within the limits of the plant.  Heat or stages
+    that are planned in the rows ahead of the log are used as they are.  The model learns nothing new.
     """
     from ..zone import ZoneModel, day_ahead
     from ..zone.rows_ahead import schedules_of

@@ -47,7 +47,7 @@ def _print_rooms(found: Any, as_json: bool) -> None:
     rooms, partitions = identified_only(found.rooms), identified_only(found.partitions)
     for zone in rooms.index.get_level_values("zone").unique():
         print(f"{zone}\n{_text(rooms.loc[zone])}\n")
-    how = "found in the log; adjacency in the configuration is surer" if found.found else "by the floor plan"
+    how = "found in the log; adjacency in the configuration is more certain" if found.found else "by the floor plan"
     print(f"exchange between zones ({how})")
     named = partitions.set_axis([f"{a} - {b}" for a, b in partitions.index])
     print(_text(named) if len(named) else "none")

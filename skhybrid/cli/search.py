@@ -18,7 +18,7 @@ _TITLES = {"framework": "model", "name": "case", "rmse": "RMSE [K]", "fit_time":
 @CONFIG
 @click.option("--store", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of results.")
 @click.option(
-    "--models", default="mlp", show_default=True, help="Any of mlp,cnn,rnn,lstm,ridge,profile, with commas between."
+    "--models", default="mlp", show_default=True, help="Any of mlp,cnn,rnn,lstm,ridge,profile, separated by commas."
 )
 @click.option(
     "--size",

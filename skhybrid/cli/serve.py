@@ -13,7 +13,10 @@ from ._output import DONE, Progress
 @as_command("serve", "skhybrid serve kitchen --weather tomorrow.json --setpoint 21,24")
 @DIR
 @click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to listen on; any but loopback needs a token."
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen on; any other than this machine's own (127.0.0.1) needs a token.",
 )
 @click.option(
     "--port",
@@ -26,7 +29,8 @@ from ._output import DONE, Progress
     "--token",
     envvar="SKHYBRID_TOKEN",
     show_envvar=True,
-    help="What requests must send, as Authorization: Bearer TOKEN; prefer the variable, which other users cannot see.",
+    help="Token that requests must send, as Authorization: Bearer TOKEN; set it by the "
+    "environment variable, which other users cannot see.",
 )
 @click.option(
     "--weather", type=click.Path(path_type=Path), help="Weather to come, as for zone tick; read anew at each post."

@@ -15,7 +15,7 @@ from ._output import DONE, Progress
 @log_option("Log with rows after those that the model knows.")
 @click.option("--relearn", is_flag=True, help="Also learn from them: the model is fitted on the last eight weeks.")
 def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> int:
-    """Take the new rows of a log into a saved model."""
+    """Add the new rows of a log to a saved model."""
     from ..study import read_log
     from ..zone import ZoneModel
 

@@ -58,7 +58,7 @@ def tick(
     """Take in new rows, forecast, and archive both (for cron).
 
     The forecast starts from the end of the log.  The model is fitted again where its errors drift, or where it is old.
-    A tick that fails or is killed leaves the folder whole; the next one makes up for it.
+    A tick that fails or is killed leaves the folder intact; the next one catches up.
     """
     import pandas as pd
 
@@ -105,7 +105,7 @@ command = as_group(
 
 def _in_words(found: dict[str, Any]) -> dict[str, Any]:
     """The status of a zone for those who read it."""
-    none_yet = "no forecast has run out yet"
+    none_yet = "no forecast is over yet"
     found = {name: value for name, value in found.items() if name != "last measured" or value is not None}
     drift = found["drift"]
     grown = f"errors have grown since {drift['since']}" if drift.get("drifted") else "none"

@@ -50,7 +50,7 @@ def read_inputs(
         if not isinstance(name, str) or name not in by_name:
             what = "is neither heating nor cooling" if name in trained else "was not in the training table"
             raise ValueError(
-                f"inputs names {name!r}, which {what}; heating and cooling of training are {listed(plant)}."
+                f"inputs names {name!r}, which {what}; the training had heating and cooling {listed(plant)}."
             )
     return tuple(by_name[name] for name in names)
 
@@ -99,8 +99,8 @@ def warn_uncovered(plan: Plan, given: Sequence[str], training: Mapping[str, np.n
         share = float(((values < low - margin) | (values > high + margin)).mean())
         if role in given and share > 0:
             warn_user(
-                f"the plan has {role} outside of {low:.4g} to {high:.4g}, which training covered, in "
-                f"{percent(share)} of the rows ahead: what it does there is extrapolated.",
+                f"the plan has {role} outside of the range that training covered, {low:.4g} to {high:.4g}, in "
+                f"{percent(share)} of the rows ahead: its effect there is extrapolated.",
                 PlanWarning,
             )
 

@@ -95,7 +95,9 @@ def read_weather(
     if file.suffix.lower() == ".json" or is_open_meteo_csv(file):
         return _read_open_meteo(file, latitude, longitude, window_azimuth, window_tilt)
     if window_azimuth is not None:
-        raise ValueError(f"window_azimuth= is of no use with the CSV {file.name!r}, whose q_sol is taken as it is.")
+        raise ValueError(
+            f"window_azimuth= does nothing with the CSV {file.name!r}, whose q_sol is taken as it is; leave it out."
+        )
     weather = read_zone_csv(file, **options)
     for role in ("T_oa", "q_sol"):
         if role not in weather:

@@ -20,7 +20,7 @@ _DIED = (
 )
 
 
-class Outcome(NamedTuple):
+class ZoneOutcome(NamedTuple):
     """The result of a call for one zone, or its error."""
 
     zone: str
@@ -31,7 +31,7 @@ class Outcome(NamedTuple):
 
 
 @one_blas_thread
-def attempt(zone: str, call: Callable[..., Any], *given: Any, **named: Any) -> Outcome:
+def attempt(zone: str, call: Callable[..., Any], *given: Any, **named: Any) -> ZoneOutcome:
     """Call for a zone; its errors and warnings are part of the outcome."""
     said: dict[str, None] = {}
     with warnings_to(lambda warning: said.setdefault(str(warning))):  # zones may run in threads
@@ -42,10 +42,10 @@ def attempt(zone: str, call: Callable[..., Any], *given: Any, **named: Any) -> O
             error, stop = str(failure), failure if failure.errno in _FULL else None
         except Exception as failure:  # whatever it is, the other zones go on
             error = str(failure) or type(failure).__name__
-    return Outcome(zone, value, error, tuple(said), stop)
+    return ZoneOutcome(zone, value, error, tuple(said), stop)
 
 
-def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs: int | None) -> Iterator[Outcome]:
+def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs: int | None) -> Iterator[ZoneOutcome]:
     """Outcomes of calls (function, arguments) by zone, as they are finished.
 
     Where a worker dies, the zones in work are tried once more, one at a time: the one that kills its worker again has
@@ -69,7 +69,7 @@ def run(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]], n_jobs:
                 raise
             if not batch.keys().isdisjoint(suspects):
                 del waiting[first]
-                yield Outcome(first, error=_DIED)
+                yield ZoneOutcome(first, error=_DIED)
             suspects |= begun
 
 

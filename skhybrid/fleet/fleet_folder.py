@@ -60,7 +60,7 @@ class FleetFolder:
         self.forecast, self.page = self.path / "forecast.parquet", self.path / "status.html"
 
     def fit(self) -> ZoneFleet:
-        """Fit every zone of the data that has new rows, and the others not again.
+        """Fit the zones of the data that have new rows; the others keep their models.
 
         Raises
         ------

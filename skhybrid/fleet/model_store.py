@@ -112,7 +112,8 @@ class ModelStore:
         stem = _stem(zone)
         if len(stem) > _LONGEST:
             raise ValueError(
-                f"its name takes {len(stem)} characters as that of a file, and {_LONGEST} are possible; shorten it."
+                f"its name takes {len(stem)} characters as a file name, and at most {_LONGEST} are possible; "
+                "shorten it."
             )
         return self.path / f"{stem}{kind}"
 

@@ -61,7 +61,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
     def learn(
         cls, models: Iterable[Any], sizes: Iterable[float] | None = None, names: Iterable[str] | None = None
     ) -> Self:
-        """Learn from fitted zones; one that learned from less than two days says nothing of others, and is left out.
+        """Learn from fitted zones; those that learned from less than two days are left out.
 
         Parameters
         ----------
@@ -127,14 +127,14 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
     @property
     def arx(self) -> dict[str, ARXPrior]:
         """Prior of the coefficients of ARX, by objective."""
-        (log_plate, spread), (ratio, ratio_spread) = self._plate, self.ratio
+        (log_plate, spread), (ratio, ratio_spread) = self._log_nameplate, self.ratio
         size = log_plate + ratio, float(np.hypot(spread, ratio_spread))
         return {objective: prior.sized(*size) for objective, prior in self.regressions.items()}
 
     @property
     def network(self) -> NetworkPrior | None:
         """Prior of parameters and coefficients of the network with schedules; None where none was fitted."""
-        return None if self.resistances is None else self.resistances.scaled(*self._plate)
+        return None if self.resistances is None else self.resistances.scaled(*self._log_nameplate)
 
     def __getitem__(self, name: str) -> tuple[float, float]:
         prior, own = self.network, list(self)
@@ -155,7 +155,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         return len(list(iter(self)))
 
     @property
-    def _plate(self) -> tuple[float, float]:
+    def _log_nameplate(self) -> tuple[float, float]:
         if self.nameplate is not None:
             return float(np.log(self.nameplate)), 0.0
         return self.nameplates or (0.0, 0.0)
@@ -194,12 +194,13 @@ def _long_enough(spans: Sequence[pd.Timedelta], names: Sequence[str]) -> list[in
     kept = [i for i, span in enumerate(spans) if span >= _LEAST]
     if len(kept) < 2:
         raise ValueError(
-            f"models holds {several(len(kept), 'zone')} that learned from two days or more; a prior needs two of them."
+            f"models holds {several(len(kept), 'zone')} that learned from two days or more; a prior needs "
+            "at least two of them."
         )
     short = [name for i, name in enumerate(names) if i not in kept]
     if short:
         warn_user(
-            f"{several(len(short), 'zone')} of {len(names)} learned from less than two days, and tell nothing, "
+            f"{several(len(short), 'zone')} of {len(names)} learned from less than two days and are left out, "
             f"the first {short[0]}.",
             SkhybridWarning,
         )

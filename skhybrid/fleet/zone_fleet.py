@@ -18,7 +18,7 @@ from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import VERSION, as_plain, is_estimator
-from .dispatch import Outcome, run
+from .dispatch import ZoneOutcome, run
 from .fleet_page import write_page
 from .fleet_status import status_table, zone_status
 from .long_table import joined
@@ -344,7 +344,7 @@ class ZoneFleet(BaseEstimator):
         *,
         fitting: bool = False,
         lost: Mapping[str, str] | None = None,
-    ) -> list[Outcome]:
+    ) -> list[ZoneOutcome]:
         """Outcomes by the order of the zones; sets ``errors_`` and ``warnings_``; a job without files gets no paths.
 
         Those of the last fit stay in ``errors_``.
@@ -361,17 +361,17 @@ class ZoneFleet(BaseEstimator):
             for zone, own in paths.items()
             if zone not in failed
         }
-        found = {zone: Outcome(zone, error=text) for zone, text in failed.items()}
+        found = {zone: ZoneOutcome(zone, error=text) for zone, text in failed.items()}
         for outcome in run(calls, self.n_jobs):
             found[outcome.zone] = outcome
         ordered = [found[zone] for zone in paths]
         self.errors_ = {**known, **{files.labels[o.zone]: o.error for o in ordered if o.error is not None}}
         self.warnings_ = {files.labels[o.zone]: o.warnings for o in ordered if o.warnings}
         if ordered and all(o.error is not None for o in ordered):
-            raise ValueError(f"no zone succeeded, the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
+            raise ValueError(f"no zone succeeded; the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
         return ordered
 
-    def _joined(self, outcomes: Sequence[Outcome], files: ZoneFiles) -> pd.DataFrame:
+    def _joined(self, outcomes: Sequence[ZoneOutcome], files: ZoneFiles) -> pd.DataFrame:
         tables = {files.labels[o.zone]: o.value for o in outcomes if o.value is not None}
         made, failed = joined(tables, self.key)
         self.errors_ |= failed

@@ -77,7 +77,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         day.  Its penalties, also a further one on calendar columns, are those that forecast the last third of the
         training table best.
     prior : FleetPrior, optional
-        What fitted zones with the same columns and step say of the coefficients; it takes the place of all penalties.
+        Knowledge of the coefficients from fitted zones with the same columns and step; it replaces all penalties.
 
     Attributes
     ----------

@@ -138,7 +138,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     @classmethod
     def published(cls, model: str = "lstm", case: str | ModelCase = "case01", **changes: Any) -> Self:
-        """A network as the paper trains it (3.2, 3.3, 4.4), with our ruling on validation.
+        """A network as the paper trains it (3.2, 3.3, 4.4), but validated on the end of the training data.
 
         The network stands alone, its forecast is used whole, and of ten repeats, each of at most 1000 epochs with a
         patience of 150, the one with the lowest error on one week is kept.  That week is the last of the four that

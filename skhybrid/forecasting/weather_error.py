@@ -83,7 +83,7 @@ class WeatherError:
 
     def __post_init__(self) -> None:
         if not isinstance(self.level, str) or self.level not in _TEMPERATURE:
-            raise ValueError(f"weather_error={self.level!r} is none of 'low', 'medium', 'high'.")
+            raise ValueError(f"weather_error={self.level!r} is not one of 'low', 'medium', 'high'.")
         check_integer("random_state", self.random_state, 0)
 
     def forecast(self, table: ZoneTable, origin: int, n_leads: int, draw: int = 0) -> ZoneTable:

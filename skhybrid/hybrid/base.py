@@ -130,7 +130,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
 
     @property
     def known_until_(self) -> pd.Timestamp | None:
-        """Stamp of the last row that the model knows, in the zone of the training's; None where it had no stamps."""
+        """Stamp of the last row that the model knows, in the time zone of the training; None if that had no stamps."""
         check_is_fitted(self)
         latest = self._scheme.rows.latest
         return None if latest.utc is None else pd.Timestamp(latest.index[-1])
@@ -207,7 +207,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
 
     @one_blas_thread
     def left_out_errors(self) -> LeftOut:
-        """Errors of forecasts of the training, each by what has not learned from its days.
+        """Errors of forecasts of training days by models that have not learned from these days.
 
         Returns
         -------

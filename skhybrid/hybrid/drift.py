@@ -28,13 +28,13 @@ _SMALLEST = 0.05  # least error of a day, as a share of the reference's median, 
 
 
 class DriftMonitor:
-    """Cumulative sums (CUSUM) of how much larger than before each day's forecast error is, and how much it recurs.
+    """Watch day-ahead errors for growth and for repeated daily patterns, by cumulative sums (CUSUM).
 
     A day counts by the logarithm of its root mean square error, less the mean of the reference days of its kind
     (weekday or weekend), in long-run standard deviations.  What exceeds an allowance is summed up, never below zero; an
-    alarm is a sum above the threshold.  Errors by a schedule that moves need not be larger, but are alike on all days
-    of a kind: a second sum takes the product of each day's hourly errors with the fading mean of earlier days' of its
-    kind, standardised by the reference days.  The larger sum counts.
+    alarm is a sum above the threshold.  When a schedule moves, errors need not be larger, but they are alike on all
+    days of a kind.  So a second sum takes the product of each day's hourly errors with the fading mean of those of
+    earlier days of its kind, standardised by the reference days.  The larger sum counts.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class DriftMonitor:
         recurrence, _ = self._recurrence(error, weekend, self._usual)
         mean, std = self.recurrence_
         recurring = np.minimum((recurrence - mean) / std, _MOST_RECURRENCE) - _ALLOWANCE_RECURRENCE
-        sums, rows = [_Sum(2.0 * self.threshold_), _Sum(2.0 * self.threshold_)], []
+        sums, rows = [_BoundedSum(2.0 * self.threshold_), _BoundedSum(2.0 * self.threshold_)], []
         for day, steps in enumerate(zip(excess, recurring, strict=True)):
             for one, step in zip(sums, steps, strict=True):
                 one.add(day, step)
@@ -194,7 +194,7 @@ class DriftMonitor:
         return "level" if abs(float(np.nanmean(profile))) > float(np.nanstd(profile)) else "schedule"
 
 
-class _Sum:
+class _BoundedSum:
     """A sum that stays between zero and a limit, so that it can fall again soon."""
 
     def __init__(self, most: float) -> None:
@@ -213,7 +213,7 @@ def _errors(measured: pd.DataFrame, forecast: pd.DataFrame) -> tuple[pd.DataFram
     expected = float_columns(forecast, getattr(forecast, "columns", ()), "forecast")
     days = known.index
     if not (isinstance(days, pd.DatetimeIndex) and days.is_unique and days.is_monotonic_increasing and known.shape[1]):
-        raise ValueError("measured has no increasing days as its index, or no columns; give one row per day.")
+        raise ValueError("measured needs increasing days as its index, and at least one column; give one row per day.")
     if not (days.equals(expected.index) and known.columns.equals(expected.columns)):
         raise ValueError("measured and forecast differ in their days or columns; give the same rows of both.")
     return known, (known - expected).to_numpy(dtype=np.float64)

@@ -63,7 +63,7 @@ class EarlierStates(Scheme):
     def _as_of(self, n_rows: int) -> Self:
         """The scheme as it was when it knew so many rows; what it has learned stays."""
         found = max((n for n in self._earlier if n <= n_rows), default=None)
-        scheme = self._as_it_began() if found is None else self._earlier[found]
+        scheme = self._at_training_end() if found is None else self._earlier[found]
         if n_rows > scheme.rows.n_rows:
             later = last_rows(self.rows.tables, self.rows.n_rows - scheme.rows.n_rows)
             scheme = scheme.advanced(later.rows(slice(0, n_rows - scheme.rows.n_rows)))
@@ -72,7 +72,7 @@ class EarlierStates(Scheme):
             del self._earlier[next(iter(self._earlier))]
         return scheme._with(adapt=self.adapt, _refit=self._refit, _settled=True)
 
-    def _as_it_began(self) -> Self:
+    def _at_training_end(self) -> Self:
         start, gray_box = self._start, copy(self.gray_box_)
         gray_box.filtered_network_ = replace(gray_box.filtered_network_, rolling=start.rolling)
         rows = KnownRows.of(self.rows.whole().rows(slice(0, start.n_rows)))

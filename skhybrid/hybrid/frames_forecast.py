@@ -50,8 +50,8 @@ class FramesForecastMixin(FramesReadingMixin):
         Parameters
         ----------
         history : DataFrame or None
-            Rows up to the origin, with ``T_za``; where it continues or repeats the known rows, those come before it.
-            None: all that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
+            Rows up to the origin, with ``T_za``; if it continues or repeats the known rows, these are used too. None:
+            all that is known from :meth:`fit`, :meth:`update` and :meth:`partial_fit`.
         future : DataFrame
             The rows to forecast, with the known future inputs; it begins one step after the history.
         T_za : float, optional
@@ -94,7 +94,7 @@ class FramesForecastMixin(FramesReadingMixin):
         if setpoint is None and not self._has_setpoints_only(future):
             self._refuse_without_heat(future)
             if limits is not None:
-                raise ValueError("limits are of a plant that a thermostat runs; with given heat leave limits=None.")
+                raise ValueError("limits= are for a plant that a thermostat runs; with given heat leave limits=None.")
             return self._under_heat(history, future, now, levels, weather)
         self._refuse_without_plant("set-points do nothing: leave setpoint=None")
         return self._under_thermostat(history, future, now, levels, setpoint, read_plant_limits(limits), weather)
@@ -245,9 +245,9 @@ class FramesForecastMixin(FramesReadingMixin):
     ) -> pd.DataFrame:
         """Heating and cooling that brings the temperature to a set-point, under the forecast disturbance.
 
-        The plant is ideal: it gives the least heat by the network, as ARX models no plant.  Where the training had
-        set-points, ``setpoint`` is a pair and there are no ``limits``, thermostat and plant act as learned instead.
-        Of a noisy set-point, such as a measured temperature, the load follows the smooth part
+        The plant is ideal: it gives the least heat that the network needs (ARX has no model of the plant).  If the
+        training had set-points, ``setpoint`` is a pair and there are no ``limits``, thermostat and plant act as learned
+        instead.  If a set-point is noisy, such as a measured temperature, the load follows its smooth part
         (:doc:`/explanation/thermostat`).
 
         Parameters

@@ -15,7 +15,7 @@ from .disturbance_steps import Steps, steps_table
 _ROOM = 512  # complete steps for which there is room before a buffer is made longer
 
 
-class _Sums(NamedTuple):
+class _StepSums(NamedTuple):
     """Rows summed by steps: labels of the steps, and sums and counts of what is known in them."""
 
     labels: np.ndarray  # (n,) int, beginning of each step [ns]
@@ -43,7 +43,7 @@ class HourlyAggregation:
         self._zone = None if zone is None else str(zone)
         self._labels, self._means, self._n = np.empty(_ROOM, dtype=np.int64), np.empty((_ROOM, len(names))), 0
         self._written = [0]  # steps that the buffers hold, by whichever object that shares them
-        self._open: _Sums | None = None
+        self._open: _StepSums | None = None
 
     @property
     def labels(self) -> np.ndarray:
@@ -62,7 +62,7 @@ class HourlyAggregation:
         made._means[self._n : self._n + done] = sums.means[:-1]
         made._n += done
         made._written[0] = made._n
-        made._open = _Sums(sums.labels[-1:], sums.total[-1:].copy(), sums.known[-1:].copy(), np.zeros(1, np.int64))
+        made._open = _StepSums(sums.labels[-1:], sums.total[-1:].copy(), sums.known[-1:].copy(), np.zeros(1, np.int64))
         return made
 
     def since(self, label: int) -> HourlyAggregation:
@@ -102,7 +102,7 @@ class HourlyAggregation:
         inputs = {role: values[:, j].copy() for j, role in enumerate(self.names[:-1])}
         return steps_table(stamps, self._zone, inputs, values[:, -1].copy(), self.step, self._holidays)
 
-    def _joined(self, stamps: np.ndarray, rows: np.ndarray) -> _Sums:
+    def _joined(self, stamps: np.ndarray, rows: np.ndarray) -> _StepSums:
         """Sums of rows by steps, the first of which is the open one."""
         labels = stamps - stamps % self._width if self._width else stamps
         known = np.isfinite(rows)
@@ -113,7 +113,7 @@ class HourlyAggregation:
         begins = np.append(True, labels[1:] != labels[:-1])
         first = np.flatnonzero(begins)
         of_row = (np.cumsum(begins) - 1)[0 if self._open is None else 1 :]
-        return _Sums(labels[first], np.add.reduceat(total, first), np.add.reduceat(count, first), of_row)
+        return _StepSums(labels[first], np.add.reduceat(total, first), np.add.reduceat(count, first), of_row)
 
     def _with_room(self, more: int) -> HourlyAggregation:
         made, size = copy(self), 2 * (self._n + more)

@@ -9,8 +9,8 @@ shared_docs = docs_from(
     {
         "stages": """
         gray_box : estimator, optional
-            An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.
-            Its ``columns``, ``sampling_time`` and ``holidays`` are read where none are given here.  A fitted one in a
+            An identification of this package; default ``PeriodicDisturbanceID()`` with ``network`` and ``known``.  Its
+            ``columns``, ``sampling_time`` and ``holidays`` are used unless they are given here.  A fitted one in a
             :class:`~sklearn.frozen.FrozenEstimator` is used as it is: it may have been fitted on other rows, such as
             the paper's seven days of perturbed control.
         forecaster : estimator, optional
@@ -19,17 +19,17 @@ shared_docs = docs_from(
         """,
         "purpose": """
         purpose : {"forecast", "plan"}, default="forecast"
-            What the forecasts are for.  ``"forecast"``: the least error where the heat ahead is known.  ``"plan"``: the
-            right response to a kW, for a controller that decides on the heat; the network is pulled toward what jumps
-            of the heat in the training say of it, and all members of the blend respond as the network does.
+            What the forecasts are for.  ``"forecast"``: the smallest error if the heat ahead is known.  ``"plan"``: the
+            right response to a kW, for a controller that decides on the heat.  Jumps of the heat in the training show
+            this response; the network is pulled toward it, and all members of the blend respond as the network does.
         """,
         "gain": """
         gain_ : DataFrame
             Temperature after a step of 1 kW, by lead, of each way to forecast and of their blend [K/kW].
         gain_std_ : Series
-            Relative standard error of the network's ``gain_``, by lead: what the training leaves open (a jackknife over
-            blocks of days), and what the network was off by in step tests in EnergyPlus, 0.25 with ``purpose="plan"``
-            after a training with jumps of the heat, otherwise 0.5.
+            Relative standard error of the network's ``gain_``, by lead.  It joins the statistical error (a jackknife
+            over blocks of days) and the error of the network itself, as found by step tests in EnergyPlus: 0.25 with
+            ``purpose="plan"`` after a training with jumps of the heat, otherwise 0.5.
         """,
         "disturbance": """
         disturbance : {"input", "output"}, default="input"
@@ -43,12 +43,12 @@ shared_docs = docs_from(
         preprocess : transformer, optional
             Applied to every table before it is read, so that ``forecast``, ``predict_quantiles``, ``predict_load`` and
             ``update`` work as they would inside a Pipeline; a clone is fitted in ``fit`` as ``preprocess_`` (None
-            without one).  Its output must keep index and names (``set_output``), by which ``columns`` and
-            ``feature_names_in_`` go.  Temperatures that were not measured stay missing, whatever it fills.
+            without one).  Its output must keep the index and the column names (``set_output``), because columns are
+            found by name.  Temperatures that were not measured stay missing, whatever it fills.
         """,
         "memory": """
         memory : str or joblib.Memory, optional
-            Where identifications are kept, so that candidates of a search that share one identify it once.
+            Where identifications are cached, so that candidates of a search that share a gray box identify it once.
         """,
         "parts": """
         n_jobs : int, optional
@@ -75,12 +75,13 @@ shared_docs = docs_from(
         """,
         "prior": """
         prior : FleetPrior, optional
-            What fitted zones with the same columns, step and network say of this one, for a log of a few days.  That
-            of ARX takes the place of penalties chosen from the log; that of the network is used with less than a week.
+            Knowledge from fitted zones with the same columns, step and network, for a log of a few days.  For ARX it
+            replaces the penalties that are otherwise chosen from the log; for the network it is used with less than a
+            week.
         """,
         "fitted": """
         zeta_ : Series
-            The training disturbance by steps of the forecaster [kW, or K for an output disturbance].
+            The disturbance of the training, by steps of the forecaster [kW, or K for an output disturbance].
         sampling_time_, disturbance_step_ : Timedelta
             Steps of the table and of the disturbance.
         intervals_ : LeadIntervals

@@ -13,19 +13,18 @@ from .two_stage_predictor import BaseTwoStage
 class HybridPredictor(BaseTwoStage):
     """Day-ahead forecast of temperature and load: a thermal network and a forecast of its unmeasured heat.
 
-    It takes the schedule model (:class:`SchedulePredictor`) unless a gray box, a forecaster or an output disturbance is
-    given, and then the paper's two stages (:class:`TwoStagePredictor`).  A parameter that does nothing in the selected
-    scheme is refused at ``fit``, such as ``memory`` and ``n_jobs`` for the schedule model.
+    It uses the schedule model (:class:`SchedulePredictor`).  If a gray box, a forecaster or an output disturbance is
+    given, it uses the paper's two stages instead (:class:`TwoStagePredictor`).  A parameter that does nothing in the
+    selected scheme is refused at ``fit``, such as ``memory`` and ``n_jobs`` for the schedule model.
 
     Parameters
     ----------
     %(stages)s
     network : str or RCNetwork, optional
-        Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused beside a ``gray_box`` that has
-        one.
+        Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused if the ``gray_box`` has one.
     known : dict of str to float, optional
-        Parameters that are given, such as ``{"Q_h": 6.0}`` [kW]; capacities only for the schedule model.  Those of
-        plants that the training does not have are not used, so that zones may share them.
+        Values of parameters that are known, such as ``{"Q_h": 6.0}`` [kW]; the schedule model takes capacities only.
+        Capacities of plants that the training does not have are ignored, so that several zones may share one setting.
     %(purpose)s
     %(disturbance)s
     %(horizon)s

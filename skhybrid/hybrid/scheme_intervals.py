@@ -28,7 +28,7 @@ class HybridQuantilesMixin(QuantileForecastMixin):
 
     def _check_adapt(self) -> None:
         if self.adapt not in (None, "linear", "full"):
-            raise ValueError(f"adapt={self.adapt!r} is none of None, 'linear', 'full'.")
+            raise ValueError(f"adapt={self.adapt!r} is not one of None, 'linear', 'full'.")
 
     def _present_scheme(self) -> Scheme:
         """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""

@@ -292,7 +292,7 @@ class NetworkIdentifier(ForecastingNetwork):
 
     @one_blas_thread
     def with_rows(self, X: Any, y: Any) -> Any:
-        """A copy of the same parameters and plant whose known rows, from which forecasts go on, are of another table.
+        """A copy with the same parameters and plant whose forecasts continue another table.
 
         Parameters
         ----------

@@ -64,7 +64,7 @@ def temperatures_by_role(y: pd.DataFrame, names: Mapping[str, str]) -> pd.DataFr
     for name, role in names.items():
         if list(named.columns).count(role) != 1:
             raise ValueError(
-                f"y has not one column {role!r} or {name!r}; give {listed(roles)} or {listed(names)}, not "
+                f"y needs exactly one column {role!r} or {name!r}; give {listed(roles)} or {listed(names)}, not "
                 f"{listed(y.columns)}."
             )
     return named[roles]

@@ -69,7 +69,7 @@ class ForecastingNetwork(NetworkModel):
 
     @property
     def known_until_(self) -> pd.Timestamp | None:
-        """Stamp of the last row that the model knows, in the zone of the training's; None where it had no stamps."""
+        """Stamp of the last row that the model knows, in the time zone of the training; None if that had no stamps."""
         check_is_fitted(self)
         return None if self._tail.utc is None else pd.Timestamp(self._tail.index[-1])
 

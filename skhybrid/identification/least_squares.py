@@ -17,7 +17,7 @@ from ..thermal import Parameter, RCNetwork
 from .base import NetworkIdentifier, SearchResult
 from .disturbance_models import measurement_variance
 from .experiment import Experiment
-from .fitting.forecast_errors import MultiStepProblem
+from .fitting.forecast_errors import ForecastErrorProblem
 from .fitting.gauss_newton import Minimum
 from .fitting.prediction_errors import ROUGH, PredictionErrorProblem
 from .fitting.priors import normal_priors
@@ -63,7 +63,7 @@ class LeastSquaresIdentifier(NetworkIdentifier):
         if self.objective != "multi_step":
             raise ValueError(f"objective={self.objective!r} is neither 'one_step' nor 'multi_step'.")
         n_leads = rows_covering("1D", step) if self.horizon is None else rows_of(self.horizon, step)
-        return MultiStepProblem(*parts, n_leads=n_leads, first=rows_covering(self.warmup, step))
+        return ForecastErrorProblem(*parts, n_leads=n_leads, first=rows_covering(self.warmup, step))
 
     def _minima(self, problem: PredictionErrorProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:

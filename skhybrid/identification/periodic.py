@@ -43,8 +43,8 @@ class PeriodicDisturbanceID(NetworkIdentifier):
 
     The unmeasured heat is a weekly profile (by hour, for weekdays and weekend days), a ventilation by day, and an
     Ornstein-Uhlenbeck state whose standard deviation is that of a class of hours times a factor of the day.  The
-    negative log marginal likelihood is minimised, capacities, solar areas, profile and ventilation being solved inside.
-    Where a network without any unmeasured heat is as likely, it is taken instead.
+    negative log marginal likelihood is minimised, with capacities, solar areas, profile and ventilation solved inside.
+    If a network without any unmeasured heat explains the log as well, it is used instead.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
     @property
     def _hours(self) -> HourClasses:
         if self.variance not in tuple(HOUR_CLASSES):
-            raise ValueError(f"variance={self.variance!r} is none of {', '.join(map(repr, HOUR_CLASSES))}.")
+            raise ValueError(f"variance={self.variance!r} is not one of {', '.join(map(repr, HOUR_CLASSES))}.")
         return HOUR_CLASSES[self.variance]
 
     def _make_problem(

@@ -95,13 +95,14 @@ def _refuse_what_rooms_cannot_tell(network: RCNetwork, roles: Iterable[str]) -> 
         inside = any(set(ends) & set(network.nodes) <= set(nodes) for nodes in network.zones.values())
         if hidden and not inside:
             raise ValueError(
-                f"{name} joins rooms at {', '.join(sorted(hidden))}, which is not measured; fit the building at once."
+                f"{name} joins rooms at {', '.join(sorted(hidden))}, which is not measured; fit the whole building "
+                "as one network."
             )
     heated = network.heated if isinstance(network.heated, Mapping) else {}
     shared = [role for role, target in heated.items() if isinstance(target, Mapping)]
     for role in roles:
         if role in shared and role.startswith("Q_"):
-            raise ValueError(f"column {role!r} is heat that rooms share; fit the building at once.")
+            raise ValueError(f"column {role!r} is heat that rooms share; fit the whole building as one network.")
 
 
 def _fit_room(

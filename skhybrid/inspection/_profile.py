@@ -15,7 +15,7 @@ from ._style import COLORS, MEASURED, axes_or_new, legend, tidy
 
 @dataclass(eq=False, repr=False)
 class ProfileDisplay(Display):
-    """Deviance of the fit with one parameter held at other values than its best.
+    """Deviance of the fit with one parameter held at values around its best.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class _ResponseDisplay(Display):
                 or not isinstance(frame.index, pd.TimedeltaIndex)
                 or {d.kind for d in frame.dtypes} != {cls._kind}
             ):
-                raise ValueError(f"the frame {label!r} is no such response; give the DataFrame of {cls._made_by}.")
+                raise ValueError(f"the frame {label!r} is not such a response; give the DataFrame of {cls._made_by}.")
         display: Any = cls(found)
         return display.plot(ax, **kwargs)
 

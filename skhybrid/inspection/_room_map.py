@@ -93,7 +93,7 @@ class RoomMapDisplay(Display):
         refuse_other(couplings, Mapping, "couplings", "pairs of zones to W/K")
         refuse_other(errors, Mapping, "errors", "zones to K")
         if wrong := [pair for pair in couplings if not isinstance(pair, tuple) or len(pair) != 2]:
-            raise ValueError(f"couplings name {wrong[0]!r}, which is no pair of zones, such as ('hall', 'study').")
+            raise ValueError(f"couplings name {wrong[0]!r}, which is not a pair of zones, such as ('hall', 'study').")
         unknown = [zone for pair in couplings for zone in pair if zone not in errors]
         if unknown:
             raise ValueError(f"couplings name the zone {unknown[0]!r}, but errors have {', '.join(errors)}.")

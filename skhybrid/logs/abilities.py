@@ -12,6 +12,7 @@ from .._warnings import several
 from .conversion import row_hours
 from .zone_names import shared_plants
 
+_PLAN = "skhybrid.identification.plan_experiment"  # plans days of random set-points
 _FEW_HOURS = 5.0  # hours at full heat, below which a plant shows little
 _FEW_DAYS, _ENOUGH_DAYS = 3, 14
 _LEAST_SPREAD = 1.0  # range of a room's temperature [K] that shows its time constants
@@ -72,7 +73,7 @@ def abilities(
             steps.append(f"see that {role} is measured, and that it changes.")
         elif not ran >= _FEW_HOURS:
             cannot.append(f"the effect of {role}: it ran for {ran:.1f} full-load hours only.")
-            steps.append(f"let {role} run: some days of random set-points (skhybrid.plan_experiment) show its effect.")
+            steps.append(f"let {role} run: days of random set-points show its effect ({_PLAN}).")
         elif role in unsure:
             can.append(f"the effect of {role} on the temperature.")
             cannot.append(f"kW of {role}: its capacity or its coefficient of performance is not known.")
@@ -104,14 +105,15 @@ def _thermostat(
         steps.append(f"give {shared[0]} in rows ahead to forecast the temperatures.")
     elif not any(role.startswith(SETPOINT_ROLES) for role in have):
         cannot.append("how the thermostat acts: no set-point is logged, so tomorrow's load is that of an ideal plant.")
-        steps.append("log the set-points, with which the thermostat is learned.")
+        steps.append("log the set-points, from which the thermostat is learned.")
 
 
 def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str], room: str, scaled: bool) -> None:
     spread = moved["highest"] - moved["lowest"]
     if n_days < _FEW_DAYS:
         cannot.append(
-            f"a day's course: the log has {several(n_days, 'whole day')}; three are the least, two weeks are good."
+            f"a day-ahead forecast: the log has {several(n_days, 'whole day')}; three are "
+            "needed, and two weeks are better."
         )
     else:
         better = "" if n_days >= _ENOUGH_DAYS else " (two weeks would be better)"

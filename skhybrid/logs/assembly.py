@@ -270,7 +270,7 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
     """The channels of numbers, and notes on words that were found."""
     kept = {}
     for name, channel in channels.items():
-        word, n = channel.odd
+        word, n = channel.usual_word
         if channel.is_text:
             hint = "; if it says when the plant ran, write columns of 1 and 0 for heating and cooling"
             text = f"{name!r} is left out, since it holds text such as {word!r}"

@@ -44,7 +44,7 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"
 
 
-def named_again(
+def reread_percent(
     guesses: Mapping[str, Guess], stated: Mapping[str, str | None], frame: pd.DataFrame
 ) -> dict[str, Guess]:
     """Guesses from names without a unit whose values are those of percent: powers are stages, irradiance is none."""
@@ -67,7 +67,7 @@ def named_again(
 def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:
     top = next((step for step in _STAGE_STEPS if high <= step), None)
     if low < range_of(role).lowest * max(1.0, high):
-        why = f"values from {low:g} to {high:g} are those of no stage; give Q_{role[2:]} and its unit if it is heat"
+        why = f"values from {low:g} to {high:g} are not those of a stage; give Q_{role[2:]} and its unit if it is heat"
         return None, factor, why
     if top == 1.0:
         return None, factor, ""

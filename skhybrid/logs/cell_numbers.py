@@ -106,7 +106,7 @@ class NumberColumn:
         return self.numbers[: self.n_cells]
 
     @property
-    def odd(self) -> tuple[str, int]:
+    def usual_word(self) -> tuple[str, int]:
         """The most frequent word that is not a number, and the number of cells that hold words."""
         return (self.words.most_common(1)[0][0], self.words.total()) if self.words else ("", 0)
 

@@ -113,7 +113,7 @@ def format_of(path: Path) -> str:
         raise ValueError(f"{path.name!r} is {found}.")
     if head.strip():
         return "CSV"  # its reader says what is wrong
-    raise ValueError(f"the format of {path.name!r} is none of {', '.join(FORMATS)}; export the log as CSV.")
+    raise ValueError(f"the format of {path.name!r} is not one of {', '.join(FORMATS)}; export the log as CSV.")
 
 
 def _named(format: str) -> str:
@@ -121,7 +121,7 @@ def _named(format: str) -> str:
     for name in FORMATS:
         if name.casefold() == str(format).casefold():
             return name
-    raise ValueError(f"format={format!r} is none of {', '.join(map(repr, FORMATS))}.")
+    raise ValueError(f"format={format!r} is not one of {', '.join(map(repr, FORMATS))}.")
 
 
 def _call(name: str, source: Path | str, options: dict[str, Any]) -> RawLog:

@@ -14,7 +14,7 @@ from .._table import is_plant
 from .._time import spell, wall_clock
 from .._warnings import several
 from .abilities import abilities, excitation
-from .assumed_units import assumed_unit, named_again, outdoor_as_room
+from .assumed_units import assumed_unit, outdoor_as_room, reread_percent
 from .blank_setpoints import filled_setpoints
 from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, to_roles
 from .counters import is_counter
@@ -122,7 +122,7 @@ class LogReport:
         stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
         rooms = {} if columns or raw.roles else zone_roles(stated)
         guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
-        self._guesses = guesses if rooms else named_again(guesses, stated, raw.frame)
+        self._guesses = guesses if rooms else reread_percent(guesses, stated, raw.frame)
         self.zones = zones_of(columns or rooms)
         self._rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
         channels = [
@@ -163,7 +163,7 @@ class LogReport:
 
     @property
     def assumed_label(self) -> str:
-        """Label of the stamps: as known, else as guessed."""
+        """Label of the stamps: as the log states it, or else as guessed."""
         return self.label or guessed_label(pd.DatetimeIndex(self.raw.frame.index), self.step)
 
     def electricity(self) -> list[str]:

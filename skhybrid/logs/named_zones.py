@@ -28,7 +28,7 @@ def offset_in_name(columns: Sequence[str]) -> str | None:
     return "UTC" if sign is None else f"{sign}{int(hours):02d}:{minutes or '00'}"
 
 
-class Stamps(NamedTuple):
+class ZonedStamps(NamedTuple):
     """Stamps as they are written, in the zone that they name."""
 
     stamps: pd.DatetimeIndex
@@ -45,7 +45,7 @@ def zoned_stamps(
     timezone: str | None = None,
     year: int | None = None,
     guesses: bool = True,
-) -> Stamps:
+) -> ZonedStamps:
     """The stamps of cells from some columns: naive where neither the cells nor the columns' names tell a zone."""
     names = zone_names(cells)
     plain = cells if names is None else without_names(cells)
@@ -55,7 +55,7 @@ def zoned_stamps(
     elif stamps.tz is None and (offset := offset_in_name(columns)) is not None:
         notes = [*notes, f"stamps are UTC{offset.removeprefix('UTC')}, as {listed(columns)} says"]
         stamps = stamps.tz_localize(offset)
-    return Stamps(stamps, notes, ends)
+    return ZonedStamps(stamps, notes, ends)
 
 
 def zone_names(cells: pd.Series) -> pd.Series | None:

@@ -89,7 +89,7 @@ def read_zone_csv(
 
 
 def to_left_label(frame: pd.DataFrame, stay: Collection[str] = ()) -> pd.DataFrame:
-    """Move right-labelled means to the start of their interval; temperatures stay, rows without a counterpart go.
+    """Move right-labelled means to the start of their interval; temperatures stay, rows left without one are dropped.
 
     Parameters
     ----------

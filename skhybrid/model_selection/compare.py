@@ -82,7 +82,7 @@ def compare_models(
     level: float = 0.05,
     n_jobs: int | None = None,
 ) -> ModelComparison:
-    """Fit identifications on the same rows, compare them and recommend one; a model that fails stops no other.
+    """Fit identifications on the same rows, compare them and recommend one; one that fails does not stop the others.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def _simplest(fitted: Mapping[str, Assessment], table: pd.DataFrame, left: list[
     for other in table.loc[left, "n_parameters"].sort_values(kind="stable").index:
         if table["n_parameters"][other] >= table["n_parameters"][best]:
             break
-        if _as_good(fitted[other], fitted[best], column):
+        if _within_standard_error(fitted[other], fitted[best], column):
             return other
     return best
 
@@ -126,7 +126,7 @@ def _caveats(chosen: str, table: pd.DataFrame, purpose: str) -> list[str]:
     return out
 
 
-def _as_good(other: Assessment, best: Assessment, column: str) -> bool:
+def _within_standard_error(other: Assessment, best: Assessment, column: str) -> bool:
     """Whether the mean difference, by days (log score) or by origins (forecasts), is within one standard error."""
     if column == "cv_log_score" and other.held_out is not None and best.held_out is not None:
         worse = (best.held_out.to_numpy() - other.held_out.to_numpy()).astype(np.float64)

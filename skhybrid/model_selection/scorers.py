@@ -55,9 +55,9 @@ class DayAheadScorer:
         longest, horizon = frame["lead"].max(), pd.Timedelta(self.horizon)
         if longest < horizon / 2:
             warn_user(
-                f"the forecasts that are scored from {frame['origin'].iloc[0]} on end after {spell(longest)} of their "
-                f"horizon of {spell(horizon)}; begin test blocks at midnight, as RollingOriginSplit in days does where "
-                "the table begins then, or make them longer.",
+                f"the test block from {frame['origin'].iloc[0]} on is short: its forecasts are scored over "
+                f"{spell(longest)} of their horizon of {spell(horizon)}; make test blocks longer, or "
+                "begin them at midnight, as RollingOriginSplit in days does if the table begins at midnight.",
                 SkhybridWarning,
             )
         scores: Any = score_backtest(frame) if self.quantiles is None else score_intervals(frame)

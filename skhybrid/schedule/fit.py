@@ -164,7 +164,7 @@ def fit_leads(
     if prior is not None:
         return _fit_under(prior, table, scored, reference, scale)
     if pull is not None and is_usual(pull.observed, step) is None:
-        pull = _without_contradiction(FilterModel.of(plan.network, step, scale), scored, pull)
+        pull = _drop_contradicted_response(FilterModel.of(plan.network, step, scale), scored, pull)
     if pull is not None and scored.surprise is None and pull.shape is None and pull.observed and not plan.lags:
         pull = _toward_one_hour(FilterModel.of(plan.network, step, scale), scored, pull)
     fit, best = _fit_at_scale(table, scored, reference, scale, _SCALES, pull)
@@ -176,8 +176,8 @@ def fit_leads(
     return replace(fit, undetermined=undetermined)
 
 
-def _without_contradiction(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
-    """A pull that lets the usual response go where forecasts with delivered heat speak against it."""
+def _drop_contradicted_response(model: FilterModel, scored: ScoredForecasts, pull: GainPull) -> GainPull:
+    """The pull, without the usual response of rooms if that makes forecasts with delivered heat much worse."""
     few, free = scored._replace(surprise=None).every(4), pull._replace(shape=None)
     problem, start = _start(model, few, _best_of_grid(model, few, _SCALES, free), free)
     best = minimise(problem, start, max_steps=10)

@@ -79,16 +79,16 @@ def _yesterday(view: ZoneView) -> str:
 
 
 def past_day(origin: pd.Timestamp | None, figure: Callable[[float], Any]) -> str:
-    """The section on the last forecast that has run out, if one has."""
+    """The section on the last forecast that is over, if there is one."""
     head = "<h2>Forecast and measured</h2>\n"
     if origin is None:
-        return head + "<p>No forecast has run out yet.</p>"
-    words = f"<p>The last forecast that has run out, from {_stamp_words(origin)}.</p>\n"
-    return head + words + in_two_widths(figure, "The last forecast that has run out, and measurements.", "past")
+        return head + "<p>No forecast is over yet.</p>"
+    words = f"<p>The last forecast that is over, from {_stamp_words(origin)}.</p>\n"
+    return head + words + in_two_widths(figure, "The last forecast that is over, and measurements.", "past")
 
 
 def last_past(view: ZoneView) -> tuple[pd.Timestamp, pd.DataFrame]:
-    """Origin and rows of the last forecast that has run out, with what was measured."""
+    """Origin and rows of the last forecast that is over, with what was measured."""
     last = view.past[view.past["origin"] == view.past["origin"].max()].set_index("time")
     rows = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"}).dropna(axis=1, how="all")
     return last["origin"].iloc[0], rows

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 def _no_truth(value: Any) -> Any:
     if isinstance(value, bool):
-        raise ValueError("true or false is no number; post 1 or 0 where that is meant")
+        raise ValueError("true or false is not a number; post 1 or 0 where that is meant")
     return value
 
 
@@ -89,7 +89,7 @@ class Errors(BaseModel):
 
 
 class PastErrors(BaseModel):
-    """Errors of forecasts that have run out."""
+    """Errors of forecasts that are over."""
 
     origin: str | None = Field(None, alias="from", description="origin, where it is one forecast")
     forecasts: int | None = Field(None, description="number of forecasts, where there are several")
@@ -131,9 +131,9 @@ class ZoneState(BaseModel):
         alias="last measured", description="time of the zone's last temperature, where it is a day old; else null"
     )
     drift: Drift = Field(description="drift of the errors")
-    verdicts: list[Judged] = Field(description="as skhybrid zone status prints; empty before a forecast has run out")
-    yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that has run out")
-    four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ran out in four weeks")
+    verdicts: list[Judged] = Field(description="as skhybrid zone status prints; empty before a forecast is over")
+    yesterday: PastErrors | None = Field(alias="yesterday's forecast", description="the last forecast that is over")
+    four_weeks: PastErrors | None = Field(alias="last four weeks", description="all that ended in the last four weeks")
 
 
 class Status(ZoneState, _Head):

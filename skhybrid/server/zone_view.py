@@ -31,7 +31,7 @@ class ZoneView(NamedTuple):
     scaled: bool  # whether the log fixes what a kW is
     origin: pd.Timestamp | None  # of the last forecast
     forecast: pd.DataFrame  # by time, with the columns of the archive; empty where there is none
-    past: pd.DataFrame  # forecasts of the last four weeks that have run out, and what was measured
+    past: pd.DataFrame  # forecasts of the last four weeks that are over, and what was measured
 
 
 def view_zones(folder: ZoneFolder, zone: ZoneModel) -> dict[str, ZoneView]:

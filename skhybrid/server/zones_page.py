@@ -85,7 +85,7 @@ def _state(status: dict[str, Any]) -> str:
     weeks = ("four weeks [K]", "bias [K]", "in band", "load [kW]")
     heads = ("zone", "last one [K]", *weeks, "drift")
     words = (
-        "RMSE of the last forecast that has run out, and of those of four weeks with bias and share in the 80 % band."
+        "RMSE of the last forecast that is over, and of those of four weeks with bias and share in the 80 % interval."
     )
     return (
         f'<h2>State</h2>\n{by_zone(heads, rows, n_texts=1)}<p class="soft">{words}</p>'

@@ -54,7 +54,11 @@ def format_zones(result: BuildingResult) -> str:
     loads = ["load_rmse", "load_yesterday"] if result.zones["load_rmse"].notna().any() else []
     table = result.zones[[*models, "coverage", *loads]].astype(float)
     unit = "kW" if result.scaled else "-"
-    named = {"coverage": "in 80 % band", "load_rmse": f"load [{unit}]", "load_yesterday": f"its day before [{unit}]"}
+    named = {
+        "coverage": "in 80 % interval",
+        "load_rmse": f"load [{unit}]",
+        "load_yesterday": f"load a day before [{unit}]",
+    }
     head, held, words = "RMSE of the temperature [K] by model", result.setpoints_known, verdict(result.table, HYBRID)
     known = f"{head}:\n{_as_text(table.rename(columns=named))}\n\n{words}"
     if held is None:

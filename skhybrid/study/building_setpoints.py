@@ -69,11 +69,15 @@ def zones_setpoints_known(held: ZonesSetpointsKnown) -> pd.DataFrame:
     rows = {}
     for zone, one in held.zones.items():
         rmse, load, unit = one.table["rmse"], one.table["load_rmse"], one.unit if one.loads else ""
-        rows[zone] = {f"{HYBRID} [K]": rmse[HYBRID], f"{YESTERDAY} [K]": rmse[YESTERDAY], "in 80 % band": one.coverage}
+        rows[zone] = {
+            f"{HYBRID} [K]": rmse[HYBRID],
+            f"{YESTERDAY} [K]": rmse[YESTERDAY],
+            "in 80 % interval": one.coverage,
+        }
         names = {HYBRID: one.load_name} | {name: name for name in one.loads if name != HYBRID}
         rows[zone] |= {f"{shown} [{unit}]": load[name] for name, shown in names.items() if unit}
         if one.load_coverage is not None:
-            rows[zone]["load in 80 % band"] = one.load_coverage
+            rows[zone]["load in 80 % interval"] = one.load_coverage
     return pd.DataFrame.from_dict(rows, orient="index", dtype=float)
 
 

@@ -60,7 +60,7 @@ class BuildingResult:
 
     @property
     def best(self) -> str:
-        """Label of the lowest day-ahead error."""
+        """Label of the model with the lowest day-ahead error."""
         return str(self.table.index[0])
 
     def pairs(self) -> dict[tuple[str, str], float | None]:

@@ -50,10 +50,10 @@ class StudyModel(NamedTuple):
 
 
 class Yesterday(RegressorMixin, BaseEstimator):
-    """Forecast the temperature of 24 hours before; the last known day is repeated as far as the horizon reaches."""
+    """Forecast the temperature of 24 hours before; beyond a day, the last known day is repeated."""
 
     def fit(self, X: pd.DataFrame, y: Any = None) -> Yesterday:
-        """Keep the temperatures, of which the last day is the first forecast of rows that follow.
+        """Keep the temperatures; the last day of them is the forecast of the first rows that follow.
 
         Parameters
         ----------

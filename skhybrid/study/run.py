@@ -81,7 +81,7 @@ class StudyResult:
 
     @property
     def best(self) -> str:
-        """Label of the lowest day-ahead error."""
+        """Label of the model with the lowest day-ahead error."""
         return str(self.table.index[0])
 
     @property

@@ -139,7 +139,7 @@ class Settings:
         check_keys("load", self.load, ("setpoint",))
         check_keys("network", self.network, _NETWORK)
         if self.estimator.get("name", "periodic") not in list(ESTIMATORS):  # a TOML list cannot be hashed
-            raise ValueError(f"[estimator] name = {self.estimator['name']!r} is none of {', '.join(ESTIMATORS)}.")
+            raise ValueError(f"[estimator] name = {self.estimator['name']!r} is not one of {', '.join(ESTIMATORS)}.")
         for role, factor in self.scale.items():
             if not is_number(factor) or not factor:
                 raise ValueError(f"[scale] {role} = {factor!r} must be a number other than 0.")

@@ -146,7 +146,7 @@ def checked_pairs(adjacency: Any, zones: Collection[str]) -> list[tuple[str, str
             raise ValueError(f"adjacency has {pair!r}; give pairs of zones, such as ('north', 'south').")
         for zone in both:
             if zone not in zones:
-                raise ValueError(f"adjacency names {zone!r}, which is none of the zones {', '.join(zones)}.")
+                raise ValueError(f"adjacency names {zone!r}, which is not one of the zones {', '.join(zones)}.")
         if both[0] == both[1]:
             raise ValueError(f"adjacency couples {both[0]!r} with itself; leave the pair out.")
         if both in pairs or both[::-1] in pairs:
@@ -164,7 +164,8 @@ def _partitions(
         for zone in (a, b):
             if kind not in rooms[zone].nodes:
                 raise ValueError(
-                    f"couple names the node {kind!r}, which zone {zone!r} has not: {', '.join(rooms[zone].nodes)}."
+                    f"couple names the node {kind!r}, which zone {zone!r} lacks; its nodes are "
+                    f"{', '.join(rooms[zone].nodes)}."
                 )
         name = f"R_{a}_{b}" if kind == "za" else f"R_{kind}_{a}_{b}"
         if name in taken or name in out:
@@ -196,7 +197,7 @@ def _solar(rooms: Mapping[str, RCNetwork], given: Any) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for role, zones in served.items():
         if not role.startswith(ROLE_PREFIXES["solar"]):
-            raise ValueError(f"solar names {role!r}, which is no irradiance; its role begins with q_sol.")
+            raise ValueError(f"solar names {role!r}, which is not an irradiance; its role begins with q_sol.")
         shares = {zone: _shares(rooms[zone].solar, zone) for zone in zones}
         suffix = role.removeprefix("q_sol")
         apart = {f"A_win{suffix}_to_{zone}": target for zone, target in shares.items()}
@@ -225,7 +226,7 @@ def _checked_roles(argument: str, given: Any, rooms: Mapping[str, RCNetwork]) ->
     out, content = {}, {"solar": "zones to roles, or one role", "heated": "zones to roles"}
     for zone, roles in as_mapping(argument, given, content[argument]).items():
         if zone not in rooms:
-            raise ValueError(f"{argument} names {zone!r}, which is none of the zones {', '.join(rooms)}.")
+            raise ValueError(f"{argument} names {zone!r}, which is not one of the zones {', '.join(rooms)}.")
         out[zone] = () if roles is None else _names(f"{argument} of zone {zone!r}", roles)
     return out
 
@@ -265,7 +266,7 @@ def room_network(network: RCNetwork, zone: str) -> RCNetwork:
         If the network has no such zone, or its sun or plant is not declared by role.
     """
     if not isinstance(network, RCNetwork):
-        raise ValueError(f"network={network!r} is no network of a building; give one of building_network.")
+        raise ValueError(f"network={network!r} is not the network of a building; give one made by building_network.")
     if zone not in list(network.zones):
         raise ValueError(
             f"the network {network.name} has no zone {zone!r}: {', '.join(network.zones) or 'it has none'}."

@@ -49,7 +49,7 @@ _BY_HAND = {
 }
 
 
-class Law(NamedTuple):
+class EmhassLaw(NamedTuple):
     """EMHASS's law of a zone."""
 
     heating_rate: float  # at nominal power [K/h]
@@ -140,7 +140,7 @@ def emhass_parameters(
             f"it is the plant's electricity [W] when it delivers {delivered}; give cop in [plant], or type it in"
         )
     warmed = np.abs(warming(gray_box, gray_box.theta_, plant, step, len(time))[0])
-    by_law = temperatures(Law(*found["value"].iloc[:2]), np.ones(len(time)), np.zeros(len(time)), 0.0, step)
+    by_law = temperatures(EmhassLaw(*found["value"].iloc[:2]), np.ones(len(time)), np.zeros(len(time)), 0.0, step)
     misfit = float(np.sqrt(np.mean((by_law - warmed) ** 2)))
     table = _table(found.drop(index=[name for name in found.index if name in left_out]))
     return EmhassExport(table, _blocks(known, sense), left_out, power, misfit, float(warmed[-1]))
@@ -232,11 +232,11 @@ def _blocks(known: dict[str, float], sense: str) -> dict[str, dict[str, Any]]:
         battery |= {"window_area": known["window_area"], "shgc": 1.0}
     if "efficiency" in known:
         battery["efficiency"] = known["efficiency"]
-    law = {name: known[name] for name in Law._fields if name in known}
+    law = {name: known[name] for name in EmhassLaw._fields if name in known}
     return {"thermal_config": {**law, "sense": sense}, "thermal_battery": battery}
 
 
-def _first_order(warmed: np.ndarray, final: float, step: float) -> Law:
+def _first_order(warmed: np.ndarray, final: float, step: float) -> EmhassLaw:
     """The law of a zone that nominal power warms by ``warmed`` (n,) after each step [h], by ``final`` at last [K]."""
     k, share = np.arange(1, len(warmed) + 1), warmed / final
     begin = np.clip((1.0 - share[-1]) ** (1.0 / len(k)), 1e-6, 1.0 - 1e-9)
@@ -251,10 +251,10 @@ def _first_order(warmed: np.ndarray, final: float, step: float) -> Law:
     )
     shape = 1.0 - found.x[0] ** k
     cooling_constant = float(1.0 - found.x[0]) / step
-    return Law(cooling_constant * float(warmed @ shape / (shape @ shape)), cooling_constant)
+    return EmhassLaw(cooling_constant * float(warmed @ shape / (shape @ shape)), cooling_constant)
 
 
-def temperatures(law: Law, power: np.ndarray, T_oa: np.ndarray, start: float, step: float) -> np.ndarray:
+def temperatures(law: EmhassLaw, power: np.ndarray, T_oa: np.ndarray, start: float, step: float) -> np.ndarray:
     """Temperatures [degC] after each step [h] by EMHASS's law, from ``start`` on.
 
     ``power`` (n,) is the share of nominal power, negative where it cools, and ``T_oa`` (n,) [degC], of each step.

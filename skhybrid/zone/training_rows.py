@@ -58,7 +58,7 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
         known, beyond = max(stretches(last, step), key=len), "outages"
     if len(known) * step < _LEAST_DAYS * day:
         raise ValueError(
-            f"the log has {len(known) * step / day:.1f} days, of the {days} before {frame.index[-1]}, with all of "
+            f"of the {days} days before {frame.index[-1]}, the log has {len(known) * step / day:.1f} days with all of "
             f"{', '.join(map(str, known))}; a model needs {_LEAST_DAYS} (see skhybrid check)."
         )
     if n_out := len(last) - len(known):

@@ -135,7 +135,7 @@ class ZoneModel:
 
     @property
     def why_ideal(self) -> str:
-        """The reason for which the thermostat was not learned, of several zones with their names."""
+        """The reason why no thermostat was learned, with the names of zones where there are several."""
         found: dict[str, list[str]] = {}
         parts = self.parts()
         for zone in self._with_ideal or [""]:
@@ -171,7 +171,7 @@ class ZoneModel:
         return n_new
 
     def outage(self, frame: pd.DataFrame, longest: pd.Timedelta) -> str:
-        """The outage of more than the ``longest`` after which new rows of a log come, or without a row to bridge from.
+        """The outage before the new rows, if it exceeds ``longest`` or the log does not reach back to it.
 
         Parameters
         ----------

@@ -103,8 +103,8 @@ def warn_of_gain(
         )
     if plant and pull is not None and not pull.observed:
         warn_user(
-            "the heat hardly jumped in the training, so that its effect is that of a network fitted to forecasts, "
-            f"often too small; {_experiment(fit, plant)}.",
+            "the heat hardly jumped in the training, so its effect is learned from forecast errors alone and is often "
+            f"too small; {_experiment(fit, plant)}.",
             GainWarning,
         )
 
@@ -116,8 +116,8 @@ def _experiment(fit: LeadFit, role: str) -> str:
     if error >= LITTLE_ERROR:
         often, reached = f"even {often}", f"only to {percent(error)}"
     return (
-        f"{often} of random set-points (skhybrid.identification.plan_experiment) would bring what the data leave open "
-        f"of the gain of {role} after 24 h {reached}"
+        f"{often} of random set-points (skhybrid.identification.plan_experiment) would bring the statistical error of "
+        f"the gain of {role} after 24 h {reached}"
     )
 
 

@@ -357,7 +357,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
         unknown = [zone for zone in by_zone if zone not in self.zones_]
         if unknown:
-            raise ValueError(f"{name} names {unknown[0]!r}, which is no zone; the zones are {listed(self.zones_)}.")
+            raise ValueError(f"{name} names {unknown[0]!r}, which is not a zone; the zones are {listed(self.zones_)}.")
         return by_zone
 
     def _refuse_without_plant(self, name: str, zones: Iterable[str] = ()) -> None:

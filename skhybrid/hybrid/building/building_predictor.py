@@ -50,9 +50,9 @@ class BuildingPredictor(
 ):
     """Day-ahead forecast of temperature and load of all zones of a building.
 
-    Each zone has a predictor of its own, and a second one that takes its neighbours' temperatures as boundaries.  What
-    the first ones forecast of the neighbours drives the second, and a zone's forecast is a blend of its two, by their
-    errors on left-out days of the training.
+    Each zone has two predictors: one that knows only the zone itself, and one that takes its neighbours' temperatures
+    as boundaries.  After the origin these boundaries are the forecasts of the neighbours' first predictors.  A zone's
+    forecast is a blend of its two, weighted by their errors on left-out days of the training.
 
     Columns of one zone end with its name: ``T_za_north``, ``Q_hvac_north`` or ``Q_north``, ``u_heat_north``,
     ``q_sol_north``, ``T_heat_set_north``.  All others, such as ``T_oa``, ``q_sol``, a facade's irradiance or the stage
@@ -67,7 +67,7 @@ class BuildingPredictor(
         Which zones exchange heat, by the floor plan; ``[]``: none.  Default: up to three zones whose temperatures
         change most like a zone's own; a floor plan is better.
     n_jobs : int, optional
-        Zones that are fitted at once (joblib).
+        Number of zones that are fitted in parallel (joblib).
 
     Attributes
     ----------
@@ -218,7 +218,7 @@ class BuildingPredictor(
 
     @property
     def known_until_(self) -> pd.Timestamp | None:
-        """Stamp of the last row that the model knows, in the zone of the training's; None where it had no stamps."""
+        """Stamp of the last row that the model knows, in the time zone of the training; None if that had no stamps."""
         check_is_fitted(self)
         return self._first.known_until_
 

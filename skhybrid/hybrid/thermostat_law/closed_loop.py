@@ -59,7 +59,7 @@ class _Errors(NamedTuple):
         return own._replace(values=np.where((own.ends <= row)[..., None, None], own.values, np.nan))
 
 
-class _Tail(NamedTuple):
+class _TrainingTail(NamedTuple):
     """Errors and weights of the members on the last part of the training."""
 
     products: np.ndarray  # (2, n_groups, M, M) moments of their errors of load and temperature
@@ -101,7 +101,7 @@ class ClosedLoop:
     """A learned thermostat and plant; apart from caches it never changes."""
 
     def __init__(
-        self, refits: LawRefits, tail: _Tail, n_leads: int, training: ZoneTable, capacity: PlantCapacity
+        self, refits: LawRefits, tail: _TrainingTail, n_leads: int, training: ZoneTable, capacity: PlantCapacity
     ) -> None:
         self._refits, self._tail, self.n_leads, self._capacity = refits, tail, n_leads, capacity
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
@@ -337,7 +337,7 @@ def _clock(table: ZoneTable, origins: np.ndarray, leads: np.ndarray) -> PathCloc
     return PathClock(lead[:, leads], slot[:, leads], day[:, leads])
 
 
-def _learn_tail(training: ZoneTable, errors: _Errors, n_leads: int) -> _Tail:
+def _learn_tail(training: ZoneTable, errors: _Errors, n_leads: int) -> _TrainingTail:
     """Moments and intervals from errors of the last part of the training."""
     groups, per_day = lead_groups(errors.leads + 1, n_leads), 24.0 / training.step_hours
     share = faded((training.n_rows - 1 - errors.ends) / per_day)
@@ -347,6 +347,6 @@ def _learn_tail(training: ZoneTable, errors: _Errors, n_leads: int) -> _Tail:
         shares = blend_weights(products[quantity], PRIOR, PULL)[groups]
         missed = np.sum(errors.values[:, :, quantity] * shares, axis=-1)
         if np.isfinite(missed).sum() < LEAST_ERRORS:
-            return _Tail(products, ())
+            return _TrainingTail(products, ())
         intervals.append(LeadIntervals(independent_per_day=_INDEPENDENT_PER_DAY[quantity]).fit(missed, clock))
-    return _Tail(products, tuple(intervals))
+    return _TrainingTail(products, tuple(intervals))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...control import LoadPaths
 from .law_features import LawRows
-from .plant_law import Law, Pairs, learn, make_pairs
+from .plant_law import LawPairs, PlantLaw, learn, make_pairs
 
 WEEKS = 8  # weeks of history that a refit learns from, at most
 _REFIT_DAYS = 7
@@ -54,26 +54,28 @@ class Weeks(NamedTuple):
 class LawRefits:
     """The law of the training, and those of later weeks, each of which is learned once."""
 
-    def __init__(self, law: Law, pairs: Pairs) -> None:
+    def __init__(self, law: PlantLaw, pairs: LawPairs) -> None:
         self.law, self._pairs = law, pairs
-        self._found: dict[tuple[int, bytes], Law] = {}
+        self._found: dict[tuple[int, bytes], PlantLaw] = {}
 
     def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "_found": {}}
 
-    def known(self, rows: LawRows, weeks: Weeks, numbers: np.ndarray) -> dict[int, Law | None]:
+    def known(self, rows: LawRows, weeks: Weeks, numbers: np.ndarray) -> dict[int, PlantLaw | None]:
         """The laws of some weeks; None where one has yet to be learned."""
         keys = {int(number): _key(rows, weeks, int(number)) for number in numbers}
         return {number: self.law if key is None else self._found.get(key) for number, key in keys.items()}
 
-    def learn(self, rows: LawRows, weeks: Weeks, numbers: list[int], spacing: int, ideal: IdealPaths) -> dict[int, Law]:
+    def learn(
+        self, rows: LawRows, weeks: Weeks, numbers: list[int], spacing: int, ideal: IdealPaths
+    ) -> dict[int, PlantLaw]:
         """Learn the laws of some weeks from the training and what was known at the beginning of each."""
         found, made = {}, {}
         for number in numbers:
             own = weeks.learning_origins(number, spacing)
             new = make_pairs(rows, own, ideal.of(own), weeks.zero + number * weeks.length + 1)
             weight = np.repeat([1.0, _HISTORY_WEIGHT], [len(self._pairs.ends), len(new.ends)])
-            found[number] = learn(self._pairs.and_those(new), weeks.per_day, weight)
+            found[number] = learn(self._pairs.joined_with(new), weeks.per_day, weight)
             key = _key(rows, weeks, number)
             assert key is not None
             made[key] = found[number]

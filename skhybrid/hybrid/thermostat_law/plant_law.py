@@ -18,7 +18,7 @@ _BLOCK_DAYS = 4  # days per block of the cross-fitting
 _GOLDEN = 0.6180339887498949  # its multiples spread the leads evenly
 
 
-class Law(NamedTuple):
+class PlantLaw(NamedTuple):
     """Trees by one state of knowledge."""
 
     heat_correction: BoostedTrees  # of the network's ideal load [kW]
@@ -27,7 +27,7 @@ class Law(NamedTuple):
     temperature: BoostedTrees  # of the network's temperature [K], by the load that is forecast too
 
 
-class Pairs(NamedTuple):
+class LawPairs(NamedTuple):
     """Pairs of origin and lead: features, and what was measured."""
 
     network: np.ndarray  # (n, k) float32, features that the corrections see
@@ -36,16 +36,16 @@ class Pairs(NamedTuple):
     temperature: np.ndarray  # (n, 2) measured, and the network's [degC]
     ends: np.ndarray  # (n,) int, the row at which a pair was known
 
-    def before(self, row: int) -> Pairs:
+    def before(self, row: int) -> LawPairs:
         """Pairs that were known before a row."""
-        return Pairs(*(part[self.ends < row] for part in self))
+        return LawPairs(*(part[self.ends < row] for part in self))
 
-    def and_those(self, other: Pairs) -> Pairs:
+    def joined_with(self, other: LawPairs) -> LawPairs:
         """These pairs and others."""
-        return Pairs(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
+        return LawPairs(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
 
 
-def make_pairs(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, n_known: int) -> Pairs:
+def make_pairs(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, n_known: int) -> LawPairs:
     """Pairs whose target was measured within the first ``n_known`` rows."""
     count = int(np.clip(_PAIRS // max(len(origins), 1), 1, _PER_ORIGIN))
     at = np.repeat(np.arange(len(origins)), count)
@@ -58,7 +58,7 @@ def make_pairs(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, n_known: in
     heat, T = own.at(lead)
     network, further = _features(rows, own, begin, lead)
     measured = np.column_stack([rows.T[ends], T])
-    return Pairs(network, further, np.column_stack([rows.heat[ends - 1], heat]), measured, ends)
+    return LawPairs(network, further, np.column_stack([rows.heat[ends - 1], heat]), measured, ends)
 
 
 def _features(rows: LawRows, paths: LoadPaths, origins: np.ndarray, lead: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -72,7 +72,7 @@ def _as_seen(network: np.ndarray, further: np.ndarray) -> tuple[np.ndarray, np.n
     return network.astype(np.float64), np.hstack([network, further]).astype(np.float64)
 
 
-def learn(pairs: Pairs, per_day: int, weight: np.ndarray | None = None) -> Law:
+def learn(pairs: LawPairs, per_day: int, weight: np.ndarray | None = None) -> PlantLaw:
     """Trees from pairs, as many as there are weights (n,).
 
     The load by which the temperature is learned is cross-fitted: in every other block of days it is forecast by trees
@@ -84,7 +84,7 @@ def learn(pairs: Pairs, per_day: int, weight: np.ndarray | None = None) -> Law:
     unseen = np.empty(len(X))
     for own in (block == 0, block == 1):
         unseen[own] = fit_trees(X[~own], heat[~own], None if weight is None else weight[~own]).predict(X[own])
-    return Law(
+    return PlantLaw(
         fit_trees(of_network, heat - ideal, weight),
         fit_trees(of_network, T - network, weight),
         fit_trees(X, heat, weight),
@@ -92,7 +92,7 @@ def learn(pairs: Pairs, per_day: int, weight: np.ndarray | None = None) -> Law:
     )
 
 
-def member_paths(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: Law, leads: np.ndarray) -> np.ndarray:
+def member_paths(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: PlantLaw, leads: np.ndarray) -> np.ndarray:
     """(O, L, 2, M) load [kW] and temperature [degC] by each member at some leads, counted from 0."""
     at, lead = np.repeat(np.arange(len(origins)), len(leads)), np.tile(leads, len(origins))
     own, begin = ideal.rows(at), origins[at]
@@ -109,7 +109,7 @@ def member_paths(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: Law,
     return found.reshape(len(origins), len(leads), 2, len(MEMBERS))
 
 
-def member_errors(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: Law, leads: np.ndarray) -> np.ndarray:
+def member_errors(rows: LawRows, origins: np.ndarray, ideal: LoadPaths, law: PlantLaw, leads: np.ndarray) -> np.ndarray:
     """(O, L, 2, M) errors, measured less forecast; NaN where nothing was measured."""
     ends = origins[:, None] + leads + 1
     at = np.minimum(ends, len(rows.T) - 1)

@@ -39,7 +39,7 @@ class ErrorPattern:
     def findings(self) -> tuple[str, ...]:
         found = [*self._neighbours(), *self._day(), *self._spectrum(), *self._inputs()]
         if not found:
-            found = ["the errors are white and independent of the inputs: the model leaves nothing that one could use."]
+            found = ["the errors are white and independent of the inputs: nothing is left to explain."]
         return (*found, *self._size(), *self._clock(), *self._tails())
 
     def _neighbours(self) -> list[str]:
@@ -51,7 +51,7 @@ class ErrorPattern:
         r = float(near.loc[first])
         at = f"(r = {r:.2f} at {_spell(first * self.step)})"
         if first > 4:
-            return [f"errors are alike at a distance {at}: look at what repeats with it."]
+            return [f"errors are correlated at a longer lag {at}: look for what repeats with this period."]
         weak = "slightly " if abs(r) < _WEAK else ""
         if r > 0:
             what = (
@@ -60,10 +60,10 @@ class ErrorPattern:
                 else "the model lacks a heat flow that comes and goes, so its standard errors are too small; add a "
                 "disturbance state or a node."
             )
-            return [f"errors that follow one another are {weak}alike {at}: {what}"]
+            return [f"successive errors are {weak}positively correlated {at}: {what}"]
         return [
-            f"errors that follow one another are {weak}opposed {at}: the model follows the noise of the thermometer; "
-            "it takes the disturbance as too quick, or the measurement as too good."
+            f"successive errors are {weak}negatively correlated {at}: the model follows the noise of the thermometer; "
+            "it takes the disturbance to be too quick, or the measurement to be too accurate."
         ]
 
     def _day(self) -> list[str]:
@@ -84,8 +84,8 @@ class ErrorPattern:
         place = float(gap.index[int(gap.abs().to_numpy().argmax())])
         period = _spell(self.step / place)
         if gap.abs().max() == gap.max():
-            return [f"too much of the errors is slower than a period of {period}: slow heat flows are missing."]
-        return [f"too much of the errors is quicker than a period of {period}: noise or cycling within the step."]
+            return [f"errors vary too much over periods longer than {period}: slow heat flows are missing."]
+        return [f"errors vary too much over periods shorter than {period}: noise or cycling within the step."]
 
     def _inputs(self) -> list[str]:
         out = []

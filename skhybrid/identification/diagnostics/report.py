@@ -145,7 +145,7 @@ def diagnose_residuals(
     level: float = 0.01,
     name: str = "model",
 ) -> Diagnostics:
-    """Test one-step errors that were computed already, as :func:`diagnose` does.
+    """Test one-step errors that have been computed, as :func:`diagnose` does.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def diagnose_residuals(
         grid = pd.date_range(innovations.index[0], innovations.index[-1], freq=step)
         if not (on_grid := innovations.index.isin(grid)).all():
             raise ValueError(
-                f"the row {innovations.index[int(np.argmin(on_grid))]} is no whole number of steps of {spell(step)} "
+                f"the row {innovations.index[int(np.argmin(on_grid))]} is not a whole number of steps of {spell(step)} "
                 "after the first; sort the rows, or give their step as sampling_time=."
             )
         innovations = innovations.reindex(grid)

@@ -14,7 +14,7 @@ from .prediction_errors import PredictionErrorProblem
 
 
 @dataclass(frozen=True)
-class MultiStepProblem(PredictionErrorProblem):
+class ForecastErrorProblem(PredictionErrorProblem):
     """Least squares of forecast errors from hourly origins, over ``n_leads`` rows, the first origin at row ``first``.
 
     Overlapping forecasts share noise, so that errors at a lead of h hours count as one every h hours, and all leads of

@@ -23,7 +23,7 @@ class Minimum(NamedTuple):
     converged: bool
 
 
-class _Front(NamedTuple):
+class _PresentPoints(NamedTuple):
     """Present point of every start; the arrays are written in place."""
 
     x: np.ndarray  # (S, p)
@@ -51,7 +51,7 @@ def minimise_together(
     n, p = x.shape
     damping, growth, evaluations = np.full(n, _FIRST_DAMPING), np.full(n, 2.0), np.ones(n, dtype=np.int64)
     converged = np.full(n, not p)
-    front = _Front(x, merit, matrix, slope, _diagonal(matrix), damping, growth, evaluations, converged)
+    front = _PresentPoints(x, merit, matrix, slope, _diagonal(matrix), damping, growth, evaluations, converged)
     active = np.flatnonzero(np.isfinite(merit) & ~converged)
     while len(active):
         active = active[_advance(front, active, evaluate, low, high, tolerance)]
@@ -67,7 +67,7 @@ def _diagonal(matrix: np.ndarray) -> np.ndarray:
 
 
 def _advance(
-    front: _Front, active: np.ndarray, evaluate: Evaluate, low: np.ndarray, high: np.ndarray, tolerance: float
+    front: _PresentPoints, active: np.ndarray, evaluate: Evaluate, low: np.ndarray, high: np.ndarray, tolerance: float
 ) -> np.ndarray:
     """One trial step of the active starts; which of them go on, (len(active),) bool."""
     x, slope, matrix = front.x[active], front.slope[active], front.matrix[active]

@@ -15,7 +15,7 @@ from ..experiment import Experiment
 from ..gain_model import VENTILATION_SD, profile_basis, ventilation_series, week_cells
 
 
-class Channel(NamedTuple):
+class PeriodicChannel(NamedTuple):
     """One input with an unknown coefficient, which heats ``node`` by ``coefficient`` kW per unit."""
 
     name: str
@@ -65,7 +65,7 @@ class ChannelLayout:
         return {role: j for j, role in enumerate(self.network.inputs(self.roles))}
 
     @cached_property
-    def plain(self) -> tuple[tuple[Channel, str], ...]:
+    def plain(self) -> tuple[tuple[PeriodicChannel, str], ...]:
         """Capacities and areas that are solved inside, with the role of each."""
         out = []
         for source in self.sources:
@@ -75,18 +75,18 @@ class ChannelLayout:
                 sign = -1.0 if source.parameter.startswith("Q_c") else 1.0
                 sign = sign if source.parameter.startswith(("A_win", "Q_h", "Q_c")) else 0.0
                 name = f"{source.parameter}:{fraction or ''}" if len(source.shares) > 1 else source.parameter
-                out.append((Channel(name, self.place[node], sign), source.role))
+                out.append((PeriodicChannel(name, self.place[node], sign), source.role))
         return tuple(out)
 
     @cached_property
-    def channels(self) -> tuple[Channel, ...]:
+    def channels(self) -> tuple[PeriodicChannel, ...]:
         """Inputs with a coefficient that is solved inside: :attr:`plain`, then the gain of every disturbed node."""
         basis, sd, times = profile_basis()
         out = [channel for channel, _ in self.plain]
         for node in self.disturbed:
-            out += [Channel(f"profile_{j}", node, 0.0, sd[j], times[j]) for j in range(basis.shape[1])]
+            out += [PeriodicChannel(f"profile_{j}", node, 0.0, sd[j], times[j]) for j in range(basis.shape[1])]
             if self.ventilated:
-                out.append(Channel("ventilation", node, 0.0, VENTILATION_SD))
+                out.append(PeriodicChannel("ventilation", node, 0.0, VENTILATION_SD))
         return tuple(out)
 
     @property
@@ -137,7 +137,7 @@ class ChannelLayout:
 
 
 def physical(
-    plain: Sequence[Channel], values: Mapping[str, float], beta: np.ndarray
+    plain: Sequence[PeriodicChannel], values: Mapping[str, float], beta: np.ndarray
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Network parameters from searched values and inner coefficients, and their derivatives by the coefficients."""
     theta, turn, unit = dict(values), {}, np.eye(len(beta))

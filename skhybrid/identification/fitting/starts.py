@@ -32,7 +32,7 @@ def check_start(begin: Any, names: Collection[str], is_own: Callable[[str], bool
     given = as_mapping("theta_init", begin, "parameters to values")
     unknown = [name for name in given if name not in names and not is_own(name)]
     if unknown:
-        raise ValueError(f"theta_init names {unknown[0]!r}, which is none of {', '.join(sorted(names))}.")
+        raise ValueError(f"theta_init names {unknown[0]!r}, which is not one of {', '.join(sorted(names))}.")
 
 
 def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: np.ndarray) -> np.ndarray:

@@ -178,7 +178,7 @@ def _checked(fitted: Any, parameter: str, values: Sequence[float]) -> Parameter:
     if parameter in (fitted.known or {}):
         raise ValueError(f"{parameter} is given by known=, so the data have no say in it; drop it there.")
     if parameter in fitted.identifiability_.not_excited:
-        raise ValueError(f"{parameter} is moved by no row of the table, so there is nothing to profile.")
+        raise ValueError(f"{parameter} has no effect on any row of the table, so there is nothing to profile.")
     (found,) = (p for p in fitted.parameters_ if p.name == parameter)
     for value in values:
         if found.transform == "log" and not value * found.sign > 0:

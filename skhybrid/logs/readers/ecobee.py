@@ -124,9 +124,9 @@ def read(path: Path | str, timezone: str | None = None, dayfirst: bool | None = 
     temperatures = {role: c for role, c in known.items() if c is not None and frame[c].notna().any()}
     for role, plant, did in (("T_heat_set", "u_heat", "heated"), ("T_cool_set", "u_cool", "cooled")):
         if role in temperatures and plant not in roles:
-            notes.append(f"{temperatures.pop(role)!r} is not in force, for nothing {did} in this log.")
+            notes.append(f"{temperatures.pop(role)!r} is not in force, because nothing {did} in this log.")
     if text:
-        notes.append(f"left out, for they hold text: {', '.join(text)}.")
+        notes.append(f"left out, because they hold text: {', '.join(text)}.")
     return RawLog(
         frame, layout.name, units, temperatures | roles, scale, label="left", notes=(*notes, *plants, _NO_SUN)
     )

@@ -151,7 +151,7 @@ def _plants(frame: pd.DataFrame, notes: list[str]) -> dict[str, str]:
         elif first in frame and (frame[first] > 0).any():
             roles[f"u_{kind}"] = first
         else:
-            notes.append(f"no {kind}ing ran in this log, so that its set-point is not in force.")
+            notes.append(f"no {kind}ing ran in this log, so its set-point was never in force.")
     if auxiliary:
         role = "u_aux" if "u_heat" in roles else "u_heat"
         roles[role] = auxiliary[0]

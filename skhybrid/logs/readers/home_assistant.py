@@ -87,7 +87,7 @@ def _read_history(
     frame = pd.DataFrame({name: hold(*of, grid) for name, of in series.items()}, index=utc_index(grid, timezone))
     notes = [HELD_NOTE, "the CSV names no units; take them from Home Assistant."]
     if text:
-        notes.append(f"left out, for they have no numbers: {some_of(text)}.")
+        notes.append(f"left out, because they have no numbers: {some_of(text)}.")
     return RawLog(frame, "Home Assistant history", label="left", notes=tuple(notes))
 
 

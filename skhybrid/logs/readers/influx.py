@@ -77,7 +77,7 @@ def read(path: Path | str, timezone: str | None = None) -> RawLog:
     frame.index = index if timezone is None else index.tz_convert(zone_of(timezone))
     notes = ["the stamps of aggregateWindow end their window unless it was told timeSrc: '_start'."]
     if text - set(found):
-        notes.append(f"left out, for they hold text: {some_of(text - set(found))}.")
+        notes.append(f"left out, because they hold text: {some_of(text - set(found))}.")
     units = {name: unit for name in found if (unit := unit_or_energy(name.split(" ")[0]))}
     return RawLog(frame, "InfluxDB annotated CSV", units, notes=tuple(notes))
 

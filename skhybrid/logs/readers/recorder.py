@@ -158,7 +158,7 @@ def _read_states(
     frame = pd.DataFrame(held, index=utc_index(grid, timezone))
     notes = [HELD_NOTE, *_blank_outages(database, frame, grid, tables)]
     if text:
-        notes.append(f"left out, for they have no numbers: {some_of(text)}.")
+        notes.append(f"left out, because they have no numbers: {some_of(text)}.")
     climates = [name for name in chosen if name.startswith("climate.") and f"{name}.current_temperature" in frame]
     weather = [c for c in held if c.startswith("weather.")]
     roles = climate_roles(climates, held) | ({"T_oa": weather[0]} if len(weather) == 1 else {})

@@ -124,7 +124,7 @@ def select_case(
     regression = _regression(candidates, overview, cases=tuple(cases), best_sizes=best_sizes, group=group, **sampler)
     kept, demanded, reasons = _with_helpful_ingredients(overview, regression, level)
     robust = RobustnessComparison(by=_BY, level=level, **sampler).fit(candidates[_keys(candidates).isin(kept)])
-    chosen, rules = _narrowed(overview, robust, _framework_effects(overview, regression))
+    chosen, rules = _choose_by_rules(overview, robust, _framework_effects(overview, regression))
     baselines = _baselines(table[~is_case], robust, chosen, level)
     sufficient, last = _verdict_on_baselines(baselines, overview["median"][chosen])
     identity: dict[str, Any] = {part: str(overview[part][chosen]) for part in IDENTITY}
@@ -224,7 +224,9 @@ def _framework_effects(overview: pd.DataFrame, regression: PatternExpressiveness
     return {name: float(means.get(framework_label(name), 0.0)) for name in overview["framework"].unique()}
 
 
-def _narrowed(overview: pd.DataFrame, robust: RobustnessComparison, effects: dict[str, float]) -> tuple[str, list[str]]:
+def _choose_by_rules(
+    overview: pd.DataFrame, robust: RobustnessComparison, effects: dict[str, float]
+) -> tuple[str, list[str]]:
     """The case that the rules choose, and one sentence per rule."""
     left = overview.loc[robust.indistinguishable_]
     best = overview.loc[robust.best_]

@@ -245,10 +245,10 @@ def _sizes(models: Mapping[str, Any], size: Any) -> dict[str, dict[str, list[Any
 
 def _as_lists(sizes: Mapping[str, Any]) -> dict[str, list[Any]]:
     single = {key for key, values in sizes.items() if isinstance(values, str) or not isinstance(values, Iterable)}
-    return {key: [values] if key in single else _unlike(values) for key, values in sizes.items()}
+    return {key: [values] if key in single else _distinct(values) for key, values in sizes.items()}
 
 
-def _unlike(values: Iterable[Any]) -> list[Any]:
+def _distinct(values: Iterable[Any]) -> list[Any]:
     """Each value once: a search would count a copy as a further size."""
     found: list[Any] = []
     for value in values:

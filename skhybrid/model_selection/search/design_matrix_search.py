@@ -26,14 +26,14 @@ from ..splitters import default_split
 from .candidates import BASELINE, forecaster_prefix, last_step, model_of
 from .design_matrix import IDENTITY, DesignMatrix
 from .fingerprint import settings_of
-from .halving import Outcome, check_halving, run_all, run_halving
+from .halving import SearchOutcome, check_halving, run_all, run_halving
 from .runner import Runner
 from .store import ResultStore
 from .tasks import MeasuredRmse, Problem
 
 
 class DesignMatrixSearchCV(BaseSearchCV):
-    """Search over a design matrix: resumable, distributed, and not ended by candidates that fail.
+    """Search over a design matrix: it can be resumed and distributed, and goes on where candidates fail.
 
     It gives the results of ``GridSearchCV`` over the same candidates, bit for bit if every ``random_state`` is a
     number, but reads each split once, identifies the network of each split once, and trains only forecasters after
@@ -209,7 +209,9 @@ class DesignMatrixSearchCV(BaseSearchCV):
             raise ValueError("the parameter grid is empty; give at least one candidate.")
         return found
 
-    def _run(self, problem: Problem, candidates: Sequence[dict[str, Any]]) -> tuple[Outcome, Outcome | None]:
+    def _run(
+        self, problem: Problem, candidates: Sequence[dict[str, Any]]
+    ) -> tuple[SearchOutcome, SearchOutcome | None]:
         settings = settings_of(self.estimator, problem.X, problem.y, problem.splits, self.scoring)
         rule = None if self.halving is None else check_halving(self.halving)
         with ResultStore(self.store, settings) as store, Workers(self.n_jobs) as workers:
@@ -225,14 +227,16 @@ class DesignMatrixSearchCV(BaseSearchCV):
             return run_halving(runner.run, problem.estimator, candidates, *rule), baselines
 
     @staticmethod
-    def _metrics(outcome: Outcome) -> list[str]:
+    def _metrics(outcome: SearchOutcome) -> list[str]:
         good = next((one for row in outcome.results for one in row if one.error is None), None)
         if good is None:
             cause = first_sentence(_error_told(outcome.results[0][0].error))
             raise ValueError(f"every candidate failed (error_score='raise' shows where), the first with {cause}.")
         return list(good.scores)
 
-    def _assemble(self, candidates: list[dict[str, Any]], outcome: Outcome, baselines: Outcome | None) -> None:
+    def _assemble(
+        self, candidates: list[dict[str, Any]], outcome: SearchOutcome, baselines: SearchOutcome | None
+    ) -> None:
         """Set ``cv_results_``, ``results_`` and ``halving_``; warn of failed and stopped candidates."""
         names = self._metrics(outcome)
         self.multimetric_ = names != ["score"]
@@ -269,7 +273,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         return pd.DataFrame([{name: c.get(name, np.nan) for name in names} for c in candidates])
 
     @staticmethod
-    def _table(table: pd.DataFrame, outcome: Outcome) -> pd.DataFrame:
+    def _table(table: pd.DataFrame, outcome: SearchOutcome) -> pd.DataFrame:
         rmse = np.array([[one.rmse for one in row] for row in outcome.results])
         epochs = [[np.nan if one.n_epochs is None else one.n_epochs for one in row] for row in outcome.results]
         errors = [next((one.error for one in row if one.error is not None), None) for row in outcome.results]

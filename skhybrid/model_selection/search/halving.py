@@ -18,7 +18,7 @@ _COLUMNS = ["max_epochs", "n_candidates", "n_stopped", "worst_kept"]
 _Run = Callable[[Sequence[Mapping[str, Any]], str], list[list[Result]]]
 
 
-class Outcome(NamedTuple):
+class SearchOutcome(NamedTuple):
     """Results of all candidates, in their order."""
 
     results: list[list[Result]]  # by candidate and split
@@ -36,7 +36,9 @@ def check_halving(halving: Any) -> tuple[int, int]:
     return int(given[0]), int(given[1])
 
 
-def run_halving(run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]], first: int, factor: int) -> Outcome:
+def run_halving(
+    run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any]], first: int, factor: int
+) -> SearchOutcome:
     """Train networks for ``first`` epochs, the best ``1 / factor`` of them for ``factor`` times as many, and so on.
 
     ``run`` takes candidates and a note for the progress bar.  Candidates without a network are fitted to the end.
@@ -60,12 +62,12 @@ def run_halving(run: _Run, estimator: Any, candidates: Sequence[Mapping[str, Any
     kept = [i for i, stopped in enumerate(stopped_at) if np.isnan(stopped)]
     for i, row in zip(kept, run([candidates[i] for i in kept], ""), strict=True):
         results[i] = row
-    return Outcome(results, stopped_at, pd.DataFrame(rungs, columns=_COLUMNS))
+    return SearchOutcome(results, stopped_at, pd.DataFrame(rungs, columns=_COLUMNS))
 
 
-def run_all(run: _Run, candidates: Sequence[Mapping[str, Any]]) -> Outcome:
+def run_all(run: _Run, candidates: Sequence[Mapping[str, Any]]) -> SearchOutcome:
     """Run all candidates to the end."""
-    return Outcome(run(candidates, ""), np.full(len(candidates), np.nan), pd.DataFrame(columns=_COLUMNS))
+    return SearchOutcome(run(candidates, ""), np.full(len(candidates), np.nan), pd.DataFrame(columns=_COLUMNS))
 
 
 def _networks(estimator: Any, candidates: Sequence[Mapping[str, Any]], prefix: str) -> tuple[np.ndarray, np.ndarray]:
