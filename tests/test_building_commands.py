@@ -269,6 +269,10 @@ def test_a_heated_zone_without_set_points_runs_as_usual_or_as_planned(held, tmp_
     rows[N_KNOWN - 1 : N_KNOWN + 25][["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)
     by_option = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("kitchen:21,24",), ZONES)).frame
     np.testing.assert_allclose(by_option["Q_hvac_hall"], found.frame["Q_hvac_hall"], atol=0.5)
+    for_all = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24",), ZONES))
+    assert any("the thermostat of hall is an ideal one" in text for text in for_all.remarks)
+    assert {"q_0.1_hall", "q_0.1_kitchen", "Q_hvac_0.1_kitchen"} <= set(for_all.frame)
+    assert "Q_hvac_0.1_hall" not in for_all.frame
 
 
 def test_a_day_of_a_building_sums_heating_and_cooling_of_each_zone():

@@ -316,13 +316,14 @@ class ZoneModel:
         limits = None if wanted is None else self._limits()
         ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
         setpoint = wanted if self.zones or wanted is None else wanted[""]
-        if not self.ideal_zones(future):
-            return of_whole_plant(self._with_intervals(history, ahead, setpoint, limits))
-        found = self.predictor.forecast(history, ahead, setpoint=setpoint, limits=limits)
+        found = self._with_intervals(history, ahead, setpoint, limits)
+        ideal = self.ideal_zones(future)
+        if not ideal:
+            return of_whole_plant(found)
         bands = self._with_intervals(history, ahead.assign(**{r: found[r] for r in self._plant() if r in found}))
         if self.zones:  # each model of a zone has its own heat, and the temperature is that under their blend
-            found = found.assign(**{role: bands[role] for role in self.settings.roles_of("T_za")})
-        return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_")]])
+            found = found.assign(**{role: bands[role] for role in (f"T_za_{zone}" for zone in ideal)})
+        return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_") and c not in found]])
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write predictor and settings to one file, which is replaced in one step.
