@@ -16,9 +16,10 @@ import pytest
 from skhybrid.cli import main
 from skhybrid.cli._output import Progress
 from skhybrid.cli._study import read_study
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
-from skhybrid.study import read_settings
+from skhybrid.study import read_settings, split_log
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
@@ -109,6 +110,23 @@ ROOMS = {
     "numbers": (["Room 1 temp (°C)", "Room 2 temp (°C)", "Valve room 1 (%)", "room_2 valve"], {
         "T_za_room1": "Room 1 temp (°C)", "u_heat_room1": "Valve room 1 (%)", "T_za_room2": "Room 2 temp (°C)",
         "u_heat_room2": "room_2 valve"}),
+    "bedrooms": (["Living room temp", "Living room valve", "Bedroom 1 temp", "Bedroom 1 valve",
+                  "Bedroom 1 set-point"], {
+        "T_za_living": "Living room temp", "u_heat_living": "Living room valve", "T_za_bedroom1": "Bedroom 1 temp",
+        "u_heat_bedroom1": "Bedroom 1 valve", "T_heat_set_bedroom1": "Bedroom 1 set-point"}),
+    "words of one room": (["Kitchen temp", "Kitchen valve", "Kitchen floor temp", "Hall temp", "Hall valve",
+                           "master_bedroom_temp", "Valve master bedroom"], {
+        "T_za_kitchen": "Kitchen temp", "u_heat_kitchen": "Kitchen valve", "T_za_hall": "Hall temp",
+        "u_heat_hall": "Hall valve", "T_za_master_bedroom": "master_bedroom_temp",
+        "u_heat_master_bedroom": "Valve master bedroom"}),
+    "radiators": (["Kitchen temp", "Kitchen radiator temp", "Hall temp", "Hall radiator temp", "Kitchen valve",
+                   "Hall valve"], {
+        "T_za_kitchen": "Kitchen temp", "u_heat_kitchen": "Kitchen valve", "T_za_hall": "Hall temp",
+        "u_heat_hall": "Hall valve"}),
+    "a room of another form": (["Kitchen temp", "Kitchen valve", "Hall temp", "Hall valve",
+                                "Indoor temp of big red attic", "Big red attic valve", "Big red attic set-point"], {
+        "T_za_kitchen": "Kitchen temp", "u_heat_kitchen": "Kitchen valve", "T_za_hall": "Hall temp",
+        "u_heat_hall": "Hall valve"}),
     "places": (["Room air temp", "Room floor temp", "Heat stage"], {"T_za": "Room air temp", "u_heat": "Heat stage"}),
 }  # fmt: skip
 
@@ -119,6 +137,21 @@ def test_rooms_are_found_in_names(case):
     index = pd.date_range("2024-01-01", periods=48, freq="1h")
     report = LogReport(pd.DataFrame(np.random.default_rng(0).uniform(0.1, 0.9, (48, len(names))), index, names))
     assert report.roles == expected
+
+
+def test_a_room_that_was_renamed_is_an_error_that_names_both():
+    index = pd.date_range("2024-01-01", periods=48, freq="1h")
+    rng = np.random.default_rng(0)
+    names = ["T_oa", "T_za_hall", "Q_hvac_hall", "T_za_guest", "Q_hvac_guest", "T_za_spare", "Q_hvac_spare"]
+    log = pd.DataFrame(rng.uniform(18.0, 22.0, (48, 7)), index, names)
+    log.iloc[20:, 3:5], log.iloc[:20, 5:] = np.nan, np.nan
+    (found,) = (one for one in LogReport(log).findings if one.level == "error")
+    text = (
+        "T_za_guest ends at 2024-01-01 19:00:00 and T_za_spare begins at 2024-01-01 20:00:00, so that no row has both"
+    )
+    assert found.text.startswith(text)
+    with pytest.raises(ValueError, match=r"; Q_hvac_guest ends at .* and Q_hvac_spare begins at .*: is this one room"):
+        split_log(log, settings_from({"columns": {role: role for role in names}, "step": "1h"}))
 
 
 def test_one_plant_is_one_zone():
@@ -212,6 +245,34 @@ def test_a_zone_without_a_plant_needs_no_set_point_and_leaves_others_their_therm
     for given in ("21,24", "hall:22,24"), ("hall:22,24",):
         with pytest.raises(ValueError, match=r"--setpoint names 'hall', which .*; name one of 'kitchen'\."):
             day_ahead(model, rows[:N_KNOWN], weather, schedules_of(given, ZONES))
+
+
+def test_a_heated_zone_without_set_points_runs_as_usual_or_as_planned(held, tmp_path):
+    """In rows ahead with the set-points of others: the hall was taken as not heated at all."""
+    names = {"T_heat_set": "T_heat_set_kitchen", "T_cool_set": "T_cool_set_kitchen"}
+    rows = held[1].drop(columns=list(names.values())).rename(columns=names)
+    settings = tomllib.loads(CONFIG)
+    settings["columns"] = {role: role for role in rows}
+    model = ZoneModel.fit(settings_from(settings), rows[:N_KNOWN])
+    assert model.facts()["thermostat"] == "learned in part (no set-points of hall in the log)"
+    of_log = rows[: N_KNOWN + 24].copy()
+    of_log.loc[of_log.index[N_KNOWN:], [c for c in rows if c.startswith(("T_za", "Q_"))]] = np.nan
+    with pytest.warns(SkhybridWarning, match="zone 'hall': no thermostat was learned, as the training had no set-poin"):
+        found = day_ahead(model, of_log)
+    assert {"Q_hvac_0.1_hall", "Q_hvac_0.1_kitchen"} <= set(found.frame)
+    usual = rows["Q_hvac_hall"][:N_KNOWN].mean()
+    assert found.frame["Q_hvac_hall"].mean() == pytest.approx(usual, rel=0.5)
+    planned = day_ahead(model, of_log.assign(Q_hvac_hall=rows["Q_hvac_hall"])).frame
+    assert "Q_hvac_hall" not in planned
+    assert "Q_hvac_0.1_kitchen" in planned
+    weather = tmp_path / "weather.csv"
+    rows[N_KNOWN - 1 : N_KNOWN + 25][["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)
+    by_option = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("kitchen:21,24",), ZONES)).frame
+    np.testing.assert_allclose(by_option["Q_hvac_hall"], found.frame["Q_hvac_hall"], atol=0.5)
+    for_all = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24",), ZONES))
+    assert any("the thermostat of hall is an ideal one" in text for text in for_all.remarks)
+    assert {"q_0.1_hall", "q_0.1_kitchen", "Q_hvac_0.1_kitchen"} <= set(for_all.frame)
+    assert "Q_hvac_0.1_hall" not in for_all.frame
 
 
 def test_a_day_of_a_building_sums_heating_and_cooling_of_each_zone():

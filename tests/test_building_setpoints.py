@@ -9,6 +9,7 @@ import pytest
 
 from skhybrid import BuildingPredictor, HybridPredictor
 from skhybrid.datasets import make_house
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.thermostat_law import boosted_trees, law_refits
 from skhybrid.model_selection import backtest
@@ -16,9 +17,10 @@ from skhybrid.preprocessing import GapFiller
 from skhybrid.schedule import schedule_loads
 from skhybrid.study import Settings, split_log
 from skhybrid.study.building_outputs import format_zones, write_building
-from skhybrid.study.building_setpoints import ZonesSetpointsKnown, unusable_day
+from skhybrid.study.building_setpoints import ZonesSetpointsKnown, unusable_day, zone_of
 from skhybrid.study.building_study import run_building
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
+from skhybrid.study.judgement import Doubts
 from skhybrid.study.load_rules import LAST_WEEK, USUAL
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.zone.zone_backtest import backtest_building
@@ -56,6 +58,15 @@ def model(log):
 @pytest.fixture(scope="module")
 def later(log):
     return log[TRAINED:]
+
+
+@pytest.fixture(scope="module")
+def as_usual(log):
+    """A building with the rows after its training: no set-points in the kitchen, a bedroom that was not heated yet."""
+    rows = log.drop(columns=log.filter(like="_set_kitchen").columns)
+    rows.iloc[:TRAINED, rows.columns.get_loc("Q_hvac_bedroom")] = 0.0
+    made = BuildingPredictor(HybridPredictor(network="1R1C"), adjacency=DOORS)
+    return made.fit(rows[:TRAINED], rows[T_OF][:TRAINED]), rows[TRAINED:]
 
 
 def values_of(found):
@@ -105,13 +116,40 @@ def test_errors_of_the_weather_forecast_are_those_of_each_origin_in_all_zones(mo
     np.testing.assert_allclose(chosen["y_pred"], found.paths.temperature[0], atol=1e-9)
 
 
+@pytest.mark.filterwarnings("default::skhybrid.exceptions.SkhybridWarning")
+def test_plants_whose_thermostat_was_not_learned_run_as_usual(as_usual):
+    """Beside thermostats: the kitchen has no set-points, and the bedroom was never heated in training."""
+    model, later = as_usual
+    assert model.thermostat_learned_ == {"living": True, "kitchen": False, "bedroom": False}
+    with pytest.warns(SkhybridWarning, match="'kitchen': no thermostat was learned, as the training had no set-points"):
+        frame = backtest(model, later, later[T_OF], start=later.index[2 * DAY], quantiles=LEVELS, heat_known=False)
+    assert frame.notna().all(axis=None)
+    missed = (frame["Q_hvac_pred"] - frame["Q_hvac_true"]).groupby(frame["zone"]).std()
+    assert missed["kitchen"] < 0.7 * frame["Q_hvac_true"].groupby(frame["zone"]).std()["kitchen"]
+    origin = 5 * DAY
+    ahead = later[origin : origin + DAY].drop(columns=[*T_OF, *Q_OF])
+    now = dict(zip(ZONES, later[T_OF].iloc[origin], strict=True))
+    found = model.forecast(later[:origin], ahead, now, quantiles=LEVELS)
+    for zone in ZONES:
+        own = frame[(frame["zone"] == zone) & (frame["origin"] == later.index[origin])]
+        np.testing.assert_allclose(own["y_pred"].to_numpy()[:-1], found[f"T_za_{zone}"].to_numpy()[1:], atol=1e-9)
+        np.testing.assert_allclose(own["Q_hvac_0.9"][:-1], found[f"Q_hvac_0.9_{zone}"][:-1], atol=1e-9)
+    same = model.forecast(later[:origin], ahead, now, {"living": later["T_heat_set_living"].iloc[0], "kitchen": None})
+    assert same["Q_hvac_kitchen"].mean() == pytest.approx(found["Q_hvac_kitchen"].mean(), rel=0.3)
+    planned = model.forecast(later[:origin], ahead.assign(Q_hvac_kitchen=0.0), now)
+    assert "Q_hvac_kitchen" not in planned
+    assert planned["T_za_kitchen"].mean() < found["T_za_kitchen"].mean() - 1.0
+
+
+@pytest.mark.parametrize("case", ["thermostats", "as usual"])
 @pytest.mark.parametrize("origin", [3 * DAY + 5, 7 * DAY, pytest.param(7 * DAY + 1, marks=pytest.mark.slow)])
-def test_nothing_measured_after_an_origin_is_read_in_any_zone(model, later, origin, monkeypatch):
+def test_nothing_measured_after_an_origin_is_read_in_any_zone(model, later, as_usual, case, origin, monkeypatch):
     """Also not by what is learned at the beginning of a week, nor to judge the forecasts of the days before.
 
     A load that is held for hours, as in rooms with slow heaters, looks ahead the farthest.
     """
     monkeypatch.setattr(schedule_loads, "steps_ahead", lambda *system: 6)
+    model, later = as_usual if case == "as usual" else (model, later)
     other = later_changed(later, origin)
     other.loc[other.index[origin + DAY] :, other.filter(like="_set_").columns] -= 2.0  # after the horizon
     found = [forgetful(model).closed_loop_from(rows, [2 * DAY, origin], "1D", LEVELS) for rows in (later, other)]
@@ -132,7 +170,7 @@ def test_the_heat_of_the_row_of_an_origin_is_not_read(model, later):
 def forgetful(model):
     """The model without the laws that it learned of later weeks."""
     for one in (*model.own_.values(), *(coupled.model for coupled in model.coupled_.values())):
-        one._law._refits._found = {}
+        one._running()._law._refits._found = {}
     return model
 
 
@@ -263,6 +301,21 @@ def test_a_study_scores_each_zone_and_all_together(log, model, later):
     assert held.whole.table.loc[HYBRID, "load_rmse"] == pytest.approx(np.sqrt((pd.concat(of_all) ** 2).mean()))
     assert held.whole.load_coverage == pytest.approx(np.mean([one.load_coverage for one in held.zones.values()]))
     assert f"errs by {np.sqrt(errors.mean()):.2f} K" in held.whole.words
+    assert held.as_usual == ""
+
+
+def test_a_study_says_which_plants_run_as_usual(log, as_usual):
+    model, later = as_usual
+    bare = log.drop(columns=log.filter(like="_set_kitchen").columns)
+    start, settings, remarks = later.index[DAY], settings_of(bare), []
+    yesterday = yesterday_of(log, later[: 4 * DAY], start)
+    held = ZonesSetpointsKnown.of(model, (bare[:TRAINED], later[: 4 * DAY]), start, yesterday, settings, remarks)
+    assert remarks == []
+    assert held.as_usual == "No thermostat was learned of kitchen, bedroom; their heat is forecast as it usually was."
+    verdicts = held.zones["kitchen"].verdicts(zone_of(yesterday, "kitchen"), Doubts([], []), scaled=True)
+    reason = "the weather was known ahead; no thermostat was learned, so the heat was forecast as usual"
+    assert [one.reasons[0] for one in verdicts] == [reason, reason]
+    assert unusable_day(later[:DAY], settings) == ""
 
 
 def test_without_set_points_there_is_no_such_test_and_wrong_ones_are_told(log, model, later):

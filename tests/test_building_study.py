@@ -101,14 +101,14 @@ def test_a_study_has_errors_and_verdicts_of_each_zone(study):
 
 def test_a_study_of_rooms_that_share_a_boiler_has_no_loads(log, tmp_path):
     heat = ["Q_hvac_kitchen", "Q_hvac_hall"]
-    boiler = log.drop(columns=heat).assign(u_heat=log[heat].sum(axis=1) / log[heat].sum(axis=1).max())
+    boiler = log.drop(columns=heat).assign(Boiler=log[heat].sum(axis=1) / log[heat].sum(axis=1).max())
     boiler.to_csv(tmp_path / "log.csv")
-    config = CONFIG.replace('Q_hvac_kitchen = "Q_hvac_kitchen"', 'u_heat = "u_heat"')
+    config = CONFIG.replace('Q_hvac_kitchen = "Q_hvac_kitchen"', 'u_heat = "Boiler"')
     (tmp_path / "house.toml").write_text(config.replace('Q_hvac_hall = "Q_hvac_hall"', ""))
     assert run("run", tmp_path / "log.csv", "--config", tmp_path / "house.toml", "--out", tmp_path / "out") == 0
     found = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert {one["quantity"] for one in found["verdicts"]} == {f"temperature of {zone}" for zone in ZONES}
-    assert "the zones share the plant of the column u_heat" in (tmp_path / "out" / "report.html").read_text()
+    assert "the zones share the plant of the column Boiler" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_yesterday_is_the_temperature_of_the_zone_a_day_before(study, log):

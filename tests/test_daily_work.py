@@ -480,7 +480,7 @@ def test_kilowatts_of_a_building_are_scaled_where_those_of_each_heated_zone_are(
 def test_what_a_user_is_told_of_weather_that_training_did_not_have():
     zone = SimpleNamespace(
         settings=settings_from({"columns": COLUMNS}),
-        thermostat_learned=True,
+        ideal_zones=lambda ahead: [],
         not_learned={},
         covered=lambda: {"T_oa": (0.0, 10.0), "u_heat": (0.0, 1.0)},
         scaled=True,

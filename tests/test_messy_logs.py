@@ -413,11 +413,11 @@ def test_a_blank_set_point_of_a_plant_that_is_off(plant, filled, zone):
     """Held at 21 degC, the errors of a forecast under set-points were three times those with the true set-back."""
     frame, day = blank_at_night({f"{role}{zone}": values for role, values in plant.items()}, zone)
     found, remarks = filled_setpoints(frame)
-    low = 14.0 if filled else np.nan
-    np.testing.assert_array_equal(found[f"T_heat_set{zone}"], np.where(day, 21.0, low))
-    assert len(remarks) == filled
-    if filled:
-        assert remarks[0].startswith(f"T_heat_set{zone} is missing in 56 rows in which the plant is off: 14 degC")
+    held = np.where(np.isin(np.arange(len(day)), [*range(6), 166, 167]), np.nan, 21.0)  # neither before nor after
+    np.testing.assert_array_equal(found[f"T_heat_set{zone}"], np.where(day, 21.0, 14.0) if filled else held)
+    rows = "56 rows in which the plant is off: 14 degC" if filled else "48 rows, first 2024-03-04 22:00:00: that of the"
+    assert remarks[0].startswith(f"T_heat_set{zone} is missing in {rows}")
+    assert len(remarks) == 1
     assert found.drop(columns=f"T_heat_set{zone}").equals(frame.drop(columns=f"T_heat_set{zone}"))
 
 
@@ -425,6 +425,17 @@ def test_single_blanks_of_a_set_point_are_gaps():
     frame, _ = blank_at_night({"Q_hvac": lambda day, t: 0.0 * day})
     frame["T_heat_set"] = np.where(np.arange(len(frame)) % 10 == 3, np.nan, 21.0)
     assert filled_setpoints(frame)[1] == []
+
+
+def test_set_points_that_are_not_logged_for_a_week_are_those_of_another_week():
+    """In one room of a building: a study was refused, and other commands held the last one, of the night."""
+    stamps = pd.date_range("2024-03-04", periods=21 * 24, freq="1h")
+    true = np.where((stamps.hour >= 6) & (stamps.day_of_week < 5), 21.0, 17.0)
+    log = pd.DataFrame({"T_za_hall": 20.0, "Q_hvac_hall": 1.0, "T_heat_set_hall": true}, stamps)
+    log.iloc[8 * 24 : 15 * 24, 2] = np.nan
+    found, (remark,) = filled_setpoints(log)
+    np.testing.assert_array_equal(found["T_heat_set_hall"], true)
+    assert remark.startswith("T_heat_set_hall is missing in 168 rows, first 2024-03-12 00:00:00: that of the week")
 
 
 def test_blank_set_points_are_filled_where_a_log_is_read(write):

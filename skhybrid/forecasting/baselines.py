@@ -24,13 +24,18 @@ def _means(levels: np.ndarray, target: np.ndarray, n_levels: int, fallback: np.n
     return np.where(counts >= MIN_COUNT, sums / np.maximum(counts, 1), fallback)
 
 
+def means_by_hour(table: ZoneTable, target: np.ndarray) -> np.ndarray:
+    """(48,) mean of the known targets by hour and kind of day, that of all where an hour has fewer than MIN_COUNT."""
+    return _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, np.nanmean(target)))
+
+
 class WeeklyProfile:
     """``"profile"``: the mean by hour (or step) of week, else by hour of weekday or weekend, else of all."""
 
     def fit(self, table: ZoneTable, target: np.ndarray) -> Self:
         """Average the training target."""
         slots, self.n_slots_ = slot_of_day(table.time, table.step), rows_per_day(table.step)
-        by_hour = _means(day_type_hour(table), target, N_CELLS, np.full(N_CELLS, np.nanmean(target)))
+        by_hour = means_by_hour(table, target)
         hours = np.floor(np.arange(self.n_slots_) * 24.0 / self.n_slots_ + 1e-9).astype(np.int64)
         day_types = np.repeat([0, 0, 0, 0, 0, 24, 24], self.n_slots_)
         fallback = by_hour[np.tile(hours, 7) + day_types]

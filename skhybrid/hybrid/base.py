@@ -29,6 +29,7 @@ from .parts import fit_preprocess
 from .scheme import Scheme
 from .setpoint_columns import check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
+from .thermostat_law.usual_temperature import UsualTemperature
 
 #: what a forecast takes in from the history up to its origin
 Adapt = Literal["linear", "full"] | None
@@ -52,6 +53,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     max_missing: float
     intervals: bool  # whether fit learns them
     _law: ClosedLoop | None  # of thermostat and plant; None where the training had no set-points
+    _usual_law: ClosedLoop | None = None  # of a plant without set-points, where those of other zones are known
 
     def _make_scheme(self) -> Scheme:
         """The scheme, unfitted, by the parameters, which it checks."""
@@ -111,7 +113,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
         self._learned_to = scheme.rows.last_stamp
         self.training_ = TrainingRecord.of(training)
-        self._law = ClosedLoop.fit(scheme, self._most_leads(training.step))
+        self._law, self._usual_law = ClosedLoop.fit(scheme, self._most_leads(training.step)), None
         self._learn_intervals(intervals)
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -140,6 +142,24 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         """Whether the training had set-points, so that a thermostat was learned."""
         check_is_fitted(self)
         return self._law is not None
+
+    def _learn_usual(self) -> None:
+        """Learn how the plant usually runs, to forecast it without set-points."""
+        usual = UsualTemperature.of(self._scheme.rows.training)
+        self._usual_law = ClosedLoop.fit(self._scheme, self._most_leads(self.sampling_time_), usual)
+
+    @property
+    def _has_usual_plant(self) -> bool:
+        """Whether no thermostat was learned, but how the plant usually runs."""
+        return self._law is None and self._usual_law is not None
+
+    def _running(self) -> Self:
+        """This predictor, or where no thermostat was learned a copy whose plant runs as it usually did."""
+        if not self._has_usual_plant:
+            return self
+        made = copy(self)
+        made._law = self._usual_law
+        return made
 
     def _read_building(self, X: pd.DataFrame, columns: Mapping[str, Any], past: Sequence[str]) -> ZoneTable:
         """Rows of a building that follow the known ones, by the columns of all its zones; ``past`` may be missing."""
@@ -286,7 +306,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
         self._learned_to = self._scheme.rows.last_stamp
-        self._law = ClosedLoop.fit(self._scheme, self._most_leads(table.step))
+        self._law, self._usual_law = ClosedLoop.fit(self._scheme, self._most_leads(table.step)), None
         self.training_ = TrainingRecord.of(self._scheme.rows.training, self._scheme.rows.latest)
         return self
 

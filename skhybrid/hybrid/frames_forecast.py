@@ -20,15 +20,12 @@ from ..forecasting.quantiles import load_quantile_columns, quantile_columns, rea
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .frames_reading import FramesReadingMixin
 from .scheme import Paths, Scheme
-from .setpoint_columns import band_of, check_setpoints, setpoints_in, with_band
-from .thermostat_law.closed_loop import ClosedLoop
+from .setpoint_columns import band_of, setpoints_in, with_band
 from .thermostat_law.closed_loop_paths import ClosedLoopPaths
 
 
 class FramesForecastMixin(FramesReadingMixin):
     """``forecast`` and ``predict_load`` of the hybrid predictors."""
-
-    _law: ClosedLoop | None
 
     @one_blas_thread
     def forecast(
@@ -167,7 +164,7 @@ class FramesForecastMixin(FramesReadingMixin):
                     "future has set-points and no heat, but no thermostat was learned: fit on a week or more with "
                     "T_heat_set or T_cool_set and the heat, or pass setpoint= for an ideal plant."
                 )
-            check_setpoints(ahead)
+            self._law.check(ahead)
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
         # the heat of the last known row has been delivered; that of a row whose temperature is now is to be decided
@@ -228,8 +225,8 @@ class FramesForecastMixin(FramesReadingMixin):
         """Whether rows ahead have set-points and no column of the plant."""
         names = future.roles if isinstance(future, ZoneTable) else future.columns
         of = (lambda role: role) if isinstance(future, ZoneTable) else self._column_of
-        held = bool(self._plant) and any(of(role) in names for role in SETPOINT_ROLES)
-        return held and not any(of(role) in names for role in self._plant)
+        held = self._runs_as_usual or any(of(role) in names for role in SETPOINT_ROLES)
+        return held and bool(self._plant) and not any(of(role) in names for role in self._plant)
 
     def _idle(self, future: Any) -> Any:
         """Rows ahead with a plant that is off, whatever they say of it; set-points that are absent are missing."""
@@ -348,12 +345,12 @@ class FramesForecastMixin(FramesReadingMixin):
             raise ValueError("origins must be increasing row numbers of X, at least one.")
         table = self._with_earlier(table)
         here = table.rows(slice(table.n_history, None))
-        if self._law is None or not setpoints_in(here):
+        if self._law is None or not (self._runs_as_usual or setpoints_in(here)):
             raise ValueError(
                 "no thermostat was learned, or X has no set-points: fit on a week or more with T_heat_set or "
                 "T_cool_set and the heat, and give the same columns here."
             )
-        check_setpoints(here)
+        self._law.check(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         scheme, rows, weather = self._present_scheme(), rows + table.n_history, read_weather_error(weather_error)
         refuse_boundary(boundary or {}, scheme.planned_boundaries, (len(rows), n_leads))

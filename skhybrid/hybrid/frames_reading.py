@@ -31,6 +31,7 @@ from ..control import Plan, warn_uncovered
 from ..thermal import RCNetwork
 from .parts import preprocessed
 from .scheme_intervals import HybridQuantilesMixin
+from .thermostat_law.closed_loop import ClosedLoop
 
 
 def _at_now(table: ZoneTable, first: int, T_za: float | None) -> tuple[ZoneTable, np.ndarray]:
@@ -47,6 +48,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
     sampling_time: Any
     holidays: Any
     preprocess_: Any
+    _law: ClosedLoop | None
 
     def _reading(self) -> dict[str, Any]:
         """Arguments with which tables are read."""
@@ -131,6 +133,11 @@ class FramesReadingMixin(HybridQuantilesMixin):
     def _plant(self) -> list[str]:
         """Roles of the plant."""
         return [role for role in self._scheme.rows.training.inputs if is_plant(role)]
+
+    @property
+    def _runs_as_usual(self) -> bool:
+        """Whether the plant is forecast without set-points."""
+        return self._law is not None and self._law.usual is not None
 
     def _refuse_without_heat(self, future: Any) -> None:
         """Refuse rows ahead without a column of the plant in the words of both tasks."""

@@ -291,7 +291,12 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
                 )
     if not kept:
         cells = next(
-            (f"; its cells are such as {channel.odd[0]!r}" for channel in channels.values() if channel.odd[1]), ""
+            (
+                f"; its cells are such as {channel.usual_word[0]!r}"
+                for channel in channels.values()
+                if channel.usual_word[1]
+            ),
+            "",
         )
         raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps{cells}.")
     return kept

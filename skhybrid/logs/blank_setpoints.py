@@ -1,4 +1,4 @@
-"""Set-points that are blank while the plant is off, as where a controller logs none at night."""
+"""Set-points that are blank: while the plant is off, as where a controller logs none at night, or not logged."""
 
 from __future__ import annotations
 
@@ -17,10 +17,31 @@ _OTHER_SIDE = {1.0: ("u_cool", "Q_cool"), -1.0: ("u_heat", "Q_heat")}
 
 
 def filled_setpoints(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The rows with a temperature that the room never reaches where a set-point is blank and its plant off; remarks.
+    """The rows with set-points where these are blank, and remarks.
 
-    Held at the set-point of the day before, a room that cools at night would look like one whose plant has failed.
+    Where the plant is off it is a temperature that the room never reaches: held at the set-point of the day before, a
+    room that cools at night would look like one whose plant has failed.  Elsewhere it is that of another week.
     """
+    frame, remarks = _where_off(frame)
+    filled = {}
+    for role in (name for name in map(str, frame) if name.startswith(SETPOINT_ROLES)):
+        blank = frame[role].isna() & frame[role].bfill().notna() & frame[role].ffill().notna()
+        if blank.any():
+            filled[role] = frame[role].mask(blank, _of_another_week(frame[role]))
+            text = f"{role} is missing in {several(int(blank.sum()), 'row')}, first {blank.idxmax()}"
+            remarks.append(f"{text}: that of the week before or after is taken, or the last one")
+    return frame.assign(**filled), remarks
+
+
+def _of_another_week(values: pd.Series) -> pd.Series:
+    """Values in whose blanks those at the same time a week before stand, else a week after, else the last one."""
+    for week in (pd.Timedelta("7D"), -pd.Timedelta("7D")):
+        values = values.fillna(values.set_axis(values.index + week).reindex(values.index))
+    return values.ffill()
+
+
+def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with a temperature that the room never reaches where a set-point is blank and its plant off; remarks."""
     filled, remarks = {}, []
     for role in map(str, frame):
         side = next((name for name in SETPOINT_ROLES if role.startswith(name)), None)

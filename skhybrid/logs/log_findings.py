@@ -295,6 +295,20 @@ def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
             yield Finding("error", low, text)
 
 
+def one_after_the_other(frame: pd.DataFrame) -> str | None:
+    """A sentence on a column that ends before another one begins, so that no row has both; None where none does."""
+    known = {str(c): pd.DatetimeIndex(frame.index[frame[c].notna()]) for c in frame if frame[c].notna().any()}
+    if not known:
+        return None
+    begins, ends = ({name: rows[at] for name, rows in known.items()} for at in (0, -1))
+    first, last = min(ends, key=ends.__getitem__), max(begins, key=begins.__getitem__)
+    end, begin = ends[first], begins[last]
+    if end >= begin:
+        return None
+    what = f"{first} ends at {end} and {last} begins at {begin}, so that no row has both"
+    return f"{what}: is this one room under two names? Join their columns, or leave one of them out."
+
+
 def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> Iterator[Finding]:
     """A remark on each plant that may serve other rooms than that of ``T_za``; ``columns`` by role."""
     for role, name in columns.items() if others else ():

@@ -29,6 +29,7 @@ from .log_findings import (
     gap_findings,
     gaps_of,
     guessed_label,
+    one_after_the_other,
     plant_findings,
     sensor_findings,
     set_point_findings,
@@ -321,6 +322,9 @@ class LogReport:
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
         found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
         found += set_point_findings(self.even)
+        rooms = self.frame.reindex(columns=self._rooms).rename(columns={c.role: c.name for c in channels})
+        if (text := one_after_the_other(rooms)) is not None:
+            found.append(Finding("error", "rooms", text))
         found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
         heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]

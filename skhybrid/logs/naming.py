@@ -47,17 +47,17 @@ _SET_POINT = (
 )
 _IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
 _OF_A_MODE = r"\b(un)?occ\b|night|standby|stand by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
-_HEAT = (
+HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
     r"grzew|grzej|cieplo|ciepla\b|varme|aquec"
 )
-_COOL = (
+COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
     r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
     r"chlodz|\bkyl|\bkoling|arrefec"
 )
-_TEMPERATURE = r"temp|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+TEMPERATURE = r"temp|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
@@ -65,7 +65,7 @@ _STAGE = (
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
 #: not the temperature of the air now, or not that of all the sun, where there are several
-_OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
+OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
 _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
 _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
@@ -147,7 +147,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, f"no model reads {stated}{_HINTS.get(stated.lower().replace('³', '3'), '')}")
     if re.search(_OTHER, words):
         return Guess(None, 0, "no model reads such a quantity")
-    heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (_HEAT, _COOL, _SET))
+    heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (HEAT, COOL, _SET))
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
@@ -176,7 +176,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
 
 def _temperature(words: str) -> Guess:
     """The role of a temperature that is measured."""
-    certainty = 3 - bool(re.search(_OTHER_THAN_AIR, words))
+    certainty = 3 - bool(re.search(OTHER_THAN_AIR, words))
     if re.search(_OUT, words) and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
         return Guess("T_oa", certainty, "its name is that of the outdoor temperature")
     if re.search(_ROOM, words):
@@ -203,11 +203,11 @@ def _kind(words: str, unit: str | None) -> str | None:
         return "irradiance"
     if unit in UNITS and UNITS[unit].kind != "fraction":
         return UNITS[unit].kind
-    if re.search(_SUN, words) and not re.search(_TEMPERATURE, words):
+    if re.search(_SUN, words) and not re.search(TEMPERATURE, words):
         return "irradiance"
     if unit in ("percent", "s", "min") or re.search(_STAGE, words):
         return "stage"
-    if re.search(_TEMPERATURE, words) or re.search(_SET_POINT, words):
+    if re.search(TEMPERATURE, words) or re.search(_SET_POINT, words):
         return "temperature"
     return "power" if re.search(r"\bkw\b|power|heat rate|leistung|vermogen|puissance", words) else None
 

@@ -4,18 +4,33 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from .._table import is_plant
 from ..preprocessing._units import UNITS
-from .naming import ENERGY, NAMED_BY_ROLE, Guess, assign_roles, guess_role, plain
+from .naming import (
+    COOL,
+    ENERGY,
+    HEAT,
+    NAMED_BY_ROLE,
+    OTHER_THAN_AIR,
+    TEMPERATURE,
+    Guess,
+    assign_roles,
+    guess_role,
+    plain,
+)
 
 _NO_ZONES = {
     "heat", "cool", "heating", "cooling", "htg", "clg", "hhw", "chw", "min", "max", "mean", "low", "high", "set", "sp",
     "actual", "target",
 }  # fmt: skip
 _ANY_ROOM = ("room", "zone", "raum", "zimmer", "kamer", "piece")  # "living room temp" is like "kitchen temp"
-_NUMBERED = re.compile(rf"\b({'|'.join(_ANY_ROOM)}) (\d+)\b")  # "room 1" is the zone room1
+#: "room 1" is the zone room1, and "bedroom 2" bedroom2
+_NUMBERED = re.compile(rf"\b([a-z]*(?:{'|'.join(_ANY_ROOM)})|office|buero|bureau|chambre|flat|apartment) (\d+)\b")
+_MOST_WORDS = 3  # of the name of a room, such as "master bedroom"
+#: words that, among several, name no room but what is measured there, and last words that do so
+_NO_ROOM, _NO_PLACE = re.compile(rf"{TEMPERATURE}|{HEAT}|{COOL}"), re.compile(OTHER_THAN_AIR)
 _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
 
 
@@ -28,8 +43,9 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
     """Column of each role with the zone's name, such as ``T_za_kitchen``; empty unless two rooms have plants."""
     zones = _zones(units)
     found: dict[str, str] = {}
+    words = {c: _words(c, zones) for c in units}
     for zone, measured in zones.items():
-        of_zone = {c: u for c, u in units.items() if zone in _words(c) and c != measured}
+        of_zone = {c: u for c, u in units.items() if zone in words[c] and c != measured}
         own: dict[str, str] = {}
         for name, unit in of_zone.items():
             role = _role_of(name, zone, unit)
@@ -40,7 +56,11 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
         found |= {f"T_za_{zone}": measured} | {f"{role}_{zone}": name for role, name in own.items()}
     if len([zone for zone in zones if any(f"{role}_{zone}" in found for role in _OWN[:5])]) < 2:
         return {}
-    others = {c: unit for c, unit in units.items() if not set(_words(c)) & set(zones)}
+    others = {c: unit for c, unit in units.items() if not set(words[c]) & set(zones)}
+    # what bears the name of a room that is none of the zones is not shared by them
+    rooms = {word for c, unit in others.items() if guess_role(c, unit).role == "T_za" for word in words[c]}
+    rooms -= {word for measured in zones.values() for word in words[measured]}
+    others = {c: unit for c, unit in others.items() if not set(words[c]) & rooms}
     shared = {g.role: c for c, g in assign_roles(others).items() if g.role is not None and g.role != "T_za"}
     return shared | found
 
@@ -82,20 +102,35 @@ def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> d
 
 
 def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
-    """Temperature column of each zone: the largest set of columns whose names differ in one word only."""
+    """Temperature column of each zone: the largest set of columns whose names differ in the words of a room only."""
     alike: dict[tuple[str, ...], dict[str, str]] = defaultdict(dict)
     for name, unit in units.items():
         words = [word for word in _words(name) if word not in _ANY_ROOM]
         if not _is_room(name, unit):
             continue
-        for k, word in enumerate(words):
-            if not word.isdigit() and len(word) > 1 and word not in _NO_ZONES:
-                alike[(*words[:k], "", *words[k + 1 :], str(unit))].setdefault(word, name)
+        for n in range(1, _MOST_WORDS + 1):
+            for k in range(len(words) - n + 1):
+                room = words[k : k + n]
+                if all(map(_may_name, room)) and (n == 1 or not _no_room(room)):
+                    alike[(*words[:k], "", *words[k + n :], str(unit))].setdefault("_".join(room), name)
     return max(alike.values(), key=len, default={})
 
 
-def _words(name: str) -> list[str]:
-    return _NUMBERED.sub(r"\1\2", plain(name)).split()
+def _may_name(word: str) -> bool:
+    return not word.isdigit() and len(word) > 1 and word not in _NO_ZONES
+
+
+def _no_room(words: Sequence[str]) -> bool:
+    """Whether several words name no room."""
+    return any(map(_NO_ROOM.search, words)) or bool(_NO_PLACE.search(words[-1]))
+
+
+def _words(name: str, zones: Iterable[str] = ()) -> list[str]:
+    """The words of a name, those of a zone as one."""
+    text = _NUMBERED.sub(r"\1\2", plain(name))
+    for zone in sorted(zones, key=len, reverse=True):
+        text = re.sub(rf"\b{zone.replace('_', ' ')}\b", zone, text)
+    return text.split()
 
 
 def _is_room(name: str, unit: str | None) -> bool:
@@ -106,7 +141,7 @@ def _is_room(name: str, unit: str | None) -> bool:
 
 def _role_of(name: str, zone: str, unit: str | None) -> str | None:
     """The role of a zone's column, by its name without the zone's."""
-    spelled = re.sub(r"(?<=[a-z])(?=\d)", r"[\\W_]*", re.escape(zone))
+    spelled = re.sub(r"(?<=[a-z])(?=\d)|_", r"[\\W_]*", re.escape(zone))
     rest = re.sub(rf"(?i)[\W_]*(?<![^\W_]){spelled}(?![^\W_])", "", name)
     guess = guess_role(rest, unit)
     if guess.role in _OWN or guess.role == "q_sol":

@@ -8,14 +8,13 @@ from what is known ahead (weather, calendar) and at the origin.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
 from .._last_known import last_known_row
 from .._time import rows_per_day
 from ..filtering import ForecastSample, low_pass
-from .constrained_ridge import gram
+from .day_blocks import block_grams
 from .filter_model import FilterModel
 from .segment import Segment
 from .step_gain import step_response
@@ -27,26 +26,6 @@ _RIDGE = 100.0  # penalty of standardised coefficients, with which expected and 
 #: comes nearer to the plant's; at 0.2 to 0.58, in the office of :func:`~skhybrid.datasets.make_office`, it went too low
 _LEAST_EXPECTED = 0.6
 _KNOWN_AHEAD = ("q_sol", "gain_", "ua")  # beginnings of the names of channels that no thermostat moves
-
-
-def block_grams(E: np.ndarray, sample: ForecastSample, blocks: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Sums of products (J, J) of each block of days, and of the forecasts that touch none of its days.
-
-    ``E`` (O L, J) are rows of the forecasts of a sample, ``blocks`` (O,) the block of each origin, in their order.
-    """
-    by_origin = E.reshape(len(blocks), -1, E.shape[1])
-
-    def gram_between(begin: int, end: int) -> np.ndarray:
-        return gram(by_origin[begin:end].reshape(-1, E.shape[1]))
-
-    edges = np.searchsorted(blocks, np.arange(blocks.max() + 2)).tolist()
-    # forecasts from just before a block have their targets in it
-    longest = int(sample.leads[-1])
-    meeting = np.searchsorted(sample.origins, sample.origins[edges[:-1]] - longest, side="right").tolist()
-    grams = [gram_between(*ends) for ends in pairwise(edges)]
-    total = np.sum(grams, axis=0)
-    into = [gram_between(first, begin) for first, begin in zip(meeting, edges, strict=False)]
-    return [(own, total - own - before) for own, before in zip(grams, into, strict=True)]
 
 
 def heat_surprise(segment: Segment, sample: ForecastSample, blocks: np.ndarray, step: float) -> np.ndarray | None:

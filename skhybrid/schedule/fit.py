@@ -14,7 +14,8 @@ from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_channels, make_plan, with_contrast
 from .constrained_ridge import Solution, gram, solve_coefficients
-from .expected_heat import block_grams, heat_surprise
+from .day_blocks import block_grams, blocks_of_days, can_leave_out
+from .expected_heat import heat_surprise
 from .filter_model import FILTER_PARAMETERS, FilterModel
 from .lead_problem import OVERLAP, Evaluation, LeadProblem, ScoredForecasts, Shrinkage, minimise, penalty_of
 from .network_prior import NetworkPrior, NetworkSums
@@ -32,13 +33,11 @@ _LEAST_SPREAD = 0.1  # least spread of the known heat, as a share of its largest
 _LEAST_EVIDENCE = 1.0  # log-likelihood that a determined source gains: below it, chance explains as much
 _LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
 _GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
-_MOST_BLOCKS, _LEAST_BLOCKS = 6, 3  # numbers of blocks of days that are left out in turn
 #: most by which the usual response may raise the loss of forecasts, as a share of it and beyond: six weeks raise it by
 #: up to 0.35 in EnergyPlus zones, whose thermostats' answers speak against it, and by 0.7 or more in ``make_office``
 _WORSE, _WORSE_BY_CHANCE = 0.3, 4.0
 _USUAL_HOURS = 24.0  # hours of forecasts that the usual errors of other zones count as
 _ROUGH_GAIN = 1e-2  # relative decrease of the objective below which the search at every second lead stops
-_DAY = 24.0
 
 
 @dataclass(frozen=True)
@@ -202,8 +201,8 @@ def _toward_one_hour(model: FilterModel, scored: ScoredForecasts, pull: GainPull
 
 def with_expected_heat(scored: ScoredForecasts, step: float) -> ScoredForecasts:
     """Forecasts with expected in place of delivered heat, where there are enough days to tell it."""
-    blocks = _blocks_of_days(scored.sample, step)
-    if not _can_leave_out(blocks) or not np.any(scored.segment.heat):
+    blocks = blocks_of_days(scored.sample, step)
+    if not can_leave_out(blocks) or not np.any(scored.segment.heat):
         return scored
     return scored._replace(surprise=heat_surprise(scored.segment, scored.sample, blocks, step))
 
@@ -227,7 +226,7 @@ def _fit_at_scale(
     pull: GainPull | None,
 ) -> tuple[LeadFit, Evaluation]:
     """Fit from the best of ``scales``, sizes relative to the usual one for a spread of heat [kW]; its evaluation."""
-    step, sample, blocks = table.step_hours, scored.sample, _blocks_of_days(scored.sample, table.step_hours)
+    step, sample, blocks = table.step_hours, scored.sample, blocks_of_days(scored.sample, table.step_hours)
     part, search = scored, minimise
     if sample.stride > 1 and pull is None:  # a gain needs all leads
         part, search = scored.every(1, sample.main_leads), partial(minimise, least_gain=_ROUGH_GAIN)
@@ -283,7 +282,7 @@ def _fit_under(
         at = problem.solved(best.psi, best.gram, best.designs)
         problem = _weighted_as_usual(problem, at, usual, hours)
         best = minimise(problem, problem.evaluate(best.psi), max_steps=4)
-    blocks = _blocks_of_days(scored.sample, table.step_hours)
+    blocks = blocks_of_days(scored.sample, table.step_hours)
     return _with_contrasts(problem, best, blocks, table, reference)[0]
 
 
@@ -355,20 +354,9 @@ def _guess(model: FilterModel, scale: float, pace: float) -> np.ndarray:
     return np.log([{**theta, **of_filter}[name] for name in (*model.builder.parameters, *FILTER_PARAMETERS)])
 
 
-def _blocks_of_days(sample: ForecastSample, step: float) -> np.ndarray:
-    """(O,) block of days of each origin: weeks where there are enough; a single block where none can be left out."""
-    hours = (sample.origins - sample.origins[:1]) * step
-    days = hours.max(initial=0.0) / _DAY
-    length = max(1.0, min(7.0, days / _MOST_BLOCKS)) if days < 7.0 * _LEAST_BLOCKS else 7.0
-    count = max(1, round(days / length))
-    if count < _LEAST_BLOCKS:
-        return np.zeros(len(hours), dtype=np.int64)
-    return np.minimum((hours / _DAY / length).astype(np.int64), count - 1)
-
-
 def _best_shrinkage(problem: LeadProblem, at: Evaluation, blocks: np.ndarray) -> Shrinkage:
     """Shrinkage with the least error in blocks that are left out in turn."""
-    if not problem.plan.calendar or not _can_leave_out(blocks):
+    if not problem.plan.calendar or not can_leave_out(blocks):
         return Shrinkage()
     scored = problem.scored
     grams = block_grams(at.designs[0], scored.sample, blocks)
@@ -390,7 +378,7 @@ def _evaluated_by_blocks(problem: LeadProblem, psi: np.ndarray, blocks: np.ndarr
     """Evaluation, and (O, L) errors [K] of forecasts whose block of days was left out; NaN where not measured."""
     scored = problem.scored
     errors = np.full((len(scored.sample.origins), len(scored.sample.leads)), np.nan)
-    if not _can_leave_out(blocks):
+    if not can_leave_out(blocks):
         return problem.evaluate(psi), errors
     E, root = problem.design(psi, scored), problem.root_weights(scored)
     grams, by_origin = block_grams(E, scored.sample, blocks), E.reshape(*errors.shape, -1)
@@ -405,8 +393,3 @@ def _forecast_errors(root: np.ndarray, design: np.ndarray, coef: np.ndarray) -> 
     """(O, L) errors [K] of a design (O, L, J + 1) of root weights under coefficients; NaN without a measurement."""
     e = design[..., -1] - design[..., :-1] @ coef
     return np.where(root > 0, e / np.where(root > 0, root, 1.0), np.nan)
-
-
-def _can_leave_out(blocks: np.ndarray) -> bool:
-    """Whether there is more than one block of days, so that one can be left out."""
-    return bool(len(blocks) and blocks.max())

@@ -48,8 +48,16 @@ class ZonesSetpointsKnown(NamedTuple):
         zones, whole = {}, pd.concat([train, later])
         for zone in settings.zones:
             past, before = rows_of(whole, settings, zone), zone_of(yesterday, zone)
-            zones[zone] = SetpointsKnown.of_backtest(zone_of(frame, zone), past, before, settings_of(settings, zone))
+            as_usual = bool(plant_roles(past)) and not model.thermostat_learned_[zone]
+            given = zone_of(frame, zone), past, before, settings_of(settings, zone)
+            zones[zone] = SetpointsKnown.of_backtest(*given, as_usual=as_usual)
         return cls(SetpointsKnown.together(zones, yesterday), zones)
+
+    @property
+    def as_usual(self) -> str:
+        """The zones whose plant ran as usual, in a sentence; empty where there are none."""
+        named = ", ".join(zone for zone, one in self.zones.items() if one.as_usual)
+        return f"No thermostat was learned of {named}; their heat is forecast as it usually was." if named else ""
 
     @property
     def with_zones(self) -> SetpointsKnown:

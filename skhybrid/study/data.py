@@ -16,7 +16,7 @@ from ..logs import read_log as read_any_log
 from ..logs.blank_setpoints import filled_setpoints
 from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import clash, doubts_on_temperatures, has_both_signs, unit_switch
+from ..logs.log_findings import clash, doubts_on_temperatures, has_both_signs, one_after_the_other, unit_switch
 from ..logs.standstills import without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
@@ -257,7 +257,8 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     _refuse_empty_ahead(frame[temperatures], inputs)
     complete = np.flatnonzero(inputs.notna().all(axis=1).to_numpy())
     if not len(complete):
-        raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; check the columns.")
+        never = one_after_the_other(inputs) or "check the columns."
+        raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; {never}")
     last = complete[-1]
     if frame[temperatures].iloc[last + 1 :].isna().all(axis=None):
         needed = inputs[[role for role in inputs if not str(role).startswith(SETPOINT_ROLES)]]

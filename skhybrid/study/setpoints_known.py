@@ -40,6 +40,7 @@ class SetpointsKnown(NamedTuple):
     coverage: float | None  # share of the temperatures inside the 80 % intervals
     load_coverage: float | None  # the same of a load that is one meter's
     weather: str  # what was known of it ahead
+    as_usual: bool = False  # whether no thermostat was learned, and the plant ran as usual
 
     @classmethod
     def of(
@@ -56,7 +57,15 @@ class SetpointsKnown(NamedTuple):
         return None if frame is None else cls.of_backtest(frame, past, yesterday, settings)
 
     @classmethod
-    def of_backtest(cls, frame: pd.DataFrame, past: pd.DataFrame, yesterday: pd.DataFrame, settings: Settings) -> Self:
+    def of_backtest(
+        cls,
+        frame: pd.DataFrame,
+        past: pd.DataFrame,
+        yesterday: pd.DataFrame,
+        settings: Settings,
+        *,
+        as_usual: bool = False,
+    ) -> Self:
         """A back-test of one zone beside the rules, which know the ``past`` rows; without a plant it has no load."""
         roles = plant_roles(past)
         load, weather = load_of(past, settings, roles), _weather_in(settings)
@@ -65,7 +74,8 @@ class SetpointsKnown(NamedTuple):
         measured, own = (_load_in(frame, ending, settings, roles) for ending in ("_true", "_pred"))
         coverage = _load_coverage(frame, measured) if roles == ["Q_hvac"] and has_intervals(frame) else None
         loads = {HYBRID: own, **past_loads(load.values, frame)}
-        return cls._beside(frame, measured, loads, load.unit, yesterday, coverage, weather)
+        held = cls._beside(frame, measured, loads, load.unit, yesterday, coverage, weather)
+        return held._replace(as_usual=as_usual)
 
     @classmethod
     def together(cls, zones: Mapping[str, Self], yesterday: pd.DataFrame) -> Self:
@@ -154,6 +164,8 @@ class SetpointsKnown(NamedTuple):
         if errors:
             found.append(judge_load_errors(errors.pop(HYBRID), errors, self.frame["origin"], **given))
         known = f"{self.weather} and the set-points were known ahead, the heat was not"
+        if self.as_usual:
+            known = f"{self.weather} was known ahead; no thermostat was learned, so the heat was forecast as usual"
         return [one._replace(reasons=(known, *one.reasons)) for one in found]
 
 
@@ -179,6 +191,8 @@ def _weather_in(settings: Settings) -> str:
 def unusable_setpoints(day: pd.DataFrame) -> str:
     """Why a day cannot be forecast under its set-points; empty where it can."""
     given = setpoints_of(day)
+    if given.empty:  # its plant runs as usual
+        return ""
     for role, missing in given.isna().items():
         if missing.any():
             return f"{role} is missing at {missing.idxmax()}"

@@ -233,8 +233,9 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
     for one, roles in zone.not_learned.items():
         names = listed(zone.settings.columns[role] for role in roles)
         out.append(f"{one} was learned without its heat, since {names} had no values: its load is not known")
-    if not planned and not zone.thermostat_learned:
-        out.append(f"the thermostat is an ideal one and the load has no interval: {zone.why_ideal}")
+    if not planned and (ideal := zone.ideal_zones(ahead)):
+        of = f" of {', '.join(ideal)}" if any(ideal) else ""
+        out.append(f"the thermostat{of} is an ideal one and the load has no interval: {zone.why_ideal}")
     known = like_index(zone.known_until, history.index)
     if history.index[-1] < known:
         out.append(

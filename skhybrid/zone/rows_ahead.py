@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import is_plant, listed
+from .._table import SETPOINT_ROLES, is_plant, listed
 from ..datasets import weather_on_steps
 from ..logs.even_steps import resample_column
 from ..logs.zone_names import shared_plants
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
-from ..study.zone_part import roles_of
+from ..study.zone_part import columns_of, roles_of
 from .dead_meters import not_learned
 
 Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone, with "" for all others
@@ -75,13 +75,17 @@ def rows_ahead(
     heat = {role: plan[role].reindex(index) for role in plant if plan is not None and role in plan}
     if schedule is None and heat and all(values.notna().any() for values in heat.values()):
         return RowsAhead(frame.assign(**{r: _whole(v, r, "planned heat") for r, v in heat.items()}), True)
-    return RowsAhead(frame.join(_setpoints(settings, index, plan, weather, schedule, plant)), False)
+    frame = frame.join(_setpoints(settings, index, plan, weather, schedule, plant))
+    alone = _without_setpoints(settings, plant, list(map(str, frame)))
+    planned = {r: v for zone in alone for r, v in heat.items() if r in alone[zone] and v.notna().any()}
+    return RowsAhead(frame.assign(**{r: _whole(v, r, "planned heat") for r, v in planned.items()}), False)
 
 
-def _columns_of(plant: Sequence[str], settings: Settings) -> str:
-    """The columns of the log with the roles of a plant, of which ``Q_hvac`` may be the sum of two."""
-    roles = [role for one in plant for role in ([one] if one in settings.columns else ["Q_heat", "Q_cool"])]
-    return listed(settings.columns[role] for role in roles if role in settings.columns)
+def _without_setpoints(settings: Settings, plant: Sequence[str], setpoints: Sequence[str]) -> dict[str, list[str]]:
+    """The roles of the plant of each zone that has none of some set-points."""
+    found = {zone: list(roles_of([*plant, *setpoints], settings, zone).items()) for zone in settings.zones}
+    bare = {zone: pairs for zone, pairs in found.items() if not {own for own, _ in pairs} & set(SETPOINT_ROLES)}
+    return {zone: roles for zone, pairs in bare.items() if (roles := [role for own, role in pairs if is_plant(own)])}
 
 
 def _setpoints(
@@ -100,7 +104,7 @@ def _setpoints(
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
     if settings.zones and (shared := shared_plants(plant, settings.zones)):
-        named = _columns_of(shared[:1], settings)
+        named = listed(columns_of(shared[:1], settings))
         raise ValueError(
             f"the zones share the plant {named}, and one stage cannot hold the set-points of several: give what it "
             "will do, in rows of the log after the last measured one, and no set-points."
@@ -108,7 +112,7 @@ def _setpoints(
     if found is None:
         raise ValueError(
             f"nothing says what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
-            f"configuration, or fill in {_columns_of(plant, settings)} in the rows ahead."
+            f"configuration, or fill in {listed(columns_of(plant, settings))} in the rows ahead."
         )
     if isinstance(found, Schedule) and not settings.zones:
         return found.band(index, settings.holidays)
@@ -120,11 +124,13 @@ def _setpoints(
         raise ValueError(
             f"--setpoint names {wrong[0]!r}, which the model does not heat or cool; name one of {listed(run)}."
         )
-    absent = [] if "" in by_zone else [zone for zone in run if zone not in by_zone]
+    unlogged = _without_setpoints(settings, plant, list(settings.columns))
+    usual = unlogged if len(unlogged) < len(run) else {}  # their plants may run as usual
+    absent = [] if "" in by_zone else [zone for zone in run if zone not in by_zone and zone not in usual]
     if absent:
         options = " ".join(f"--setpoint {zone}:21,24" for zone in absent)
         raise ValueError(f"no set-point is given for {listed(absent)}; give one for all, or {options}.")
-    own = {zone: by_zone[zone if zone in by_zone else ""] for zone in run}
+    own = {zone: by_zone[zone if zone in by_zone else ""] for zone in run if zone in by_zone or "" in by_zone}
     bands = [held.band(index, settings.holidays).add_suffix(f"_{zone}") for zone, held in own.items()]
     return pd.concat(bands, axis=1)
 

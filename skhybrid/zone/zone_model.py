@@ -23,10 +23,11 @@ from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS
-from ..study.zone_part import roles_of, rows_of, settings_of
+from ..study.zone_part import settings_of
 from .dead_meters import not_learned, without_roles
 from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
 from .training_rows import training_rows
+from .wanted_setpoints import has_plant, wanted_setpoints
 
 _NO_SET_POINTS = "no set-points{} in the log"
 _NEVER_MOVED = "the log is too short, or the plant or set-points{} never moved"
@@ -81,13 +82,23 @@ class ZoneModel:
     @property
     def _with_ideal(self) -> list[str]:
         """The zones with a plant whose thermostat was not learned."""
-        return [z for z, m in self._of_zones.items() if not m.thermostat_learned_ and _has_plant(m)]
+        return [z for z, m in self._of_zones.items() if not m.thermostat_learned_ and has_plant(m)]
 
     def parts(self) -> dict[str, ZoneModel]:
         """The model of each zone by itself, by its name; of one zone this one, by an empty name."""
         if not self.zones:
             return {"": self}
         return {zone: ZoneModel(one, settings_of(self.settings, zone)) for zone, one in self._of_zones.items()}
+
+    def ideal_zones(self, future: pd.DataFrame) -> list[str]:
+        """The zones that an ideal thermostat holds at given set-points, as theirs was not learned.
+
+        Parameters
+        ----------
+        future : DataFrame, the rows ahead, as :meth:`forecast` takes them
+        """
+        wanted = wanted_setpoints(self.settings, self._of_zones, future)
+        return [zone for zone in self._with_ideal if (wanted or {}).get(zone) is not None]
 
     @property
     def thermostat_learned(self) -> bool:
@@ -124,13 +135,15 @@ class ZoneModel:
         """Name, training span and inputs, as plain values."""
         record = self.predictor.training_
         zones = {"zones": ", ".join(self.zones)} if self.zones else {}
+        some = any(model.thermostat_learned_ for model in self._of_zones.values())
+        unlearned = "learned in part" if some else "ideal"
         return {
             "name": self.settings.name,
             **zones,
             "learned from": f"{record.first} to {record.last}",
             "rows": record.n_rows,
             "inputs": ", ".join(self.covered()),
-            "thermostat": "learned" if self.thermostat_learned else f"ideal ({self.why_ideal})",
+            "thermostat": "learned" if self.thermostat_learned else f"{unlearned} ({self.why_ideal})",
         }
 
     @property
@@ -299,15 +312,18 @@ class ZoneModel:
             several zones each name ends with the zone's.
         """
         future = with_facades(future, self.settings)
-        wanted, limits = self._wanted(future), self._limits(future)
+        wanted = wanted_setpoints(self.settings, self._of_zones, future)
+        limits = None if wanted is None else self._limits()
         ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
-        if wanted is None or self.thermostat_learned:
-            return of_whole_plant(self._with_intervals(history, ahead, wanted, limits))
-        found = self.predictor.forecast(history, ahead, setpoint=wanted, limits=limits)
+        setpoint = wanted if self.zones or wanted is None else wanted[""]
+        found = self._with_intervals(history, ahead, setpoint, limits)
+        ideal = self.ideal_zones(future)
+        if not ideal:
+            return of_whole_plant(found)
         bands = self._with_intervals(history, ahead.assign(**{r: found[r] for r in self._plant() if r in found}))
         if self.zones:  # each model of a zone has its own heat, and the temperature is that under their blend
-            found = found.assign(**{role: bands[role] for role in self.settings.roles_of("T_za")})
-        return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_")]])
+            found = found.assign(**{role: bands[role] for role in (f"T_za_{zone}" for zone in ideal)})
+        return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_") and c not in found]])
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write predictor and settings to one file, which is replaced in one step.
@@ -354,10 +370,10 @@ class ZoneModel:
         except TooFewDaysError:
             return self.predictor.forecast(history, future, **given)
 
-    def _limits(self, future: pd.DataFrame) -> tuple[float | None, float | None] | None:
-        """Limits of the plant by the settings [kW], where the heat of rows ahead is not planned."""
+    def _limits(self) -> tuple[float | None, float | None] | None:
+        """Limits of the plant by the settings [kW]."""
         most, cold = (self.settings.plant.get(key) for key in ("most_heat", "most_cold"))
-        if (most is None and cold is None) or not self._plant() or any(map(is_plant, future)):
+        if (most is None and cold is None) or not self._plant():
             return None
         return (None if cold is None else -cold), most
 
@@ -365,35 +381,7 @@ class ZoneModel:
         """Roles of the plant as the model reads them: meters of heat and cold are one, ``Q_hvac``."""
         return [role for role in self.covered() if is_plant(role)]
 
-    def _wanted(self, future: pd.DataFrame) -> Any:
-        """Heating and cooling set-point for a thermostat, of several zones by zone; None under given heat."""
-        if not any(role in future for role in self.settings.setpoints) or any(map(is_plant, future)):
-            return None
-        heated = [zone for zone in self.zones if _has_plant(self._of_zones[zone])]
-        rows = {zone: rows_of(future, self.settings, zone) for zone in heated} if self.zones else {"": future}
-        for zone, own in rows.items():
-            self._refuse_one_side(zone, own)
-        sides = {z: tuple(own[r].to_numpy() if r in own else None for r in SETPOINT_ROLES) for z, own in rows.items()}
-        return sides if self.zones else sides[""]
-
-    def _refuse_one_side(self, zone: str, future: pd.DataFrame) -> None:
-        """Refuse the rows ahead of a zone that lack a set-point with which its thermostat was learned."""
-        columns = self.settings.columns
-        names = roles_of(columns, self.settings, zone) if zone else {role: role for role in columns}
-        learned = [role for role in SETPOINT_ROLES if role in names]
-        absent = [role for role in learned if role not in future]
-        if absent and self._of_zones[zone].thermostat_learned_:
-            example = {"T_heat_set": "21", "T_cool_set": ",24"}
-            raise ValueError(
-                f"{names[absent[0]]} is not given for the rows ahead, but the thermostat was learned with it; give it, "
-                f"such as --setpoint {zone and zone + ':'}{''.join(example[role] for role in learned)}."
-            )
-
 
 def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:
     """The temperature of the zone; of several zones a column for each."""
     return rows[settings.roles_of("T_za")] if settings.zones else rows["T_za"]
-
-
-def _has_plant(model: Any) -> bool:
-    return any(map(is_plant, model.training_.ranges))

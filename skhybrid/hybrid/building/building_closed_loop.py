@@ -14,10 +14,11 @@ from ...control import LoadPaths
 from ...forecasting.weather_error import WeatherError, read_weather_error
 from ..base import BaseHybrid
 from ..thermostat_law.closed_loop_paths import ClosedLoopPaths
-from .building_forecast import BuildingForecastMixin, of_zone
+from .building_forecast import BuildingForecastMixin
 from .building_tables import with_neighbour_temperatures
 from .coupled_zone import CoupledZone
 from .zone_columns import NEXT, held
+from .zone_messages import of_zone, warn_of_usual
 
 
 class BuildingClosedLoopMixin(BuildingForecastMixin):
@@ -48,12 +49,18 @@ class BuildingClosedLoopMixin(BuildingForecastMixin):
         Returns
         -------
         dict of str to ClosedLoopPaths
-            By zone, as :meth:`HybridPredictor.closed_loop_from` has it; a zone without a plant is free.
+            By zone, as :meth:`HybridPredictor.closed_loop_from` has it; a zone without a plant is free, and a plant of
+            which no thermostat was learned runs as usual.
 
         Raises
         ------
         ValueError
             As there, in the name of the zone; also where zones share a plant, or none has one.
+
+        Warns
+        -----
+        SkhybridWarning
+            Of plants that run as usual, once per fit.
         """
         check_is_fitted(self)
         self._refuse_shared_plants()
@@ -63,6 +70,7 @@ class BuildingClosedLoopMixin(BuildingForecastMixin):
         tables, own = {}, {}
         for zone, model in self.own_.items():
             with of_zone(zone):
+                warn_of_usual(model)
                 tables[zone] = model._read_X(X)
                 own[zone] = _paths(model, tables[zone], rows, *asked, {})
         known, found = self._carried_on(self._known(X)), dict(own)
@@ -85,7 +93,7 @@ def _paths(
 ) -> ClosedLoopPaths:
     """Forecasts of a zone by one of its predictors; without a plant it is free."""
     if model._plant:
-        return model.closed_loop_from(table, origins, horizon, quantiles, boundary, weather)
+        return model._running().closed_loop_from(table, origins, horizon, quantiles, boundary, weather)
     T = model.predict_from(table, origins, horizon, boundary or None)
     paths = LoadPaths(np.zeros(T.shape), T, np.full(T.shape, np.nan))
     if quantiles is None or boundary:  # the quantiles of a zone by itself move along

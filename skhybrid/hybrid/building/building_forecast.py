@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,26 +12,17 @@ from sklearn.utils.validation import check_is_fitted
 from ..._joining import read_now, refuse_no_frames
 from ..._table import as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
-from ..._warnings import ignore, warnings_of_zone, warnings_to
+from ..._warnings import ignore, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ...forecasting.weather_error import WeatherError, read_weather_error
 from ..base import BaseHybrid
 from .building_tables import BuildingTablesMixin, tables_of_zones, with_neighbour_temperatures, with_next
 from .zone_columns import MEASURED, NEXT, held
+from .zone_messages import of_zone, warn_of_usual
 
 _T = TypeVar("_T")
 #: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
 _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
-
-
-@contextmanager
-def of_zone(zone: str) -> Iterator[None]:
-    """Name the zone in errors and warnings of its predictor."""
-    try:
-        with warnings_of_zone(zone):
-            yield
-    except ValueError as error:
-        raise type(error)(f"zone {zone!r}: {error}") from None
 
 
 class BuildingForecastMixin(BuildingTablesMixin):
@@ -236,8 +226,9 @@ class BuildingForecastMixin(BuildingTablesMixin):
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
         setpoint : mapping of zone to set-point, or one for all zones, optional
             As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free, and one without a plant is
-            so always.  Without it the columns ``T_heat_set_<zone>`` and ``T_cool_set_<zone>`` of ``future`` count where
-            it has no heat.
+            so always.  Without it, or with None for a zone, the columns ``T_heat_set_<zone>`` and
+            ``T_cool_set_<zone>`` of ``future`` count where it has no heat.  Where it has neither, a plant of which no
+            thermostat was learned runs as usual.
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; a zone under ``setpoint`` whose thermostat
             was not learned (``thermostat_learned_``) has none.  See also :meth:`sample`.
@@ -257,6 +248,13 @@ class BuildingForecastMixin(BuildingTablesMixin):
         ------
         ValueError
             As there; the message names the zone.  Also under set-points where zones share a plant (``shared_plants_``).
+
+        Warns
+        -----
+        PlanWarning
+            As there.
+        SkhybridWarning
+            Of plants that run as usual, once per fit.
         """
         check_is_fitted(self)
         refuse_no_frames(history, future)
@@ -271,7 +269,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         alone = known is None and not setpoints and limits is None
         of = self._under_heat(ahead, now, quantiles, weather) if alone else None
         if of is None:
-            of = self._by_frames(known, ahead, now, wanted, quantiles, limits, weather)
+            of = self._by_frames(known, ahead, now, wanted if setpoints else None, quantiles, limits, weather)
         return pd.DataFrame(self._joined(of, first_lead=0 if now else 1), future.index)
 
     def _under_heat(
@@ -304,21 +302,25 @@ class BuildingForecastMixin(BuildingTablesMixin):
         known: pd.DataFrame | None,
         ahead: pd.DataFrame,
         now: Mapping[str, Any],
-        wanted: Mapping[str, Any],
+        wanted: Mapping[str, Any] | None,
         quantiles: Sequence[float] | None,
         limits: tuple[float | None, float | None] | None,
         weather: WeatherError | None,
     ) -> _Columns:
-        """Forecasts for which each predictor reads history and rows ahead by itself."""
+        """Forecasts for which each predictor reads history and rows ahead by itself; none ``wanted``: under heat."""
         among = known if known is None or not self.coupled_ else self._with_measured(known, self._known(known))
         # a zone whose thermostat was not learned has no intervals of its load; they are refused where none was
         learned = any(model.thermostat_learned_ for model in self.own_.values())
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             history, rows = (among, with_next(ahead, T)) if T else (known, ahead)
-            band, within = (wanted.get(zone), limits) if model._plant else (None, None)
+            band = wanted.get(zone) if model._plant and wanted else None
+            if band is None and wanted is not None and model._running()._has_setpoints_only(rows):
+                warn_of_usual(model)
+                model = model._running()
             # with neighbours only quantiles of a load are needed, which stay within the plant; those of T_za move along
             under_heat = band is None and not model._has_setpoints_only(rows)
+            within = limits if model._plant and (wanted is None or not under_heat) else None
             without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_
             levels = None if without else quantiles
             given = history, rows, now.get(zone), band, levels

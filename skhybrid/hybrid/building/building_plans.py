@@ -15,10 +15,11 @@ from ..._joining import refuse_no_frames
 from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs, read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, columns_of, of_zone
+from .building_forecast import BuildingForecastMixin, columns_of
 from .building_tables import with_next
 from .coupled_zone import CoupledZone, at_common_origins
 from .zone_columns import held
+from .zone_messages import of_zone
 
 _NEAR = 1.5  # hours within which the errors of the training are drawn
 _SPANS = 12  # parts of the rows in which zones that share a plant are settled, one after the other

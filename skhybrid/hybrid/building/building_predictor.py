@@ -30,7 +30,6 @@ from ..parts import fit_preprocess
 from ..predictor import HybridPredictor, takes_two_stages
 from ..schedule_predictor import DEFAULT_NETWORK
 from .building_closed_loop import BuildingClosedLoopMixin
-from .building_forecast import of_zone
 from .building_plans import BuildingPlansMixin, JointErrors
 from .building_tables import tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone, couple, with_neighbours
@@ -41,6 +40,7 @@ from .zone_columns import (
     neighbours_of,
     read_temperatures,
 )
+from .zone_messages import of_zone
 
 _SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
@@ -136,9 +136,17 @@ class BuildingPredictor(
         coupled = {zone: others for zone, others in neighbours.items() if others}
         among = {zone: (*fits[zone], others, self.own_[zone]) for zone, others in coupled.items()}
         self._couple(X, self._work_by_zone(among), neighbours)
+        self._learn_usual()
         self._take_in(T)
         self.training_ = self._first.training_
         return self
+
+    def _learn_usual(self) -> None:
+        """Learn how plants without a learned thermostat usually run, where other zones have one."""
+        if any(self.thermostat_learned_.values()):
+            for model in (*self.own_.values(), *(one.model for one in self.coupled_.values())):
+                if model._plant and not model.thermostat_learned_:
+                    model._learn_usual()
 
     def _work_by_zone(self, works: Mapping[str, tuple[Any, ...]]) -> dict[str, Any]:
         """Results of a function and its arguments for each zone, with their warnings, on ``n_jobs`` workers."""
@@ -261,6 +269,7 @@ class BuildingPredictor(
         coupled = self._work_by_zone({zone: (learned, zone, one.model, among) for zone, one in self.coupled_.items()})
         self.own_ = own
         self.coupled_ = {zone: replace(one, model=coupled[zone]) for zone, one in self.coupled_.items()}
+        self._learn_usual()
         if before is None or self.known_until_ != before:
             self._take_in(T)
         self.training_ = self._first.training_

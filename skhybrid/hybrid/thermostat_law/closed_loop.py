@@ -23,11 +23,12 @@ from ...forecasting.weather_spread import weather_spreads
 from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
 from ..known_rows import KnownRows
 from ..scheme import Boundary, Scheme
-from ..setpoint_columns import band_of
+from ..setpoint_columns import band_of, check_setpoints
 from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
 from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
+from .usual_temperature import UsualTemperature
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
 _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least
@@ -101,21 +102,32 @@ class ClosedLoop:
     """A learned thermostat and plant; apart from caches it never changes."""
 
     def __init__(
-        self, refits: LawRefits, tail: _TrainingTail, n_leads: int, training: ZoneTable, capacity: PlantCapacity
+        self,
+        refits: LawRefits,
+        tail: _TrainingTail,
+        n_leads: int,
+        training: ZoneTable,
+        capacity: PlantCapacity,
+        usual: UsualTemperature | None = None,
     ) -> None:
         self._refits, self._tail, self.n_leads, self._capacity = refits, tail, n_leads, capacity
+        self.usual = usual  # that stands for set-points
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
         self._per_day = rows_per_day(training.step)
         #: whether heating and cooling had set-points
         self._sides = [bool(np.isfinite(side).any()) for side in band_of(training)]
 
     @classmethod
-    def fit(cls, scheme: Scheme, n_leads: int) -> Self | None:
-        """Learn from the training of a fitted scheme; None where it has no set-points, no heat or too few days."""
-        training = scheme.rows.training
+    def fit(cls, scheme: Scheme, n_leads: int, usual: UsualTemperature | None = None) -> Self | None:
+        """Learn from the training of a fitted scheme; None where it has no set-points, no heat or too few days.
+
+        A ``usual`` temperature stands for the set-points of a plant that has none, and its heat may be constant.
+        """
+        training = scheme.rows.training if usual is None else usual.held(scheme.rows.training)
         band, heat = band_of(training), scheme.plant_heat(training)
         rows = LawRows.of(training, heat, band)
-        if not np.isfinite(band).any() or np.ptp(heat) == 0.0 or training.n_rows < _LEAST_DAYS * rows.per_day:
+        moved = usual is not None or (np.isfinite(band).any() and np.ptp(heat) > 0.0)
+        if not moved or training.n_rows < _LEAST_DAYS * rows.per_day:
             return None
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
         capacity = PlantCapacity.of(scheme, training, heat)
@@ -129,7 +141,12 @@ class ClosedLoop:
         leads, before = _leads(n_leads), learn(pairs.before(begin), rows.per_day)
         values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
         tail = _learn_tail(training, _Errors(origins[later], leads, values), n_leads)
-        return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, capacity)
+        return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, capacity, usual)
+
+    def check(self, table: ZoneTable) -> None:
+        """Refuse set-points that are missing or crossed, where they are read."""
+        if self.usual is None:
+            check_setpoints(table)
 
     def paths(
         self,
@@ -150,12 +167,11 @@ class ClosedLoop:
         of the temperature the end of that row.  Under other ``limits`` of the plant [kW] than those of the training,
         both are as much lower or higher as the network's ideal ones are; so they are where the heat ``delivered``
         (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.  A ``boundary`` holds
-        temperatures of neighbours after each origin, in place of those of the table.  Errors of a forecast of the
-        ``weather`` widen the quantiles.
+        neighbours' temperatures after each origin.  Errors of a forecast of the ``weather`` widen the quantiles.
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
-        rows = LawRows.of(table, scheme.plant_heat(table), self._learned_sides(band_of(table)))
+        table, rows = self._rows(scheme, table)
         spacing, weeks = _EVERY * rows_per_hour(table.step), self._weeks(table, rows)
         oldest = max(weeks.begin, int(origins[0]) - (_DAYS_BACK + 1) * rows.per_day)
         # forecasts whose errors count
@@ -193,6 +209,11 @@ class ClosedLoop:
             spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
             wanted = wanted._replace(spread=spread)
         return self._blended(scheme, table, wanted, errors, weeks, levels)
+
+    def _rows(self, scheme: Scheme, table: ZoneTable) -> tuple[ZoneTable, LawRows]:
+        """A table under the set-points that the law reads, and its rows."""
+        table = table if self.usual is None else self.usual.held(table)
+        return table, LawRows.of(table, scheme.plant_heat(table), self._learned_sides(band_of(table)))
 
     def _learned_sides(self, band: Band) -> Band:
         """The set-points of the sides that had some in training; loads of the other side are learned without them."""

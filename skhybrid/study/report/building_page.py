@@ -178,6 +178,7 @@ def _tomorrow(result: BuildingResult) -> str:
     )
     if any(str(name).startswith(SETPOINT_ROLES) for name in result.forecast):
         how = "All curves are forecast from the weather and the set-points of that day, by the learned thermostats."
+        how += "" if result.setpoints_known is None else f" {result.setpoints_known.as_usual}"
     words = f"{day} {how}{band}"
     power = "kW" if result.scaled else "relative"
     parts = {zone: forecast_of(result.forecast, result.settings, zone) for zone in result.settings.zones}
@@ -215,7 +216,7 @@ def _setpoints_known(result: BuildingResult) -> str:
         "<h2>Accuracy in daily use</h2>\n"
         f"<p>Here each forecast was given {whole.weather} and the set-points, but neither "
         "the heat nor the temperature of any zone measured after it started. Thermostats and plants act as they were "
-        "learned on the training days, and neighbours are as forecast.</p>\n"
+        f"learned on the training days, and neighbours are as forecast. {escape(held.as_usual)}</p>\n"
         + by_zone(["zone", *map(str, table)], rows)
         + of(whole.frame, "temperature", "used", "degC")
         + of(pd.concat(loads, ignore_index=True), whole.load_name, "loads", power)
