@@ -36,7 +36,7 @@ NO_RESULTS = [
     ),
     (
         "explanation/gain.rst",
-        r"jumps by 0\.3 of|loosely \(10 % at|1 \+ 0\.24 ln|h below 10 %|room by 1\.5 K|less than 0\.6 of the heat",
+        r"jumps by 0\.3 of|loosely \(7 % at|1 \+ 0\.24 ln|h below 10 %|room by 1\.5 K|less than 0\.6 of the heat",
         "settings",
     ),
     ("results/control.rst", r"within 15 % .*? 25 %|\(95 % interval", "settings"),
