@@ -478,7 +478,7 @@ def test_the_network_of_a_long_training_is_searched_at_half_of_the_leads(monkeyp
     half = fitted()
     monkeypatch.setattr(forecast_sample, "_MANY", np.inf)
     whole = fitted()
-    n_searched = [len(sample.leads) for sample in searched]
+    n_searched = [len(sample.leads) for sample in searched if len(sample.leads) > 1]  # but for those over an hour
     assert len(n_searched) == 4
     assert n_searched[0] == -(-n_searched[2] // (2 if purpose == "forecast" else 1))
     np.testing.assert_array_equal(half.sample.origins, whole.sample.origins)

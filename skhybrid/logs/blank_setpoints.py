@@ -24,8 +24,8 @@ def filled_setpoints(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """
     frame, remarks = _where_off(frame)
     filled = {}
-    for role in (name for name in map(str, frame) if name.startswith(SETPOINT_ROLES)):
-        blank = frame[role].isna() & frame[role].bfill().notna() & frame[role].ffill().notna()
+    for role in (name for name in map(str, frame) if name.startswith(SETPOINT_ROLES) and frame[name].isna().any()):
+        blank = _lasting(frame[role].isna()) & frame[role].bfill().notna() & frame[role].ffill().notna()
         if blank.any():
             filled[role] = frame[role].mask(blank, _of_another_week(frame[role]))
             text = f"{role} is missing in {several(int(blank.sum()), 'row')}, first {blank.idxmax()}"
@@ -51,7 +51,7 @@ def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
         runs, room = _runs(frame, zone, sign), f"T_za{zone}"
         if runs is None or room not in frame:
             continue
-        off = _blanks_without(runs, frame[role].isna())
+        off = _blanks_without(runs, _lasting(frame[role].isna()))
         beyond = np.floor(sign * frame[room].quantile(0.0 if sign > 0.0 else 1.0) - _BEYOND) * sign
         if off.any():
             filled[role] = frame[role].mask(off, beyond)
@@ -72,11 +72,16 @@ def _runs(frame: pd.DataFrame, zone: str, sign: float) -> pd.Series | None:
     return pd.concat(running, axis=1).astype(np.float64).max(axis=1, skipna=False)
 
 
+def _lasting(blank: pd.Series) -> pd.Series:
+    """Rows of blanks that last for hours, and are no mere gaps between values."""
+    stamps, number = blank.index.to_series(), (blank != blank.shift()).cumsum()
+    ends = stamps.shift(-1, fill_value=stamps.iloc[-1] + SHORTEST_GAP)  # one at the end of the log may go on
+    hours = ends.groupby(number).transform("max") - stamps.groupby(number).transform("min")
+    return blank & (hours >= SHORTEST_GAP)
+
+
 def _blanks_without(runs: pd.Series, blank: pd.Series) -> pd.Series:
-    """Rows of blanks in which the plant is known to be off, but for the few at their ends; a short one is a gap."""
+    """Rows of blanks in which the plant is known to be off, but for the few at their ends."""
     number = (blank != blank.shift()).cumsum()[blank]
     share = runs[blank].groupby(number).transform(lambda one: one.mean(skipna=False))
-    stamps = blank.index.to_series()
-    ends = stamps.shift(-1, fill_value=stamps.iloc[-1] + SHORTEST_GAP)  # one at the end of the log may go on
-    hours = ends[blank].groupby(number).transform("max") - stamps[blank].groupby(number).transform("min")
-    return ((share <= _MAY_RUN) & (hours >= SHORTEST_GAP)).reindex(blank.index, fill_value=False)
+    return (share <= _MAY_RUN).reindex(blank.index, fill_value=False)
