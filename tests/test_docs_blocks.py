@@ -63,7 +63,8 @@ def test_the_output_on_the_first_pages_is_that_of_the_commands(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     start = ROOT / "docs" / "start" / "index.rst"
     next(iter(Sybil(parsers=REST).parse(start).examples())).evaluate()  # writes the log
-    for command in re.findall(r"^   \$ skhybrid (.+)$", start.read_text("utf-8"), re.MULTILINE):
+    text = start.read_text("utf-8").replace("\\\n", "")  # with commands over several lines on one
+    for command in re.findall(r"^   \$ skhybrid (.+)$", text, re.MULTILINE):
         assert main(shlex.split(command)) == 0
     printed = capsys.readouterr().out.splitlines()
     for page in (start, ROOT / "docs" / "how_to" / "your_log.rst"):
