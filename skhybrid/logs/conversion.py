@@ -86,30 +86,31 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
     Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
     contract does not have keeps its numbers.  A counter's power begins at its reading, whatever the label of the log.
     """
-    frame = _measured(raw, channels)
+    frame, _ = _measured(raw, channels)
     return frame.assign(**{c.role: frame[c.role].mask(zeros, 0.0) for c, zeros in _blank_zeros(raw, channels, frame)})
 
 
 def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:
     """A remark on each channel with numbers that stand for a missing value or a failed sensor, or blanks for 0."""
     found = {}
+    frame, failed = _measured(raw, channels)
     for channel in channels:
         series = raw.frame[channel.name]
-        filled = fill_values(series, channel.role, counter_of(raw, channel) is not None)
-        filled |= sensor_failures(_converted(raw, channel), channel.role)
+        filled = fill_values(series, channel.role, counter_of(raw, channel) is not None) | failed[channel.role]
         if filled.any():
             found[channel.name] = fill_remark(series, filled)
-    for channel, zeros in _blank_zeros(raw, channels, _measured(raw, channels)):
+    for channel, zeros in _blank_zeros(raw, channels, frame):
         text = f"blank in {several(int(zeros.sum()), 'row')} and hardly ever 0: taken as 0 there"
         found[channel.name] = "; ".join(filter(None, (found.get(channel.name), text)))
     return found
 
 
-def _measured(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
-    """Columns by role without the temperatures of failed sensors."""
+def _measured(raw: RawLog, channels: list[Channel]) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
+    """Columns by role without what failed sensors show, and the rows (N,) in which they do, by role."""
     columns = {c.role: _converted(raw, c) for c in channels}
-    measured = {role: np.where(sensor_failures(values, role), np.nan, values) for role, values in columns.items()}
-    return pd.DataFrame(measured, index=raw.frame.index)
+    failed = {role: sensor_failures(values, role) for role, values in columns.items()}
+    measured = {role: np.where(failed[role], np.nan, values) for role, values in columns.items()}
+    return pd.DataFrame(measured, index=raw.frame.index), failed
 
 
 def _blank_zeros(raw: RawLog, channels: list[Channel], frame: pd.DataFrame) -> Iterator[tuple[Channel, np.ndarray]]:

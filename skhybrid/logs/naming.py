@@ -11,19 +11,24 @@ from ..preprocessing._units import UNITS
 from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_text
 
 #: letters that are no others with an accent, and Japanese and Chinese words
-_SCRIPTS = (
-    *(
-        ("ß", "ss"),
-        ("ø", "o"),
-        ("ł", "l"),
-        ("æ", "ae"),
-        ("室温", " room temp "),
-        ("室内", " room "),
-        ("室外", " outdoor "),
-    ),
-    *(("外気温", " outdoor temp "), ("外気", " outdoor "), ("温度", " temp "), ("設定", " set "), ("设定", " set ")),
-    *(("日射", " solar "), ("暖房", " heating "), ("冷房", " cooling "), ("電力", " electricity ")),
-)
+_SCRIPTS = {
+    "ß": "ss",
+    "ø": "o",
+    "ł": "l",
+    "æ": "ae",
+    "室温": " room temp ",
+    "室内": " room ",
+    "室外": " outdoor ",
+    "外気温": " outdoor temp ",
+    "外気": " outdoor ",
+    "温度": " temp ",
+    "設定": " set ",
+    "设定": " set ",
+    "日射": " solar ",
+    "暖房": " heating ",
+    "冷房": " cooling ",
+    "電力": " electricity ",
+}
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _ROOM = (
@@ -131,7 +136,7 @@ def plain(name: str) -> str:
     """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
     text = re.sub(rf"{_OF_INTERVAL}\(([^)]*)\)", r"\1", name)
     text = re.sub(r"[\[(][^\])]*[\])]", " ", re.sub(_PRESENT, r"\1", text))
-    for script, word in _SCRIPTS:
+    for script, word in _SCRIPTS.items():
         text = text.replace(script, word)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, Self
@@ -97,7 +97,9 @@ class ZoneModel:
         ----------
         future : DataFrame, the rows ahead, as :meth:`forecast` takes them
         """
-        wanted = wanted_setpoints(self.settings, self._of_zones, future)
+        return self._ideal_under(wanted_setpoints(self.settings, self._of_zones, future))
+
+    def _ideal_under(self, wanted: Mapping[str, Any] | None) -> list[str]:
         return [zone for zone in self._with_ideal if (wanted or {}).get(zone) is not None]
 
     @property
@@ -317,7 +319,7 @@ class ZoneModel:
         ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
         setpoint = wanted if self.zones or wanted is None else wanted[""]
         found = self._with_intervals(history, ahead, setpoint, limits)
-        ideal = self.ideal_zones(future)
+        ideal = self._ideal_under(wanted)
         if not ideal:
             return of_whole_plant(found)
         bands = self._with_intervals(history, ahead.assign(**{r: found[r] for r in self._plant() if r in found}))
