@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from ._clock import hour_of_day, kept_by_stamps
 from ._table import ZoneTable
-from ._time import hour_of_day, per_hour, rows_per_day, wall_clock
+from ._time import per_hour, rows_per_day, wall_clock
 
 #: cells of a weekly profile: the hours of a weekday, then those of a weekend day or holiday
 N_CELLS = 48
 
 
+@kept_by_stamps
 def clock_hour(time: pd.DatetimeIndex) -> np.ndarray:
     """Hour of day (0 ... 23) of local stamps, (n,) int."""
     return np.asarray(time.asi8 // per_hour(time.unit) % 24)

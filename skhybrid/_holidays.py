@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ._clock import kept_by_stamps
 from ._time import per_hour, wall_clock
 
 _THURSDAY, _SATURDAY, _SUNDAY = 3, 5, 6
@@ -28,22 +29,32 @@ class Holidays:
 
     def day_of_week(self, stamps: pd.DatetimeIndex) -> np.ndarray:
         """Kind of day (n,) of local stamps: Monday is 0, a Sunday or holiday 6."""
-        stamps = wall_clock(stamps)
-        dates = stamps.asi8 // (24 * per_hour(stamps.unit))
-        day = np.asarray((dates + _THURSDAY) % 7)  # the first of all dates is one
-        if not self or not len(stamps):
-            return day
-        local = dates.astype("M8[D]")
-        known = _dates_between(self, stamps.min().year, stamps.max().year)
-        place = np.searchsorted(known, local)
-        return np.where(known[np.minimum(place, len(known) - 1)] == local, _SUNDAY, day)
+        return _day_of_week(stamps, self)
 
     def weekend(self, stamps: pd.DatetimeIndex) -> np.ndarray:
         """Whether local stamps lie on a weekend day or a holiday, (n,) bool."""
-        return self.day_of_week(stamps) >= _SATURDAY
+        return _weekend(stamps, self)
 
 
 NO_HOLIDAYS = Holidays()
+
+
+@kept_by_stamps
+def _day_of_week(stamps: pd.DatetimeIndex, holidays: Holidays) -> np.ndarray:
+    stamps = wall_clock(stamps)
+    dates = stamps.asi8 // (24 * per_hour(stamps.unit))
+    day = np.asarray((dates + _THURSDAY) % 7)  # the first of all dates is one
+    if not holidays or not len(stamps):
+        return day
+    local = dates.astype("M8[D]")
+    known = _dates_between(holidays, stamps.min().year, stamps.max().year)
+    place = np.searchsorted(known, local)
+    return np.where(known[np.minimum(place, len(known) - 1)] == local, _SUNDAY, day)
+
+
+@kept_by_stamps
+def _weekend(stamps: pd.DatetimeIndex, holidays: Holidays) -> np.ndarray:
+    return np.asarray(_day_of_week(stamps, holidays) >= _SATURDAY)
 
 
 @lru_cache(maxsize=256)

@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 
 from ._arguments import is_number
+from ._clock import in_time_zone, refuse_one_zone
 from ._ranges import check_range
 from ._table import SETPOINT_ROLES, ZoneTable, concatenate_tables
-from ._time import in_time_zone, refuse_one_zone, spell
+from ._time import spell
 from ._warnings import warn_user
 from .exceptions import MeasurementWarning
 

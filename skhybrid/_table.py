@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from sklearn.utils.validation import validate_data
 
+from ._clock import Stamps, clock_of_training, joined_stamps
 from ._columns import (
     HISTORY_ROLES,
     columns_by_position,
@@ -52,10 +54,9 @@ from ._target import is_target as is_target
 from ._target import read_max_missing as read_max_missing
 from ._target import refuse_missing, refuse_other_quantity, refuse_target_among, warn_if_still, warn_if_temperature
 from ._target import refuse_order as refuse_order
-from ._time import Stamps, clock_of_training, joined_stamps, read_index, spell
+from ._time import read_index, spell
 
-#: full-load hours below which a plant hardly ran
-_FEW_HOURS = 1.0
+_FEW_HOURS = 1.0  # at full load, below which a plant hardly ran
 
 
 @dataclass(frozen=True)
@@ -74,9 +75,13 @@ class ZoneTable:
     named: bool = True  # whether the caller named the roles; an array has them by position
     holidays: Holidays = NO_HOLIDAYS
 
-    @property
+    @cached_property
     def n_rows(self) -> int:
         return len(self.index)
+
+    @property
+    def stamps(self) -> Stamps:
+        return Stamps(self.index, self.time, self.utc)
 
     @property
     def step_hours(self) -> float:
@@ -117,13 +122,11 @@ class ZoneTable:
         return replace(self, **changes)
 
     def rows(self, chosen: slice) -> ZoneTable:
-        """The chosen rows, as views."""
+        """The chosen consecutive rows, as views."""
         return ZoneTable(
             {role: v[chosen] for role, v in self.inputs.items()},
             {role: v[chosen] for role, v in self.history.items()},
-            self.index[chosen],
-            self.time[chosen],
-            None if self.utc is None else self.utc[chosen],
+            *self.stamps.rows(chosen),
             self.step,
             order=self.order,
             named=self.named,
@@ -155,14 +158,12 @@ def concatenate_tables(tables: Sequence[ZoneTable]) -> ZoneTable:
     last = tables[-1]
     shared = [role for role in last.inputs if all(role in table.inputs for table in tables)]
     kept = {role for table in tables for role in table.history}
-    return ZoneTable(
-        {role: np.concatenate([table.inputs[role] for table in tables]) for role in shared},
-        {role: np.concatenate([table.measured(role) for table in tables]) for role in sorted(kept)},
-        *joined_stamps([Stamps(table.index, table.time, table.utc) for table in tables]),
-        last.step,
-        order=last.order,
-        named=last.named,
-        holidays=last.holidays,
+    return last.replace(
+        inputs={role: np.concatenate([table.inputs[role] for table in tables]) for role in shared},
+        history={role: np.concatenate([table.measured(role) for table in tables]) for role in sorted(kept)},
+        **dict(zip(("index", "time", "utc"), joined_stamps([table.stamps for table in tables]), strict=True)),
+        n_history=0,
+        breaks=(0,),
     )
 
 
@@ -229,8 +230,7 @@ def read_table(
             f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
     if not reset:  # what was learned by the hour holds in the time zone of the training
-        stamps = Stamps(table.index, table.time, table.utc)
-        table = table.replace(time=clock_of_training(stamps, getattr(estimator, "training_", None)))
+        table = table.replace(time=clock_of_training(table.stamps, getattr(estimator, "training_", None)))
     return table if holidays is None else table.replace(holidays=read_holidays(holidays, table.index))
 
 
@@ -298,9 +298,8 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
     step, time, utc, breaks = read_index(index, *steps, wanted.gaps, *shown)
     past = wanted.history_roles & set(values)
     history = {role: read_history(v, names[role], index) for role, v in values.items() if role in past}
-    inputs = {
-        role: read_input(v, names[role], index) for role, v in values.items() if role not in past and wanted.reads(role)
-    }
+    ahead = {role: v for role, v in values.items() if role not in past and wanted.reads(role)}
+    inputs = {role: read_input(v, names[role], index) for role, v in ahead.items()}
     trained = {} if wanted.reset else getattr(getattr(estimator, "training_", None), "ranges", {})
     for role, v in {**inputs, **history}.items():
         check_range(v, role, f"column {names[role]}", index, named=named, trained=trained.get(role))

@@ -27,10 +27,11 @@ from skhybrid import (
     TwoStagePredictor,
     _table,
 )
+from skhybrid._clock import Stamps, joined_stamps
 from skhybrid._columns import as_numbers
 from skhybrid._ranges import is_in_watts
 from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
-from skhybrid._time import ASSUMED_START, Stamps, joined_stamps, origin_rows, rows_covering, rows_of
+from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
 from skhybrid.exceptions import ExcitationWarning, RoleWarning, UnitWarning

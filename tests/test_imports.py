@@ -17,7 +17,7 @@ import skhybrid
 PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
-    "_arguments", "_calendar", "_docs", "_files", "_holidays", "_joining", "_json", "_last_known", "_ranges",
+    "_arguments", "_calendar", "_clock", "_docs", "_files", "_holidays", "_joining", "_json", "_last_known", "_ranges",
     "_rolling", "_shallow", "_sqlite", "_summary", "_table", "_threads", "_time", "_transaction", "_warnings",
     "exceptions",
 }  # fmt: skip
@@ -57,10 +57,11 @@ STRICT = {
     "filtering": set(),
     "exceptions": set(),
     "_arguments": set(),
-    "_calendar": {"_table", "_time"},
+    "_calendar": {"_clock", "_table", "_time"},
+    "_clock": {"_time"},
     "_docs": set(),
     "_files": set(),
-    "_holidays": {"_time"},
+    "_holidays": {"_clock", "_time"},
     "_json": set(),
     "_last_known": set(),
     "_warnings": {"exceptions"},
@@ -72,9 +73,9 @@ STRICT = {
     "_ranges": {"_warnings", "exceptions"},
     "_target": {"_arguments", "_warnings", "exceptions"},
     "_columns": {"_arguments", "_warnings", "exceptions"},
-    "_table": {"_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
+    "_table": {"_clock", "_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_table", "_time"},
-    "_joining": {"_arguments", "_ranges", "_table", "_time", "_warnings", "exceptions"},
+    "_joining": {"_arguments", "_clock", "_ranges", "_table", "_time", "_warnings", "exceptions"},
     "_rolling": {"_joining", "_summary", "_table", "_threads", "_time", "exceptions"},
 }
 #: parts that read fitted estimators through what is public.

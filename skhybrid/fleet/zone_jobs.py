@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from .._clock import in_time_zone, refuse_one_zone
 from .._table import is_set_point, listed, role_of
-from .._time import LONGEST_BRIDGE, SHORTEST_GAP, in_time_zone, positive_duration, refuse_one_zone
+from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import quantile_columns

@@ -11,9 +11,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .._calendar import N_CELLS, day_type_hour
+from .._clock import hour_of_day
 from .._last_known import carried_forward
 from .._table import ZoneTable
-from .._time import hour_of_day, rows_per_day
+from .._time import rows_per_day
 from ..filtering import iterate_lags, low_pass, solve_positive_definite, with_products
 from .features import irradiance_roles
 

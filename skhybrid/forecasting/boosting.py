@@ -10,12 +10,13 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from .._arguments import check_integer, check_rate, store_arguments
+from .._clock import hour_of_day
 from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread, one_openmp_thread
-from .._time import hour_of_day, rows_per_day, rows_per_hour
+from .._time import rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
 from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor

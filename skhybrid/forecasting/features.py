@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from .._calendar import one_hot
+from .._clock import hour_of_day
 from .._table import ZoneTable
-from .._time import hour_of_day
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._calendar import clock_hour, one_hot
+from .._clock import hour_of_day
 from .._table import ZoneTable, is_plant, listed
-from .._time import hour_of_day
 from ..thermal import RCNetwork
 from ..thermal.parameters import check_known
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._time import in_time_zone
+from .._clock import in_time_zone
 from ..zone import ZoneFolder, ZoneModel
 from ..zone.forecast_archive import open_archive
 from ..zone.zone_state import archives_of

@@ -6,9 +6,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from ..._clock import hour_of_day
 from ..._last_known import carried_forward
 from ..._table import ZoneTable
-from ..._time import hour_of_day, rows_per_day
+from ..._time import rows_per_day
 from ...control import Band, LoadPaths
 from ...forecasting.features import clock_changes, rows_back, same_slot, span_means
 from ..scheme import NEXT
