@@ -27,10 +27,19 @@ from skhybrid import (
     TwoStagePredictor,
     _table,
 )
-from skhybrid._clock import Stamps, joined_stamps
+from skhybrid._clock import Stamps, hour_of_day, joined_stamps
 from skhybrid._columns import as_numbers
+from skhybrid._holidays import NO_HOLIDAYS, Holidays
 from skhybrid._ranges import is_in_watts
-from skhybrid._table import append_tables, concatenate_tables, last_rows, read_table, read_target, role_of
+from skhybrid._table import (
+    ZoneTable,
+    append_tables,
+    concatenate_tables,
+    last_rows,
+    read_table,
+    read_target,
+    role_of,
+)
 from skhybrid._time import ASSUMED_START, origin_rows, rows_covering, rows_of
 from skhybrid._transaction import unchanged_on_failure
 from skhybrid.datasets import make_office, make_prbs, make_weather, regularize
@@ -1284,3 +1293,19 @@ def test_joined_stamps_have_the_clock_of_their_own_zone():
         local = utc.tz_convert(zone).tz_localize(None)
         parts = [Stamps(utc[rows], local[rows], utc[rows]) for rows in (slice(24), slice(24, None))]
         assert joined_stamps(parts).time.equals(local)
+
+
+def test_results_kept_for_stamps_are_of_these_stamps_and_arguments():
+    """Whatever stamps and holidays came before, also at the address of others; and nobody can change a kept one."""
+    holiday = Holidays(dates=("2024-01-03",))
+    for day in range(200):  # the stamps of most days are gone, and their place is taken by others
+        stamps = pd.date_range("2024-01-01", periods=24, freq="1h") + pd.Timedelta(day, "D")
+        plain, special = NO_HOLIDAYS.day_of_week(stamps), holiday.day_of_week(stamps)
+        assert (plain == stamps.dayofweek).all()
+        assert (special == (6 if day == 2 else stamps.dayofweek)).all()
+        assert (hour_of_day(stamps) == np.arange(24)).all()
+        table = ZoneTable({}, {}, stamps, stamps, None, pd.Timedelta("1h"))
+        assert table.rows(slice(2, 5)).time.equals(stamps[2:5])
+        assert table.rows(slice(3, None)).index.equals(stamps[3:])
+    with pytest.raises(ValueError, match="read-only"):
+        plain[0] = 5
