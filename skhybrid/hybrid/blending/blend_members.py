@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..._table import ZoneTable, is_plant
 from ...forecasting.arx_prior import ZoneEvidence, ZoneSums
@@ -13,10 +14,11 @@ from ...schedule import LeadFit, NetworkResponse
 from .members import ARXMember, DailyProfileMember, Member
 from .without_response import WithoutResponse
 
-_LAGS = 24  # temperatures that the black box regresses on
+#: temperatures that the black box regresses on, and those after less than two days, when an hourly log has few rows
+_LAGS, _FEW_LAGS, _TWO_DAYS = 24, 4, pd.Timedelta("2D")
 #: share of the simple rule where no error is known, after a day of training and from two weeks on; and the same where
 #: other zones have taught the members (from the first dates of ``benchmarks/fleet_prior.py``)
-_RULE_SHARES, _TAUGHT_SHARES = (0.6, 0.1), (0.45, 0.1)
+_RULE_SHARES, _TAUGHT_SHARES = (0.75, 0.1), (0.45, 0.1)
 
 
 def members_beside_network(
@@ -34,11 +36,13 @@ def members_beside_network(
             ARXMember(_LAGS, multi_step=True, prior=of.get("multi_step")),
             DailyProfileMember(),
         ]
-    plan = purpose == "plan"
+    plan, n_lags = purpose == "plan", _LAGS if training.n_rows * training.step >= _TWO_DAYS else _FEW_LAGS
     fitted = {m.multi_step: m.arx_ for m in like if isinstance(m, ARXMember)}
     # errors at many leads do not determine what a trace of heat did, and large coefficients look as good as small ones
-    multi_step = [] if _has_trace(training) and not plan else [ARXMember(_LAGS, multi_step=True, like=fitted.get(True))]
-    others: list[Member] = [ARXMember(_LAGS, like=fitted.get(False)), *multi_step, DailyProfileMember()]
+    multi_step = (
+        [] if _has_trace(training) and not plan else [ARXMember(n_lags, multi_step=True, like=fitted.get(True))]
+    )
+    others: list[Member] = [ARXMember(n_lags, like=fitted.get(False)), *multi_step, DailyProfileMember()]
     if plan:
         neighbours = set(fit.plan.network.boundaries) - {"T_oa"}
         roles: Sequence[str] = [role for role in training.inputs if is_plant(role) or role in neighbours]
