@@ -11,6 +11,7 @@ from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.blank_setpoints import filled_setpoints
 from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_zone_log
 from skhybrid.study.data import plant_heat
 from skhybrid.study.settings import settings_from
@@ -484,3 +485,69 @@ def test_a_table_in_markdown(write):
     rows = [f"| {stamp} | {ROOM[k]:.2f} | 5.0 |" for k, stamp in enumerate(STAMPS)]
     log = read_log(write("\n".join(["| time | Room (°C) | HVAC kW |", "| :--- | ---: | ---: |", *rows])))
     np.testing.assert_allclose(log.frame["Room (°C)"], ROOM)
+
+
+def one_set_point(cools_from=30, both_from=60, n=24):
+    """A log of sixty days with one set-point, which heats, and cools from a day on; the true set-points."""
+    stamps = pd.date_range("2024-03-01", periods=60 * n, freq=pd.Timedelta("1D") / n, name="time")
+    day = np.arange(len(stamps)) // n
+    cools, both, runs = day >= cools_from, day >= both_from, (stamps.hour > 7) & (stamps.hour < 18) & (day % 7 > 1)
+    want = np.where(cools, 24.0, 20.0) + (stamps.hour > 6)
+    columns = {"Room temp": 21.0 + 2.0 * cools, "Outdoor temp": np.where(cools, 26.0, 4.0), "T_set": want}
+    plant = {"Heating stage": 0.5 * runs * (~cools | both), "Cooling stage": 0.5 * np.roll(runs, 1) * (cools | both)}
+    true = pd.DataFrame({"T_heat_set": np.where(cools, 5.0, want), "T_cool_set": np.where(cools, want, 40.0)}, stamps)
+    return pd.DataFrame(columns | plant, stamps), cools, true
+
+
+WORDS = {
+    "hvac_mode": ("heat", "cool", "off"),
+    "Betriebsart": ("Heizen", "Kühlen", "Aus"),
+    "season": ("winter", "summer", ""),
+}
+
+
+@pytest.mark.parametrize("name", WORDS)
+@pytest.mark.parametrize("held", [False, True])
+def test_one_set_point_heats_or_cools_as_the_mode_says(write, name, held):
+    """It was that of heating in summer too, and nothing cooled: the room of a day ahead was 1 K off in place of 0.2."""
+    frame, cools, true = one_set_point(n=96 if held else 24)
+    off = (np.arange(len(frame)) % 960 < 12) & bool(WORDS[name][2])
+    frame[name] = np.where(off, WORDS[name][2], np.where(cools, WORDS[name][1], WORDS[name][0]))
+    frame.iloc[-24:, [0, 3, 4]] = np.nan  # rows ahead
+    if held:  # written where they change
+        frame[["T_set", name]] = frame[["T_set", name]].where(frame[["T_set", name]].ne(frame[["T_set", name]].shift()))
+    path = write(frame.to_csv())
+    report = LogReport(read_log(path))
+    assert report.roles.items() >= {"T_heat_set": "T_set", "T_cool_set": "T_set", "mode": name}.items()
+    assert any(f"it heats or cools as {name!r} says" in found.text for found in report.findings)
+    config = write(propose_settings(path, report), name="zone.toml")
+    rows = read_zone_log(path, read_settings(config))[0]
+    if off.any():
+        true = true.assign(T_heat_set=true["T_heat_set"].mask(off, 5.0), T_cool_set=true["T_cool_set"].mask(off, 40.0))
+    pd.testing.assert_frame_equal(rows[list(true)], true, check_freq=False, check_names=False)
+
+
+def test_one_set_point_heats_or_cools_as_the_plant_did(write):
+    frame, _, true = one_set_point()
+    frame.iloc[-24:, [0, 3, 4]] = np.nan
+    path = write(frame.to_csv())
+    report = LogReport(read_log(path))
+    told = [found for found in report.findings if found.where == "T_set"]
+    assert [(found.level, "as the plant did" in found.text) for found in told] == [("note", True)]
+    rows = read_zone_log(path, read_settings(write(propose_settings(path, report), name="zone.toml")))[0]
+    pd.testing.assert_frame_equal(rows[list(true)], true, check_freq=False, check_names=False)
+
+
+def test_one_set_point_of_a_plant_that_heats_and_cools_on_the_same_days_is_asked_about():
+    report = LogReport(one_set_point(both_from=10)[0])
+    (told,) = [found for found in report.findings if found.where == "T_set"]
+    assert told.text.startswith("is one set-point, but the plant heats and cools on the same days: add a column that")
+    assert "T_cool_set" not in report.roles
+    heats = LogReport(one_set_point(cools_from=90)[0].drop(columns="Cooling stage"))
+    assert not [found for found in heats.findings if found.where == "T_set"]
+
+
+def test_the_mode_of_a_fan_is_not_that_of_a_thermostat(write):
+    frame, *_ = one_set_point(cools_from=90)
+    frame["Fan mode"] = np.where(np.arange(len(frame)) % 9, "auto", "off")
+    assert "mode" not in LogReport(read_log(write(frame.to_csv()))).roles

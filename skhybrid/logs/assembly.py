@@ -115,23 +115,23 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
 def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> RawLog:
     """The log of a long table, one row per value of a channel; a column may name the unit of each."""
     channels: dict[str, NumberColumn] = {}
-    rows: dict[str, list[np.ndarray]] = {}
+    places: dict[str, list[np.ndarray]] = {}
     texts, n_rows = [], 0
     wanted = None if choice.columns is None else set(choice.columns)
     for kept in _with_stamps(pieces):
         kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
         texts.append(joined_cells(kept, pieces.stamps))
         kept = without_bad(kept, dict.fromkeys(quality_columns(kept), value))
-        for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
+        for name, own in kept.groupby(point, sort=False, observed=True).indices.items():
             channel = channels.setdefault(str(name).strip(), NumberColumn())
-            channel.add(kept[value].iloc[places], pieces.decimal)
-            for units in (kept[column].iloc[places].dropna() for column in unit_columns(kept)):
+            channel.add(kept[value].iloc[own], pieces.decimal)
+            for units in (kept[column].iloc[own].dropna() for column in unit_columns(kept)):
                 channel.units.update(text for text in units.astype(str).unique() if is_unit(text))
-            rows.setdefault(str(name).strip(), []).append(np.asarray(places) + n_rows)
+            places.setdefault(str(name).strip(), []).append(np.asarray(own) + n_rows)
         n_rows += len(kept)
     if wanted is not None:
         choice.wanted(channels, (), pieces.where)
-    places_of = {name: np.concatenate(parts) for name, parts in rows.items()}
+    places_of = {name: np.concatenate(parts) for name, parts in places.items()}
     stamps = _long_stamps(texts, places_of, pieces, choice)
     kept_channels = _numeric_channels(channels, pieces)
     index = stamps.unique().sort_values()
@@ -139,7 +139,8 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
     frame = {}
     for name, channel in kept_channels.items():
         column = np.full(len(index), np.nan)
-        at: np.ndarray = np.searchsorted(ticks, found[places_of[name]])
+        rows = places_of[name if name in places_of else name.rpartition(": ")[0]]  # of two made of one column of words
+        at: np.ndarray = np.searchsorted(ticks, found[rows])
         column[at] = channel.values()
         _refuse_two_in_one(name, channel.values(), column[at], pieces.where)
         frame[name] = column
@@ -268,10 +269,14 @@ def _long_stamps(
 
 def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict[str, NumberColumn]:
     """The channels of numbers, and notes on words that were found."""
-    kept = {}
+    kept: dict[str, NumberColumn] = {}
     for name, channel in channels.items():
         word, n = channel.usual_word
-        if channel.is_text:
+        if found := channel.channels(name):
+            kept |= found
+            if name not in found:
+                pieces.notes.append(f"the words of {name!r} are read as the stages {' and '.join(map(repr, found))}")
+        elif channel.is_text:
             hint = "; if it says when the plant ran, write columns of 1 and 0 for heating and cooling"
             text = f"{name!r} is left out, since it holds text such as {word!r}"
             pieces.notes.append(text + hint * channel.tells_plant)
@@ -327,7 +332,8 @@ def _finish(
     if held and not frame.index.is_unique:
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     switches = frozenset(str(name) for name, channel in channels.items() if channel.n_switches)
-    return RawLog(frame, pieces.format, units=units, held=held, label=pieces.label, notes=notes, switches=switches)
+    modes = frozenset(str(name) for name, channel in channels.items() if channel.is_mode)
+    return RawLog(frame, pieces.format, units, {}, {}, held, pieces.label, notes, switches, modes)
 
 
 def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._holidays import read_holidays
-from .._table import is_plant
+from .._table import SETPOINT_ROLES, is_plant
 from .._time import spell, wall_clock
 from .._warnings import several
 from .abilities import abilities, excitation
@@ -37,8 +37,9 @@ from .log_findings import (
     swap_findings,
 )
 from .log_report_html import report_html
-from .naming import NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
+from .naming import FOR_HEATING, NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
 from .raw_log import RawLog
+from .setpoint_modes import MODE, further_roles, one_role_each, shared_zones
 from .standstills import controlled_rows
 from .unit_names import ENERGY
 from .zone_names import further_rooms, zone_guesses, zone_roles, zones_of
@@ -71,8 +72,8 @@ class LogReport:
     Attributes
     ----------
     columns : DataFrame
-        Index: columns of the log; ``role`` (None: not used), ``unit``, ``assumed`` (whether the unit or scale is
-        a guess from values), ``scale`` and ``reason``.
+        Index: columns of the log; ``role`` (None: not used; two with a comma where one set-point heats and cools),
+        ``unit``, ``assumed`` (whether the unit or scale is a guess from values), ``scale`` and ``reason``.
     frame : DataFrame of shape (n_rows, n_roles)
         The columns with a role, in the units of the data contract, at the stamps of the log.
     even : DataFrame
@@ -118,11 +119,17 @@ class LogReport:
         self.even_step = next((s for s in _STEPS if s >= 0.9 * self.step), _STEPS[-1])
         self.label = label or raw.label
         self._assumed: dict[str, str] = {}
-        self._scaled = set(scaled)
+        self._scaled, self._one_for_both = set(scaled), dict[str, Finding]()
         ordered = replace(raw, frame=raw.frame.sort_index(kind="stable"))
-        stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
-        rooms = {} if columns or raw.roles else zone_roles(stated)
-        guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
+        given = {**raw.roles, **(columns or {})}
+        stated = {
+            str(c): raw.units.get(str(c), unit_in_name(str(c)))
+            for c in raw.frame
+            if c not in raw.modes or c in given.values()
+        }
+        rooms = {} if given else zone_roles(stated)
+        own = [one_role_each(one or {}) for one in (columns, raw.roles)]
+        guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, *own)
         self._guesses = guesses if rooms else reread_percent(guesses, stated, raw.frame)
         self.zones = zones_of(columns or rooms)
         self._rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
@@ -131,13 +138,13 @@ class LogReport:
             for name, guess in self._guesses.items()
             if guess.role is not None
         ]
-        given = columns or raw.roles or rooms
-        self._further_rooms = [] if given else further_rooms(stated, {c.role: c.name for c in channels})
-        channels = self._outdoor_as_room(self._of_known_scale(channels, {*(columns or {}), *raw.roles}))
+        self._further_rooms = [] if given or rooms else further_rooms(stated, {c.role: c.name for c in channels})
+        channels = self._outdoor_as_room(self._of_known_scale(channels, set(given)))
+        channels = self._with_modes(ordered, channels, given)
         self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
         self.columns = self._table(channels)
         self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
-        held = [c.role for c in channels if c.name in raw.held]
+        held = [c.role for c in channels if c.name in raw.held and c.role in self.frame]
         self.even = self._held(held) if held else self.frame
         self.days = _days(self.even, self.even_step if held else self.step, holidays)
         self.excitation = excitation(self.even)
@@ -159,8 +166,8 @@ class LogReport:
     @property
     def roles(self) -> dict[str, str]:
         """Column of each role."""
-        used = self.columns[self.columns["role"].notna()]
-        return {str(role): str(name) for name, role in used["role"].items()}
+        used = self.columns["role"].dropna()
+        return {role: str(name) for name, roles in used.items() for role in str(roles).split(", ")}
 
     @property
     def assumed_label(self) -> str:
@@ -275,6 +282,24 @@ class LogReport:
         self._assumed |= {"T_oa": why} if why else {}
         return channels
 
+    def _with_modes(self, raw: RawLog, channels: list[Channel], given: Mapping[str, str]) -> list[Channel]:
+        """The channels with those of modes, and with cooling set-points that are those of heating too."""
+        heat, cool = SETPOINT_ROLES
+        found = {cool + zone: given[cool + zone] for zone in shared_zones(given)}
+        if not given and any(c.role.startswith(SETPOINT_ROLES) for c in channels):
+            frame, modes = to_roles(raw, channels), raw.frame[sorted(raw.modes)]
+            found, reasons, doubts = further_roles({c.role: c.name for c in channels}, frame, modes)
+            self._one_for_both = {name: Finding("warning", name, text) for name, text in doubts.items()}
+            for name, why in reasons.items():
+                reason = self._guesses[name].reason.removesuffix(FOR_HEATING).rstrip(", ")
+                self._guesses[name] = self._guesses[name]._replace(reason=f"{reason}; {why}")
+                self._one_for_both[name] = Finding("note", name, f"is one set-point for heating and cooling; {why}.")
+        for name in raw.modes.difference(self._guesses):
+            self._guesses[name] = Guess(None, 0, "it says when a thermostat heats and cools")
+        by_role = {c.role: c for c in channels}
+        twins = [by_role[role.replace(cool, heat)]._replace(role=role) for role in found if role.startswith(cool)]
+        return [*channels, *twins, *(Channel(role, name) for role, name in found.items() if role.startswith(MODE))]
+
     def _is_unsure(self, channel: Channel) -> bool:
         return self._seems_electric(channel) or "scale" in self._assumed.get(channel.role, "")
 
@@ -282,13 +307,13 @@ class LogReport:
         return self._guesses[channel.name].is_electricity and channel.role not in self._scaled
 
     def _table(self, channels: list[Channel]) -> pd.DataFrame:
-        by_name = {c.name: c for c in channels}
         rows = {}
         for name, guess in self._guesses.items():
-            c = by_name.get(name)
+            own = [c for c in channels if c.name == name]
+            c = own[0] if own else None
             why = "" if c is None else self._assumed.get(c.role, "")
             rows[name] = {
-                "role": None if c is None else c.role,
+                "role": ", ".join(one.role for one in own) or None,
                 "unit": None if c is None else (c.unit or contract_unit(c.role)),
                 "scale": None if c is None else c.scale,
                 "assumed": bool(why),
@@ -302,7 +327,7 @@ class LogReport:
         if (text := clash(self.frame)) is not None:
             found.append(Finding("error", "clock", text))
         found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
-        for channel in channels:
+        for channel in (c for c in channels if c.role in self.frame):  # the mode is no quantity
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
                 text = f"{several(n_infinite, 'value')} {'is' if n_infinite == 1 else 'are'} infinite."
                 found.append(Finding("error", channel.name, text))
@@ -325,6 +350,7 @@ class LogReport:
         rooms = self.frame.reindex(columns=self._rooms).rename(columns={c.role: c.name for c in channels})
         if (text := one_after_the_other(rooms)) is not None:
             found.append(Finding("error", "rooms", text))
+        found += self._one_for_both.values()
         found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
         heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]

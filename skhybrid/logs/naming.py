@@ -101,6 +101,9 @@ _OTHER = (
 #: the reason where a column has the name of its role, whose unit it then has
 NAMED_BY_ROLE = "it is named after its role"
 
+#: the end of the reason where a set-point may be that of heating or of cooling
+FOR_HEATING = "taken for heating"
+
 #: the certainty of a role that was given
 SURE = 99
 
@@ -192,7 +195,7 @@ def _temperature(words: str) -> Guess:
 def _set_point(words: str, heat: bool, cool: bool) -> Guess:
     """The role of a set-point."""
     if heat == cool:
-        return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
+        return Guess("T_heat_set", 1, f"its name is that of a set-point, {FOR_HEATING}")
     return Guess("T_cool_set" if cool else "T_heat_set", 3 + _preference(words), "its name is that of a set-point")
 
 
