@@ -7,10 +7,12 @@ import pandas as pd
 import pytest
 
 from skhybrid._warnings import without_python
-from skhybrid.datasets import read_zone_csv
+from skhybrid.datasets import load_dutch_home, make_office, read_zone_csv
 from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.blank_setpoints import filled_setpoints
+from skhybrid.logs.log_findings import doubts_on_log
 from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.logs.sun_clock import clock_jumps
 from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_zone_log
 from skhybrid.study.data import plant_heat
@@ -551,3 +553,67 @@ def test_the_mode_of_a_fan_is_not_that_of_a_thermostat(write):
     frame, *_ = one_set_point(cools_from=90)
     frame["Fan mode"] = np.where(np.arange(len(frame)) % 9, "auto", "off")
     assert "mode" not in LogReport(read_log(write(frame.to_csv()))).roles
+
+
+@pytest.mark.parametrize(
+    ("header", "told"),
+    [
+        ("time,Humidity,Outdoor", "line 32 of 'log.csv' names the columns anew, and 'Humidity' in place of 'Room'"),
+        ("Date,Room temp,Outdoor temp", "and 'Room temp' in place of 'Room'; split the file there"),
+        ("time,Outdoor,Room", "and 'Outdoor' at another place"),
+        ("time,Room,Outdoor", None),
+        ("Logger restarted by,Smith,", None),
+    ],
+)
+def test_a_header_that_changes_in_mid_file_is_refused(write, header, told):
+    """The humidity below a second header was taken for the room's temperature."""
+    rows = [f"{stamp},{ROOM[k]:.2f},5.0" for k, stamp in enumerate(STAMPS)]
+    path = write("\n".join(["time,Room,Outdoor", *rows[:30], header, *rows[30:]]))
+    if told is None:
+        np.testing.assert_allclose(read_log(path).frame["Room"], ROOM)
+    else:
+        with pytest.raises(ValueError, match=told):
+            read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("role", "rows", "told"),
+    [
+        ("T_oa", slice(120, None), "T_oa has no value after 2024-03-05 23:00:00, but T_za goes on to 2024-03-10 23:00"),
+        ("q_sol", slice(0, 96), "q_sol has no value before 2024-03-05 00:00:00, but T_za begins at 2024-03-01 00:00"),
+        ("T_za", slice(100, None), "T_za has no value after 2024-03-05 03:00:00, but Q_heat goes on to 2024-03-10"),
+        ("T_za", slice(200, None), None),  # rows ahead with a plan
+        ("T_oa", slice(230, None), None),
+    ],
+)
+def test_a_column_that_is_lost_in_mid_file_is_named_with_its_stamp(role, rows, told):
+    """``check`` said that half of its rows have no value, and studies took the first half of the log."""
+    columns, stamps = daily({"q_sol": lambda t: 0.1 + 0.0 * t.hour, "Q_heat": lambda t: 1.0 * (t.hour > 5)})
+    frame = pd.DataFrame(columns, stamps)
+    frame.iloc[rows, frame.columns.get_loc(role)] = np.nan
+    said = [text for text in doubts_on_log(frame, ["T_za"]) if "no value" in text]
+    assert [text.startswith(told or "-") for text in said] == ([True] if told else [])
+    found = [f"{finding.where} {finding.text}" for finding in LogReport(frame).findings if finding.level == "warning"]
+    assert any(text.startswith(told or "-") for text in found) == (told is not None)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+@pytest.mark.parametrize("hours", [0.0, 1.0, -1.0])
+def test_a_clock_that_was_set_is_told_by_the_sun(zone, hours):
+    office = make_office(60, "chicago", start="2023-03-01", random_state=0, sampling_time="1h").X
+    stamps = pd.DatetimeIndex(office.index)
+    stamps = stamps.where(stamps < "2023-04-05", stamps + pd.Timedelta(hours=hours))
+    if zone:  # a log in standard time whose wall clock has daylight saving
+        stamps = stamps.tz_localize("Etc/GMT-1").tz_convert(zone)
+    told = [text for text in doubts_on_log(office.set_axis(stamps), ["T_za"]) if "sun" in text]
+    way = "later" if hours > 0 else "earlier"
+    assert len(told) == (hours != 0.0)
+    assert all(text.startswith("q_sol: from 2023-04-05 on, the sun rises and sets about 1 h " + way) for text in told)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_daylight_saving_of_a_known_zone_is_no_clock_that_was_set(number):
+    sun = load_dutch_home(number).X["q_sol"]
+    assert clock_jumps(sun) == []
+    wall = clock_jumps(sun.set_axis(pd.DatetimeIndex(sun.index).tz_localize(None)))
+    assert [day for day, _ in wall] == ([pd.Timestamp("2021-10-31")] if number > 1 else [])

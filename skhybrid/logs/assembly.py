@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from .._warnings import several
-from .cell_numbers import NumberColumn
+from .cell_numbers import NumberColumn, number_in
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
 from .quality_columns import columns_judged, quality_columns, without_bad
 from .raw_log import RawLog
-from .stamp_cells import is_stamp
+from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_parts import joined_cells
 from .stamps import in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
@@ -207,24 +207,28 @@ def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
         known &= ~alone | cells.where(alone, "").map(lambda cell: is_stamp(str(cell).strip()))
     if known.all():
         return piece
-    _refuse_other_header(piece[~known], pieces.where)
+    _refuse_other_header(piece[~known], pieces.where, pieces.stamps[0])
     filled = piece[~known].replace(r"^\s*$", np.nan, regex=True).notna().any(axis=1)
     if filled.any():
         pieces.notes.append(f"{several(int(filled.sum()), 'row')} without a time stamp left out")
     return piece[known]
 
 
-def _refuse_other_header(rows: pd.DataFrame, where: str) -> None:
-    """Refuse a row that names columns of the table at other places, as where exports were put one below the other."""
+def _refuse_other_header(rows: pd.DataFrame, where: str, stamp: str) -> None:
+    """Refuse a row that names other columns, or at other places, as where exports were put one below the other."""
     names = list(map(str, rows.columns))
     for row, cells in zip(rows.index, rows.to_numpy(dtype=object), strict=True):
         found = [str(cell).strip() for cell in cells]
-        moved = [cell for name, cell in zip(names, found, strict=True) if cell != name and cell in names]
+        other = {cell: name for name, cell in zip(names, found, strict=True) if cell not in (name, "", "nan")}
+        moved = [cell for cell in other if cell in names]
+        anew = f"line {line(row)} of {where} names the columns anew, and"
         if moved:
             raise ValueError(
-                f"line {line(row)} of {where} names the columns anew, and {moved[0]!r} at another place; split the "
-                "file there, or put the columns in one order."
+                f"{anew} {moved[0]!r} at another place; split the file there, or put the columns in one order."
             )
+        new = [cell for cell, name in other.items() if name != stamp and number_in(cell) is None]
+        if new and is_stamp_name(found[names.index(stamp)]):
+            raise ValueError(f"{anew} {new[0]!r} in place of {other[new[0]]!r}; split the file there.")
 
 
 def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Series, pd.DatetimeIndex]:

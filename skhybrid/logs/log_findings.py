@@ -12,8 +12,10 @@ from .._ranges import is_in_watts, range_of
 from .._table import SETPOINT_ROLES, is_plant, listed
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
+from .column_spans import lost_columns
 from .counters import counter_jumps, counter_resets, counter_tick
 from .standstills import room_standstills, standstills
+from .sun_clock import jump_texts, noon_text
 
 _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
@@ -30,7 +32,6 @@ _HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so
 _RUNS, _MOST_RUN = 0.1, 0.4  # heat, relative to its peaks, and share of such hours in which a heater may give more
 _OFTEN = 0.05  # share of the rows in which a plant heats or cools
 _ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
-_NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 _COARSE = 6.0  # hours of a step of a counter, beyond which the course of a day is lost
 
 
@@ -151,7 +152,7 @@ def sensor_findings(
     if role in _JUMP:
         yield from _jumping(name, known, _JUMP[role])
     if role.startswith("q_sol"):
-        yield from _sun_clock(name, known)
+        yield from (Finding("warning", name, text) for text in (noon_text(known), *jump_texts(known)) if text)
     if role.startswith(("q_sol", "u_", "Q_")):
         yield from _odd_power(role, name, known)
 
@@ -295,18 +296,12 @@ def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
             yield Finding("error", low, text)
 
 
-def one_after_the_other(frame: pd.DataFrame) -> str | None:
-    """A sentence on a column that ends before another one begins, so that no row has both; None where none does."""
-    known = {str(c): pd.DatetimeIndex(frame.index[frame[c].notna()]) for c in frame if frame[c].notna().any()}
-    if not known:
-        return None
-    begins, ends = ({name: rows[at] for name, rows in known.items()} for at in (0, -1))
-    first, last = min(ends, key=ends.__getitem__), max(begins, key=begins.__getitem__)
-    end, begin = ends[first], begins[last]
-    if end >= begin:
-        return None
-    what = f"{first} ends at {end} and {last} begins at {begin}, so that no row has both"
-    return f"{what}: is this one room under two names? Join their columns, or leave one of them out."
+def doubts_on_log(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:
+    """Remarks on a log at even stamps, beside those on its temperatures: columns that end, and a clock that was set."""
+    yield from doubts_on_temperatures(frame, rooms)
+    yield from (f"{role} {text}" for role, text in lost_columns(frame))
+    sun = next((str(role) for role in frame if str(role).startswith("q_sol")), None)
+    yield from () if sun is None else (f"{sun}: {text}" for text in jump_texts(frame[sun].dropna()))
 
 
 def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> Iterator[Finding]:
@@ -376,19 +371,3 @@ def _standing_still(role: str, name: str, values: pd.Series, controlled: pd.Seri
         hours = (last - first) / pd.Timedelta("1h")
         text = f"stays at {value:.4g} {range_of(role).unit} for {hours:.0f} h from {first}: is the sensor stuck?"
         yield Finding("warning", name, text + (" These rows are taken as missing." if role == "T_za" else ""))
-
-
-def _sun_clock(name: str, known: pd.Series) -> Iterator[Finding]:
-    """A sun that is not highest around noon shows that the clock is wrong."""
-    index = pd.DatetimeIndex(known.index)
-    hour = index.hour + index.minute / 60.0
-    sun = known.clip(lower=0.0).to_numpy()
-    if sun.sum() <= 0.0:
-        yield Finding("warning", name, "the sun never shines.")
-        return
-    angle = 2.0 * np.pi * np.asarray(hour) / 24.0
-    middle = np.angle(np.sum(sun * np.exp(1j * angle))) * 24.0 / (2.0 * np.pi) % 24.0
-    if not _NOON[0] <= middle <= _NOON[1]:
-        text = f"the sun culminates at {int(middle)}:{int(middle % 1 * 60):02d} by the log's clock"
-        utc = " If the stamps are UTC, name their column 'time (UTC)'." if index.tz is None else ""
-        yield Finding("warning", name, f"{text}; is the time zone right?{utc}")

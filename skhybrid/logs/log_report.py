@@ -16,6 +16,7 @@ from .._warnings import several
 from .abilities import abilities, excitation
 from .assumed_units import assumed_unit, outdoor_as_room, reread_percent
 from .blank_setpoints import filled_setpoints
+from .column_spans import lost_columns, one_after_the_other
 from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
@@ -29,7 +30,6 @@ from .log_findings import (
     gap_findings,
     gaps_of,
     guessed_label,
-    one_after_the_other,
     plant_findings,
     sensor_findings,
     set_point_findings,
@@ -346,6 +346,7 @@ class LogReport:
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
         found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
+        found += [Finding("warning", self.roles[role], text) for role, text in lost_columns(self.even)]
         found += set_point_findings(self.even)
         rooms = self.frame.reindex(columns=self._rooms).rename(columns={c.role: c.name for c in channels})
         if (text := one_after_the_other(rooms)) is not None:

@@ -14,9 +14,10 @@ from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.blank_setpoints import filled_setpoints
+from ..logs.column_spans import one_after_the_other
 from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import clash, doubts_on_temperatures, has_both_signs, one_after_the_other, unit_switch
+from ..logs.log_findings import clash, doubts_on_log, has_both_signs, unit_switch
 from ..logs.standstills import without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
@@ -216,7 +217,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     temperatures = settings.roles_of("T_za")
     frame = _checked(frame, temperatures)
-    doubts = tuple(doubts_on_temperatures(frame, temperatures))
+    doubts = tuple(doubts_on_log(frame, temperatures))
     frame = _usable(frame, settings)
     inputs = inputs_of(frame, temperatures)
     known = np.flatnonzero(frame[temperatures].notna().any(axis=1).to_numpy())
