@@ -345,6 +345,26 @@ def test_cooling_with_both_signs_is_the_heat_of_the_plant():
             "UnitWarning: convert it with skhybrid.preprocessing.UnitConverter.",
             "give its unit under [units] of the configuration.",
         ),
+        (
+            "pass one, such as known={'Q_h': nameplate kW}, or",
+            "such as known = { Q_h = nameplate kW } in [estimator], or",
+        ),
+        ("stays at its default; pass it in known= or add days", "pass it in known of [estimator] or add days"),
+        ("pass its name as time_column=.", "pass its name as time_column = in the configuration."),
+        ("give that as timezone=, such as 'UTC'.", "give that as timezone = in the configuration, such as 'UTC'."),
+        ("dayfirst=True or dayfirst=False.", "dayfirst = true or dayfirst = false."),
+        ("pass its separator, such as sep=';'.", "pass its separator, such as sep = ';'."),
+        (
+            "name that as point_column=; needs table= or query=",
+            "as point_column = in [log]; needs table = in [log] or query = in [log]",
+        ),
+        ("read them with table='statistics'.", "read them with table = 'statistics' in [log]."),
+        ("or pass setpoint= for an ideal plant.", "or pass --setpoint for an ideal plant."),
+        ("do not plan with it; fit with purpose='plan'; let it run.", "do not plan with it; let it run."),
+        (
+            "there is no timezone = here, and 21,24 of --setpoint",
+            "there is no timezone = here, and 21,24 of --setpoint",
+        ),
     ],
 )
 def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
