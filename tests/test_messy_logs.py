@@ -386,6 +386,14 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
         ("Consigna frío", "T_cool_set"),
         ("Setpunt koeling", "T_cool_set"),
         ("drybulb", "T_oa"),
+        ("Outdoor Wetbulb Temp", None),  # it came before the dry bulb beside it
+        ("Temp ext prévision", None),
+        ("Setpoint shift", None),
+        ("Boiler oil (l)", None),  # it was a stage
+        ("Heat meter pulses", None),
+        ("Compressor frequency [Hz]", None),  # it cooled
+        ("Troom_C", "T_za"),
+        ("Temp, °F (LGR S/N: 10, SEN S/N: 12, LBL: Outdoor)", "T_oa"),
     ],
 )
 def test_names_of_building_systems(name, role):
@@ -637,3 +645,77 @@ def test_daylight_saving_of_a_known_zone_is_no_clock_that_was_set(number):
     assert clock_jumps(sun) == []
     wall = clock_jumps(sun.set_axis(pd.DatetimeIndex(sun.index).tz_localize(None)))
     assert [day for day, _ in wall] == ([pd.Timestamp("2021-10-31")] if number > 1 else [])
+
+
+@pytest.mark.parametrize("form", ["({:.2f})", "{:.2f}-"])
+def test_negative_numbers_of_accounts(write, form):
+    """4.10- was 4.10 without a unit."""
+    outdoor = ROOM - 20.3
+    cells = [form.format(-value) if value < 0.0 else f"{value:.2f}" for value in outdoor]
+    log = read_log(write("time;Outdoor\n" + "\n".join(f"{t};{x}" for t, x in zip(STAMPS, cells, strict=True))))
+    np.testing.assert_allclose(log.frame["Outdoor"], outdoor)
+
+
+@pytest.mark.parametrize(("on", "off"), [("VRAI", "FAUX"), ("Ja", "Nein"), ("Sí", "No"), ("oui", "non")])
+def test_switches_in_other_languages(write, on, off):
+    cells = [f"{stamp};{on if k % 2 else off}" for k, stamp in enumerate(STAMPS)]
+    assert read_log(write("time;Heating\n" + "\n".join(cells))).frame["Heating"].tolist() == 30 * [0.0, 1.0]
+
+
+def test_stamps_of_the_last_second_end_their_rows(write):
+    """Means over an hour that are stamped 00:59:59 came an hour late."""
+    log = read_log(write("time,Room\n" + rows_of(STAMPS + pd.Timedelta("59min59s"))))
+    assert (log.frame.index == STAMPS + pd.Timedelta("1h")).all()
+    assert log.label == "right"
+    assert read_log(write("time,Room\n" + rows_of(STAMPS + pd.Timedelta("59s")))).label is None
+
+
+def test_a_name_of_two_lines(write):
+    rows = rows_of(STAMPS, sep=";").replace("\n", ";5\n")
+    log = read_log(write('time;"Room\ntemp";Outdoor\n' + rows))
+    np.testing.assert_allclose(log.frame["Room temp"], ROOM)
+
+
+def test_points_one_below_the_other_are_an_error(write):
+    """Of three points, the values of the first were taken, with a warning of stamps that occur twice."""
+    parts = [f"Trend;{name}\nTime;Value\n" + rows_of(STAMPS, ROOM + k, sep=";") for k, name in enumerate("abc")]
+    told = [found.text for found in LogReport(read_log(write("\n".join(parts)))).findings if found.level == "error"]
+    assert told[0].startswith("120 of 180 rows have the stamp of another row and other values")
+
+
+@pytest.mark.parametrize(
+    ("columns", "where", "told"),
+    [
+        ({"Heating status": 1.0 + np.arange(60) % 2}, None, None),
+        ({"Solar (W/m2)": 0.5 + 0.2 * np.sin(np.arange(60))}, 0, "reaches 0.7 W/m2 only: is it in kW/m2?"),
+        ({"HVAC (kW)": -3.0 * (np.arange(60) % 3 < 2)}, 0, "is negative in 67 % of the hours when it is 10 K colder"),
+        ({"DNI (W/m2)": 400.0 + ROOM, "DHI (W/m2)": 100.0 + ROOM}, 0, "is a part of the sun's irradiance, by its name"),
+        ({"Occ Heat SP": 21.0, "Unocc Heat SP": 17.0}, 0, "is the set-point of one mode, by its name"),
+        (
+            {"Radiator heat (kW)": ROOM, "Floor heating (kW)": np.sin(ROOM * 9)},
+            1,
+            "could be heat or cold of the plant beside",
+        ),
+        ({"Heat (kW)": ROOM, "Heating (W)": 1e3 * ROOM}, 1, None),  # the same in other units
+    ],
+)
+def test_columns_that_are_not_what_their_role_needs(columns, where, told):
+    frame = pd.DataFrame({"Room temp": ROOM, "Outdoor temp": ROOM - 15.0, **columns}, STAMPS)
+    report = LogReport(frame)
+    warned = {
+        (found.where, found.text) for found in report.findings if found.level == "warning" and found.where in columns
+    }
+    if told is None:
+        assert not warned
+    else:
+        assert any(name == list(columns)[where] and text.startswith(told) for name, text in warned)
+    assert "u_heat" not in report.roles  # codes of states are no percent
+
+
+def test_a_meter_without_a_sign_cools_where_the_mode_says_so(write):
+    """The electricity of a heat pump in summer was that of heating."""
+    frame, cools, _ = one_set_point()
+    heat = (frame["Heating stage"] + frame["Cooling stage"]).to_numpy()
+    frame = frame[["Room temp", "Outdoor temp"]].assign(**{"HVAC (kW)": heat, "mode": np.where(cools, "cool", "heat")})
+    report = LogReport(read_log(write(frame.to_csv())))
+    np.testing.assert_allclose(report.frame["Q_hvac"], np.where(cools, -heat, heat))

@@ -244,7 +244,7 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
         cells, pieces.stamps, pieces.where, dayfirst=choice.dayfirst, timezone=choice.timezone, year=choice.year
     )
     pieces.notes.extend(found.notes)
-    ends = found.ends_days or any(map(_ENDS.fullmatch, pieces.stamps))
+    ends = found.ends_rows or any(map(_ENDS.fullmatch, pieces.stamps))
     pieces.label = "right" if ends else None
     return cells, found.stamps
 

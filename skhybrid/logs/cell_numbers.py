@@ -12,12 +12,9 @@ import pandas as pd
 from .setpoint_modes import COOLS, HEATS, code_of, kind_of_words
 from .unit_names import unit_named
 
-_SWITCHES = dict.fromkeys(
-    ("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche", "heating"), 1.0
-)
-_SWITCHES |= dict.fromkeys(
-    ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt", "idle"), 0.0
-)
+_ON = "on true open yes active running ein wahr offen ja aan marche vrai oui vero sí si verdadero tak heating"
+_OFF = "off false closed close no inactive stopped aus falsch zu nein uit nee arrêt faux non falso nie idle"
+_SWITCHES = dict.fromkeys(_ON.split(), 1.0) | dict.fromkeys(_OFF.split(), 0.0)
 _ERRORS = re.compile(
     r"\W*|comm\w*\W(fail|fault|err|lost|loss).*|"
     r"#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
@@ -32,6 +29,7 @@ _GROUPED_COMMA = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+|[-+]?\d{1,3}(,\d{3}){2,
 _ONE_COMMA = re.compile(r"[-+]?\d*,(\d+)([eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")  # or a decimal comma with three decimals
 _ONE_DOT = re.compile(r"[-+]?\d{1,3}\.\d{3}")
+_NEGATIVE = re.compile(r"\A(?:\(([.,\d]*\d)\)|([.,\d]*\d)-)\Z")  # (4.1) and 4.1- of accounts
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
 _WITH_STATUS = re.compile(r"(.+?)\s*[{\[(]\s*([\w ,]+?)\s*[)\]}]")  # 20.5 °C {ok}
@@ -62,7 +60,7 @@ def _without_status(text: str) -> str:
 
 def number_in(text: str, decimal: str = ".") -> float | None:
     """The number that a cell spells with any sign for decimals and thousands; None for a word."""
-    text = _BETWEEN.sub("", text.strip()).replace("−", "-")
+    text = _NEGATIVE.sub(r"-\1\2", _BETWEEN.sub("", text.strip()).replace("−", "-"))
     if _GROUPED_DOT.fullmatch(text) or (decimal == "," and _ONE_DOT.fullmatch(text)):
         text = text.replace(".", "").replace(",", ".")
     elif _GROUPED_COMMA.fullmatch(text):

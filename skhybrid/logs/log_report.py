@@ -9,11 +9,10 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from .._holidays import read_holidays
 from .._table import SETPOINT_ROLES, is_plant
-from .._time import spell, wall_clock
+from .._time import spell
 from .._warnings import several
-from .abilities import abilities, excitation
+from .abilities import abilities, days_of, excitation
 from .assumed_units import assumed_unit, outdoor_as_room, reread_percent
 from .blank_setpoints import filled_setpoints
 from .column_spans import lost_columns, one_after_the_other
@@ -25,19 +24,18 @@ from .log_findings import (
     Finding,
     clash,
     clock_findings,
-    cooling_findings,
     counter_findings,
     gap_findings,
     gaps_of,
     guessed_label,
-    plant_findings,
+    partial_findings,
     sensor_findings,
     set_point_findings,
-    shared_plant_findings,
     swap_findings,
 )
 from .log_report_html import report_html
-from .naming import FOR_HEATING, NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
+from .naming import FOR_HEATING, NAMED_BY_ROLE, TAKEN, UNPLACED, Guess, assign_roles, guess_role, unit_in_name
+from .plant_findings import cooling_findings, parallel_findings, plant_findings, shared_plant_findings
 from .raw_log import RawLog
 from .setpoint_modes import MODE, further_roles, one_role_each, shared_zones
 from .standstills import controlled_rows
@@ -146,7 +144,7 @@ class LogReport:
         self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
         held = [c.role for c in channels if c.name in raw.held and c.role in self.frame]
         self.even = self._held(held) if held else self.frame
-        self.days = _days(self.even, self.even_step if held else self.step, holidays)
+        self.days = days_of(self.even, self.even_step if held else self.step, holidays)
         self.excitation = excitation(self.even)
         self.can, self.cannot, self.next_steps = self._abilities(channels)
         self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
@@ -286,7 +284,7 @@ class LogReport:
         """The channels with those of modes, and with cooling set-points that are those of heating too."""
         heat, cool = SETPOINT_ROLES
         found = {cool + zone: given[cool + zone] for zone in shared_zones(given)}
-        if not given and any(c.role.startswith(SETPOINT_ROLES) for c in channels):
+        if not given:
             frame, modes = to_roles(raw, channels), raw.frame[sorted(raw.modes)]
             found, reasons, doubts = further_roles({c.role: c.name for c in channels}, frame, modes)
             self._one_for_both = {name: Finding("warning", name, text) for name, text in doubts.items()}
@@ -299,6 +297,13 @@ class LogReport:
         by_role = {c.role: c for c in channels}
         twins = [by_role[role.replace(cool, heat)]._replace(role=role) for role in found if role.startswith(cool)]
         return [*channels, *twins, *(Channel(role, name) for role, name in found.items() if role.startswith(MODE))]
+
+    def _taken(self) -> dict[str, str]:
+        """The roles of columns that are not used since others were taken for them."""
+        guesses = self._guesses.items()
+        taken = [name for name, guess in guesses if guess.role is None and guess.reason.endswith(TAKEN)]
+        found = {name: guess_role(name, self.raw.units.get(name, unit_in_name(name))) for name in taken}
+        return {name: str(guess.role) for name, guess in found.items() if not guess.is_electricity}
 
     def _is_unsure(self, channel: Channel) -> bool:
         return self._seems_electric(channel) or "scale" in self._assumed.get(channel.role, "")
@@ -324,7 +329,7 @@ class LogReport:
 
     def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
         found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
-        if (text := clash(self.frame)) is not None:
+        if (text := clash(self.frame) or clash(raw.frame)) is not None:
             found.append(Finding("error", "clock", text))
         found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
         for channel in (c for c in channels if c.role in self.frame):  # the mode is no quantity
@@ -351,11 +356,15 @@ class LogReport:
         rooms = self.frame.reindex(columns=self._rooms).rename(columns={c.role: c.name for c in channels})
         if (text := one_after_the_other(rooms)) is not None:
             found.append(Finding("error", "rooms", text))
-        found += self._one_for_both.values()
+        found += [
+            *self._one_for_both.values(),
+            *partial_findings({c.name: self._guesses[c.name].reason for c in channels}),
+        ]
         found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
+        found += parallel_findings(raw.frame, {c.role: c.name for c in channels}, self._taken())
         heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]
-        found += cooling_findings(self.even, {c.role: c.name for c in heat if not self._guesses[c.name].is_electricity})
+        found += cooling_findings(self.even, {c.role: c.name for c in heat})
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 
 
@@ -376,20 +385,6 @@ def _refuse_short(frame: pd.DataFrame) -> None:
         raise ValueError("the log has no time stamps; give a DataFrame with a DatetimeIndex, or use read_log.")
     if len(frame.index.unique()) < 2:
         raise ValueError(f"the log has {several(len(frame.index.unique()), 'distinct stamp')}; two are the least.")
-
-
-def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, int]:
-    """Number of days of each kind with at least nine tenths of their rows."""
-    index = pd.DatetimeIndex(frame.index)
-    rooms = [role for role in frame if role == "T_za" or str(role).startswith("T_za_")]
-    known = frame[rooms].notna().any(axis=1).to_numpy() if rooms else np.ones(len(frame), dtype=bool)
-    per_day = pd.Series(1, index=wall_clock(index[known]).normalize()).groupby(level=0).sum()
-    whole = pd.DatetimeIndex(per_day.index[per_day >= 0.9 * (pd.Timedelta("1D") / step)])
-    kind = read_holidays(holidays, whole).day_of_week(whole) if len(whole) else np.empty(0)
-    free = (kind == 6) & (whole.day_of_week != 6)
-    weekend = (kind >= 5) & ~free
-    counts = {"working days": int((~weekend & ~free).sum()), "weekend days": int(weekend.sum())}
-    return counts | ({"holidays": int(free.sum())} if free.any() else {})
 
 
 def _unit_words(row: Any) -> str:

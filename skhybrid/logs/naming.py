@@ -87,6 +87,7 @@ _OF_WATER = "; from a flow of water and its temperatures of supply and return, w
 _OF_FUEL = (
     "; if it counts the fuel of the heating, give Q_heat, its unit as 'kWh counter', and the kWh of one under [scale]"
 )
+_OF_PULSES = "; if they are those of a heat meter, give Q_heat, its unit as 'kWh', and the kWh of one under [scale]"
 _HINTS = dict.fromkeys(("m3", "ccf"), _OF_FUEL) | dict.fromkeys(("l/h", "l/min", "l/s", "m3/h"), _OF_WATER)
 #: what no model reads
 _OTHER = (
@@ -96,12 +97,21 @@ _OTHER = (
     r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
     r"\bpv\b|photovolt|solar (power|energy|prod|yield)|inverter|\bgrid\b|\bev\b|charger|dishwash|washing|dryer|freezer|"
     r"fridge|\bcpu\b"
+    r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|\bshift|adjust|verschieb|korrektur"
 )
+
+_PULSES = r"\bpulses?\b|impuls"
+_SPEED = re.compile(r"\bfreq|\brpm\b|speed|drehzahl|\bhz\b")  # of a compressor that heats or cools
 
 #: the reason where a column has the name of its role, whose unit it then has
 NAMED_BY_ROLE = "it is named after its role"
 
-#: the end of the reason where a set-point may be that of heating or of cooling
+#: reasons where a column may be a part only of what its role needs
+PART_OF_SUN = "its name is that of a part of the sun's irradiance"
+OF_A_MODE = "its name is that of the set-point of one mode"
+
+#: the ends of reasons: where another column has the role, and where a set-point may be that of heating or of cooling
+TAKEN = "was taken for the same quantity"
 FOR_HEATING = "taken for heating"
 
 #: the certainty of a role that was given
@@ -138,7 +148,9 @@ def unit_in_name(name: str) -> str | None:
 def plain(name: str) -> str:
     """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
     text = re.sub(rf"{_OF_INTERVAL}\(([^)]*)\)", r"\1", name)
+    text = re.sub(r"\(LGR S/N.*LBL: ([^)]*)\)", r" \1 ", text)  # the label of a HOBO logger
     text = re.sub(r"[\[(][^\])]*[\])]", " ", re.sub(_PRESENT, r"\1", text))
+    text = re.sub(r"\bT(?=(room|zone|out|amb|set|int|ext)(?![a-z]))", "T ", text)
     for script, word in _SCRIPTS.items():
         text = text.replace(script, word)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
@@ -155,13 +167,17 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, f"no model reads {stated}{_HINTS.get(stated.lower().replace('³', '3'), '')}")
     if re.search(_OTHER, words):
         return Guess(None, 0, "no model reads such a quantity")
+    if re.search(_PULSES, words):
+        return Guess(None, 0, f"it counts pulses{_OF_PULSES}")
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (HEAT, COOL, _SET))
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
     if of == "irradiance":
-        return Guess("q_sol", 3 - bool(re.search(_PART_OF_SUN, words)), "its name or unit is that of irradiance")
+        if re.search(_PART_OF_SUN, words):
+            return Guess("q_sol", 2, PART_OF_SUN)
+        return Guess("q_sol", 3, "its name or unit is that of irradiance")
     electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
     if of == "power" and not wanted and (heat or cool or re.search(_PLANT, words)):
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
@@ -173,6 +189,9 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
     if of in ("stage", None) and heat and cool:
         return Guess(None, 0, "its name says that it heats and that it cools; give u_heat, u_cool or Q_hvac")
+    speed = _SPEED.search(f"{words} {unit_text(name) or ''}".lower())
+    if cool and "compressor" in words and not heat and speed and not re.search(r"cool|chill", words):
+        return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give u_heat or u_cool")
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
@@ -196,7 +215,8 @@ def _set_point(words: str, heat: bool, cool: bool) -> Guess:
     """The role of a set-point."""
     if heat == cool:
         return Guess("T_heat_set", 1, f"its name is that of a set-point, {FOR_HEATING}")
-    return Guess("T_cool_set" if cool else "T_heat_set", 3 + _preference(words), "its name is that of a set-point")
+    reason = "its name is that of a set-point" if _preference(words) >= 0 else OF_A_MODE
+    return Guess("T_cool_set" if cool else "T_heat_set", 3 + _preference(words), reason)
 
 
 def _preference(words: str) -> int:
@@ -242,5 +262,5 @@ def assign_roles(
         if rival is None:
             taken[role] = column
         else:
-            guesses[column] = Guess(None, 1, f"{rival!r} was taken for the same quantity")
+            guesses[column] = Guess(None, 1, f"{rival!r} {TAKEN}")
     return guesses

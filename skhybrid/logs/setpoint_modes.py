@@ -70,7 +70,7 @@ def further_roles(
     heat, cool = SETPOINT_ROLES
     told = [str(name) for name in modes if modes[name].isin((HEATS, COOLS)).any()]
     found, reasons, doubts = {}, {}, {}
-    for zone in {str(role).removeprefix(side) for side in NEVER for role in columns if str(role).startswith(side)}:
+    for zone in _zones_of(columns):
         own = [name for name in told if zone and zone.strip("_").replace("_", " ") in plain(name)] or told
         mode = own[0] if len(own) == 1 else None
         if mode is not None:
@@ -92,6 +92,12 @@ def further_roles(
     return found, reasons, doubts
 
 
+def _zones_of(roles: Iterable[object]) -> list[str]:
+    """The endings of zones with a set-point or a meter of heat."""
+    sides = (*NEVER, "Q_hvac", "Q_heat")
+    return sorted({str(role).removeprefix(side) for role in roles for side in sides if str(role).startswith(side)})
+
+
 def sides_of_plant(frame: pd.DataFrame, zone: str) -> tuple[set[float], bool]:
     """Whether the plant heats, cools or does both by turns, and whether most days have one side alone."""
     mode, is_clear = mode_of_plant(frame, zone)
@@ -101,12 +107,16 @@ def sides_of_plant(frame: pd.DataFrame, zone: str) -> tuple[set[float], bool]:
 def in_force(frame: pd.DataFrame, shared: Collection[str], held: Collection[str]) -> pd.DataFrame:
     """Columns by role without the mode, whose set-points are in force where it says so, and else at ``NEVER``.
 
+    Where it cools, so does a meter of the plant that is never negative and has none of cold beside it.
     ``shared`` are the endings, such as ``""`` or ``"_hall"``, of zones whose two set-points are one column; without a
     mode, the plant that ran on a day says which it is.  ``held`` roles are logged by change.
     """
     out = frame.drop(columns=[role for role in frame if str(role).partition("_")[0] == MODE])
-    for zone in {str(role).removeprefix(side) for side in NEVER for role in out if str(role).startswith(side)}:
+    for zone in _zones_of(out):
         own = next((frame[role] for role in (MODE + zone, MODE) if role in frame), None)
+        if own is not None and f"Q_cool{zone}" not in out:
+            meters = [role for role in (f"Q_hvac{zone}", f"Q_heat{zone}") if role in out and not out[role].min() < 0.0]
+            out = out.assign(**{role: out[role].where(own.ffill().bfill() != COOLS, -out[role]) for role in meters})
         if own is None and zone not in shared:
             continue
         mode = mode_of_plant(out, zone)[0] if own is None else own.ffill().bfill()

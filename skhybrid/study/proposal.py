@@ -121,7 +121,7 @@ def _unit_lines(report: LogReport) -> list[list[str]]:
     """Tables of the units that are not those of the data contract, and of factors."""
     used = report.columns[report.columns["role"].notna()]
     used = used.assign(role=used["role"].str.split(", ")).explode("role").set_index("role")
-    used = used[[not role.startswith(MODE) for role in used.index]]
+    used = used.drop(index=[role for role in used.index if role.startswith(MODE)])
     units = used["unit"][~used["unit"].isin(["degC", "kW", "kW/m2", "-"])]
     scale = used["scale"][used["scale"] != 1.0].astype(float).round(9)
     tables = ((name, table) for name, table in (("units", units), ("scale", scale)) if len(table))
