@@ -392,12 +392,20 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
         ("Boiler oil (l)", None),  # it was a stage
         ("Heat meter pulses", None),
         ("Compressor frequency [Hz]", None),  # it cooled
+        ("Heating (W/m2)", None),  # it was the sun
+        ("Apparent temperature outdoor", None),
         ("Troom_C", "T_za"),
         ("Temp, °F (LGR S/N: 10, SEN S/N: 12, LBL: Outdoor)", "T_oa"),
     ],
 )
 def test_names_of_building_systems(name, role):
     assert guess_role(name, unit_in_name(name)).role == role
+
+
+def test_of_two_columns_the_one_that_is_measured_counts():
+    names = ["Max heating power (kW)", "Heating power (kW)", "Outdoor ground temp", "Outdoor air temp"]
+    roles = LogReport(pd.DataFrame(np.tile(ROOM[:, None], 4), STAMPS, names)).roles
+    assert roles == {"Q_heat": names[1], "T_oa": names[3]}
 
 
 def test_outdoor_air_in_tenths_of_a_degree_without_a_room(write):
@@ -719,3 +727,17 @@ def test_a_meter_without_a_sign_cools_where_the_mode_says_so(write):
     frame = frame[["Room temp", "Outdoor temp"]].assign(**{"HVAC (kW)": heat, "mode": np.where(cools, "cool", "heat")})
     report = LogReport(read_log(write(frame.to_csv())))
     np.testing.assert_allclose(report.frame["Q_hvac"], np.where(cools, -heat, heat))
+
+
+def test_the_action_of_a_plant_is_read_in_rows_that_lack_its_cooling(write):
+    """A log of the weeks after has no word for it."""
+    frame, *_ = one_set_point()
+    heats = np.where(frame["Heating stage"] > 0.0, "heating", "idle")
+    frame = frame.drop(columns=["Heating stage", "Cooling stage"])
+    path = write(frame.assign(hvac_action=np.where(frame.index.day % 9 == 0, "cooling", heats)).to_csv())
+    report = LogReport(read_log(path))
+    assert report.roles["u_cool"] == "hvac_action: cooling"
+    settings = read_settings(write(propose_settings(path, report), name="zone.toml"))
+    rows = read_zone_log(write(frame.assign(hvac_action=heats).to_csv()), settings)[0]
+    np.testing.assert_array_equal(rows["u_heat"], heats == "heating")
+    np.testing.assert_array_equal(rows["u_cool"], 0.0)

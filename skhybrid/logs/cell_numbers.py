@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from .setpoint_modes import COOLS, HEATS, code_of, kind_of_words
+from .setpoint_modes import COOLS, HEATS, action_name, code_of, kind_of_words
 from .unit_names import unit_named
 
 _ON = "on true open yes active running ein wahr offen ja aan marche vrai oui vero sí si verdadero tak heating"
@@ -136,7 +136,9 @@ class NumberColumn:
             return {name: NumberColumn(codes, self.n_cells, self.n_cells, is_mode=True)}
         sides = {"heating": HEATS, "cooling": COOLS}
         on = {side: np.where(np.isnan(codes), np.nan, codes == code) for side, code in sides.items()}
-        return {f"{name}: {side}": NumberColumn(values, self.n_cells, self.n_cells) for side, values in on.items()}
+        return {
+            action_name(name, side): NumberColumn(values, self.n_cells, self.n_cells) for side, values in on.items()
+        }
 
     def _from_text(self, cells: pd.Series, decimal: str) -> np.ndarray:
         known = cells.notna().to_numpy()

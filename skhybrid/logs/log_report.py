@@ -300,10 +300,12 @@ class LogReport:
 
     def _taken(self) -> dict[str, str]:
         """The roles of columns that are not used since others were taken for them."""
-        guesses = self._guesses.items()
+        guesses = () if self.raw.roles else self._guesses.items()
         taken = [name for name, guess in guesses if guess.role is None and guess.reason.endswith(TAKEN)]
         found = {name: guess_role(name, self.raw.units.get(name, unit_in_name(name))) for name in taken}
-        return {name: str(guess.role) for name, guess in found.items() if not guess.is_electricity}
+        sure = {guess.role: guess.certainty for _, guess in guesses}
+        alike = {n: g for n, g in found.items() if not g.is_electricity and g.certainty >= sure.get(g.role, 0)}
+        return {name: str(guess.role) for name, guess in alike.items()}
 
     def _is_unsure(self, channel: Channel) -> bool:
         return self._seems_electric(channel) or "scale" in self._assumed.get(channel.role, "")

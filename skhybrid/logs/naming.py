@@ -70,7 +70,7 @@ _STAGE = (
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
 #: not the temperature of the air now, or not that of all the sun, where there are several
-OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
+OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|ground|soil|erdreich|min|max|24 ?h)\b|gedampft|damped|filtered"
 _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
 _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
@@ -97,9 +97,12 @@ _OTHER = (
     r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
     r"\bpv\b|photovolt|solar (power|energy|prod|yield)|inverter|\bgrid\b|\bev\b|charger|dishwash|washing|dryer|freezer|"
     r"fridge|\bcpu\b"
-    r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|\bshift|adjust|verschieb|korrektur"
+    r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
+    r"\bshift|adjust|verschieb|korrektur"
 )
 
+_OF_FLOOR = "its unit is that of heat per area; give {0}, its unit as 'W', and the area [m2] under [scale]"
+_LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
 _PULSES = r"\bpulses?\b|impuls"
 _SPEED = re.compile(r"\bfreq|\brpm\b|speed|drehzahl|\bhz\b")  # of a compressor that heats or cools
 
@@ -174,6 +177,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
+    if of == "irradiance" and (heat or cool) and not re.search(_SUN, words):
+        return Guess(None, 0, _OF_FLOOR.format("Q_cool" if cool else "Q_heat"))
     if of == "irradiance":
         if re.search(_PART_OF_SUN, words):
             return Guess("q_sol", 2, PART_OF_SUN)
@@ -183,7 +188,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way
         reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
-        certainty = 2 + bool(re.search(_DELIVERED, words))
+        certainty = 2 + bool(re.search(_DELIVERED, words)) - bool(re.search(_LIMIT, words))
         return Guess(role, certainty, reason + " (electricity?)" * electric, electric)
     if of == "power":
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")

@@ -27,7 +27,8 @@ def parallel_findings(frame: pd.DataFrame, used: Mapping[str, str], others: Mapp
             continue
         if not abs(float(frame[name].corr(frame[used[role]]))) > _ALIKE:
             text = f"could be heat or cold of the plant beside {used[role]!r}, and is not used"
-            yield Finding("warning", name, f"{text}: if the room gets both, write their sum in one column.")
+            both = "one stage of both, from 0 to 1," if role.startswith("u_") else "their sum"
+            yield Finding("warning", name, f"{text}: if the room gets both, write {both} in one column.")
 
 
 def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> Iterator[Finding]:

@@ -36,6 +36,22 @@ def code_of(word: str) -> float | None:
     return _CODES.get(word.strip().lower().replace("_", " ").removesuffix(" mode"))
 
 
+def action_name(name: str, side: str) -> str:
+    """The name of the stage of heating or cooling that the words of a column say."""
+    return f"{name}: {side}"
+
+
+def with_actions(frame: pd.DataFrame, wanted: Iterable[str]) -> pd.DataFrame:
+    """Channels with those of heating and cooling that are wanted, where a plant only heats or is idle in these rows.
+
+    Its words are then a switch of one side, under the name of the column alone.
+    """
+    for name in map(str, frame):
+        found = {action_name(name, side): on for side, on in (("heating", frame[name]), ("cooling", 0.0 * frame[name]))}
+        frame = frame.assign(**{one: found[one] for one in wanted if one in found and one not in frame})
+    return frame
+
+
 def kind_of_words(name: str, words: Iterable[str]) -> str | None:
     """The meaning of a column of words: the ``"mode"`` of a thermostat, the ``"action"`` of its plant, or None."""
     said = {word.lower() for word in words}

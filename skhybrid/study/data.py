@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple, cast
 
@@ -18,6 +19,7 @@ from ..logs.column_spans import one_after_the_other
 from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import clash, doubts_on_log, has_both_signs, unit_switch
+from ..logs.setpoint_modes import with_actions
 from ..logs.standstills import without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
@@ -138,7 +140,8 @@ def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
     given = {name: getattr(settings, name) for name in ("timezone", "time_column", "dayfirst", "sep", "decimal")}
     options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
     options.pop("max_hold", None)
-    return read_any_log(path, settings.format, **options)
+    raw = read_any_log(path, settings.format, **options)
+    return replace(raw, frame=with_actions(raw.frame, settings.columns.values()))
 
 
 def refuse_mixed_units(frame: pd.DataFrame) -> None:
