@@ -168,10 +168,9 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     words = plain(name)
     if unit is None and is_foreign(stated := unit_text(name) or ""):
         return Guess(None, 0, f"no model reads {stated}{_HINTS.get(stated.lower().replace('³', '3'), '')}")
-    if re.search(_OTHER, words):
-        return Guess(None, 0, "no model reads such a quantity")
-    if re.search(_PULSES, words):
-        return Guess(None, 0, f"it counts pulses{_OF_PULSES}")
+    if re.search(rf"{_OTHER}|{_PULSES}", words):
+        of_pulses = re.search(_PULSES, words) and f"it counts pulses{_OF_PULSES}"
+        return Guess(None, 0, of_pulses or "no model reads such a quantity")
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (HEAT, COOL, _SET))
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
     of = "power" if is_meter else _kind(words, unit)
