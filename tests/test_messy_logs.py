@@ -727,6 +727,8 @@ def test_a_meter_without_a_sign_cools_where_the_mode_says_so(write):
     frame = frame[["Room temp", "Outdoor temp"]].assign(**{"HVAC (kW)": heat, "mode": np.where(cools, "cool", "heat")})
     report = LogReport(read_log(write(frame.to_csv())))
     np.testing.assert_allclose(report.frame["Q_hvac"], np.where(cools, -heat, heat))
+    beside = frame.rename(columns={"HVAC (kW)": "Heating (kW)"}).assign(**{"Cooling stage": 1.0 * cools})
+    np.testing.assert_allclose(LogReport(read_log(write(beside.to_csv()))).frame["Q_heat"], heat)
 
 
 def test_the_action_of_a_plant_is_read_in_rows_that_lack_its_cooling(write):

@@ -130,7 +130,7 @@ def in_force(frame: pd.DataFrame, shared: Collection[str], held: Collection[str]
     out = frame.drop(columns=[role for role in frame if str(role).partition("_")[0] == MODE])
     for zone in _zones_of(out):
         own = next((frame[role] for role in (MODE + zone, MODE) if role in frame), None)
-        if own is not None and f"Q_cool{zone}" not in out:
+        if own is not None and not {f"Q_cool{zone}", f"u_cool{zone}"} & set(out):
             meters = [role for role in (f"Q_hvac{zone}", f"Q_heat{zone}") if role in out and not out[role].min() < 0.0]
             out = out.assign(**{role: out[role].where(own.ffill().bfill() != COOLS, -out[role]) for role in meters})
         if own is None and zone not in shared:
