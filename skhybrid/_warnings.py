@@ -18,8 +18,27 @@ _zone: ContextVar[str] = ContextVar("zone", default="")
 _receiver: ContextVar[Callable[[SkhybridWarning], object] | None] = ContextVar("receiver", default=None)
 _dropped: ContextVar[tuple[type[SkhybridWarning], ...]] = ContextVar("dropped", default=())
 _PACKAGE = __name__.partition(".")[0]
-_EMPTY = "leave such cells of the log empty"
-_CONVERT = r"convert (?:it|the column) with skhybrid\.preprocessing\.UnitConverter"
+_OF_LOG = "point_column|value_column|held|table|query|entities|utc_offset|sheet"  # options of readers
+_OF_ESTIMATOR = "known|bounds|priors|warmup|n_starts"
+_PLAIN = "timezone|time_column|dayfirst|sep|decimal|holidays|weather_error"
+#: words of a message for those who call the package, and what they are for those who write a configuration
+_IN_CONFIGURATION = (
+    (r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", ""),
+    (r"set such values to NaN", "leave such cells of the log empty"),
+    (
+        r"convert (?:it|the column) with skhybrid\.preprocessing\.UnitConverter",
+        "give its unit under [units] of the configuration",
+    ),
+    (r"\bknown=\{'(\w+)': ([^}]*)\}", r"known = { \1 = \2 } in [estimator]"),
+    (rf"\b({_OF_ESTIMATOR})=(?![\w'(\[{{])", r"\1 of [estimator]"),
+    (rf"\b({_OF_LOG})=(?![\w'(\[])", r"\1 = in [log]"),
+    (rf"\b({_OF_LOG})=('[^']*'|\w+)", r"\1 = \2 in [log]"),
+    (rf"\b({_PLAIN})=(?![\w'(\[])", r"\1 = in the configuration"),
+    (rf"\b({_PLAIN}|{_OF_ESTIMATOR})=(?=[\w'(\[])", r"\1 = "),
+    (r"(?<= = )(True|False)\b", lambda found: found[0].lower()),
+    (r"fit with purpose='plan'; ", ""),
+    (r"(?<!-)\bsetpoint=(?:None)?", "--setpoint"),
+)
 #: what was said of objects of which it is said once
 _said: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
 #: packages between the user and this one: what fits an estimator, and what runs jobs
@@ -28,8 +47,10 @@ _BETWEEN = frozenset({"concurrent", "contextlib", "joblib", "multiprocessing", "
 
 def without_python(message: object) -> str:
     """A message for those who use no Python: without the name of its class, and with what they can do to a log."""
-    text = re.sub(r"^(?:[A-Z][a-z]+){2,}[A-Z]*: ", "", str(message)).replace("set such values to NaN", _EMPTY)
-    return re.sub(_CONVERT, "give its unit under [units] of the configuration", text)
+    text = str(message)
+    for said, shown in _IN_CONFIGURATION:
+        text = re.sub(said, shown, text)
+    return text
 
 
 def several(n: int, thing: str) -> str:

@@ -118,6 +118,7 @@ def test_the_states_of_a_recorder(tmp_path):
         "T_za": "climate.living.current_temperature",
         "T_heat_set": "climate.living.temperature",
         "u_heat": "climate.living.heating",
+        "mode": "climate.living.mode",
     }
     assert log.units["sensor.outdoor"] == "degC"
     assert log.units["climate.living.current_temperature"] == "degC"  # the unit that the sensors share
@@ -227,6 +228,17 @@ def test_a_thermostat_that_heats_and_cools():
     assert roles["T_heat_set"] == "climate.a.target_temp_low"
     assert roles["u_cool"] == "climate.a.cooling"
     assert entity_states.climate_roles(["climate.a", "climate.b"], []) == {}
+
+
+def test_a_thermostat_with_one_set_point_that_heats_and_cools():
+    """It had no set-point at all."""
+    row = {"hvac_modes": ["off", "heat", "cool"], "temperature": 21.0, "current_temperature": 20.5}
+    rows = [row | {"hvac_action": "heating"}, row | {"hvac_action": "cooling"}, row | {"hvac_action": "off"}]
+    found = entity_states.climate_values(rows, ["heat", "cool", "off"])
+    assert found["mode"].tolist() == [1.0, -1.0, 0.0]
+    roles = entity_states.climate_roles(["climate.a"], [f"climate.a.{name}" for name in found])
+    assert roles["T_heat_set"] == roles["T_cool_set"] == "climate.a.temperature"
+    assert roles["mode"] == "climate.a.mode"
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,8 @@ def test_preamble_and_words_of_errors(write):
     assert log.units == {"Zone Temp (°F)": "degF"}
     said = "\n".join(log.notes)
     assert "'Zone Temp (°F)': 2 cells such as 'ERR' taken as missing" in said
-    assert "'Mode' is left out, since it holds text such as" in said  # "off" beside "heat" is no switch
+    assert log.modes == {"Mode"}  # "off" beside "heat" is no switch
+    np.testing.assert_array_equal(log.frame["Mode"], [1.0, 0.0, 0.0, 0.0])
     assert "1 row without a time stamp left out" in said
 
 
@@ -129,6 +130,7 @@ def test_two_units_in_the_cells_of_a_column_are_refused(write):
         ("Montag, 5. März 2024 13:00", "Montag, 5. März 2024 14:00", "2024-03-05 13:00"),
         ("March 5, 2024 01:00 PM", "March 5, 2024 02:00 PM", "2024-03-05 13:00"),
         ("31/12/2023 11:30 p.m.", "01/01/2024 12:30 a.m.", "2023-12-31 23:30"),
+        ("31/12/2023 11:30 p. m.", "01/01/2024 12:30 a. m.", "2023-12-31 23:30"),
         ("20240105T130000", "20240105T140000", "2024-01-05 13:00"),
         ("31.01.2024 24:00", "01.02.2024 01:00", "2024-02-01 00:00"),
         ("1704459600", "1704463200", "2024-01-05 13:00Z"),
@@ -294,12 +296,11 @@ def test_long_log_of_changes(write, grouped):
     body = sorted(lines[1:], key=lambda line: line.split(",")[1]) if grouped else lines[1:]
     log = read_log(write("\n".join([lines[0], *body])))
     assert log.format == "change of value"
-    assert set(log.frame) == {"AHU1.T", "AHU1.Fan"} == log.held
+    assert set(log.frame) == {"AHU1.T", "AHU1.Fan", "AHU1.Mode"} == log.held | log.modes
     assert log.frame["AHU1.Fan"].dropna().tolist() == [1.0, 0.0, 1.0, 0.0]
     assert log.frame["AHU1.T"].dropna().tolist() == [20.1, 20.4, 20.5, 19.0]
     assert log.frame.index.is_unique
     assert log.frame.index.is_monotonic_increasing
-    assert any("'AHU1.Mode' is left out" in note for note in log.notes)
     assert list(read_log(write("\n".join([lines[0], *body])), columns=["AHU1.T"]).frame) == ["AHU1.T"]
 
 
@@ -425,7 +426,11 @@ def test_words_that_say_when_a_plant_heats(write):
     log = read_log(write("time,room,status\n" + rows))
     assert log.frame["status"].tolist() == 10 * [0.0] + 10 * [1.0]
     both = read_log(write("time,room,status\n" + rows + "2024-01-01 20:00,22,Cooling\n"))
-    (note,) = [note for note in both.notes if "left out" in note]
+    assert both.frame["status: heating"].tolist() == 10 * [0.0] + 10 * [1.0] + [0.0]
+    assert both.frame["status: cooling"].tolist() == 20 * [0.0] + [1.0]
+    assert "the words of 'status' are read as the stages 'status: heating' and 'status: cooling'" in both.notes
+    other = read_log(write("time,room,status\n" + rows + "2024-01-01 20:00,22,Cooling\n2024-01-01 21:00,22,Boost\n"))
+    (note,) = [note for note in other.notes if "left out" in note]
     assert note.endswith("; if it says when the plant ran, write columns of 1 and 0 for heating and cooling")
 
 

@@ -7,10 +7,13 @@ import pandas as pd
 import pytest
 
 from skhybrid._warnings import without_python
-from skhybrid.datasets import read_zone_csv
+from skhybrid.datasets import load_dutch_home, make_office, read_zone_csv
 from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.blank_setpoints import filled_setpoints
+from skhybrid.logs.log_findings import doubts_on_log
 from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.logs.sun_clock import clock_jumps
+from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_zone_log
 from skhybrid.study.data import plant_heat
 from skhybrid.study.settings import settings_from
@@ -342,6 +345,26 @@ def test_cooling_with_both_signs_is_the_heat_of_the_plant():
             "UnitWarning: convert it with skhybrid.preprocessing.UnitConverter.",
             "give its unit under [units] of the configuration.",
         ),
+        (
+            "pass one, such as known={'Q_h': nameplate kW}, or",
+            "such as known = { Q_h = nameplate kW } in [estimator], or",
+        ),
+        ("stays at its default; pass it in known= or add days", "pass it in known of [estimator] or add days"),
+        ("pass its name as time_column=.", "pass its name as time_column = in the configuration."),
+        ("give that as timezone=, such as 'UTC'.", "give that as timezone = in the configuration, such as 'UTC'."),
+        ("dayfirst=True or dayfirst=False.", "dayfirst = true or dayfirst = false."),
+        ("pass its separator, such as sep=';'.", "pass its separator, such as sep = ';'."),
+        (
+            "name that as point_column=; needs table= or query=",
+            "as point_column = in [log]; needs table = in [log] or query = in [log]",
+        ),
+        ("read them with table='statistics'.", "read them with table = 'statistics' in [log]."),
+        ("or pass setpoint= for an ideal plant.", "or pass --setpoint for an ideal plant."),
+        ("do not plan with it; fit with purpose='plan'; let it run.", "do not plan with it; let it run."),
+        (
+            "there is no timezone = here, and 21,24 of --setpoint",
+            "there is no timezone = here, and 21,24 of --setpoint",
+        ),
     ],
 )
 def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
@@ -363,10 +386,26 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
         ("Consigna frío", "T_cool_set"),
         ("Setpunt koeling", "T_cool_set"),
         ("drybulb", "T_oa"),
+        ("Outdoor Wetbulb Temp", None),  # it came before the dry bulb beside it
+        ("Temp ext prévision", None),
+        ("Setpoint shift", None),
+        ("Boiler oil (l)", None),  # it was a stage
+        ("Heat meter pulses", None),
+        ("Compressor frequency [Hz]", None),  # it cooled
+        ("Heating (W/m2)", None),  # it was the sun
+        ("Apparent temperature outdoor", None),
+        ("Troom_C", "T_za"),
+        ("Temp, °F (LGR S/N: 10, SEN S/N: 12, LBL: Outdoor)", "T_oa"),
     ],
 )
 def test_names_of_building_systems(name, role):
     assert guess_role(name, unit_in_name(name)).role == role
+
+
+def test_of_two_columns_the_one_that_is_measured_counts():
+    names = ["Max heating power (kW)", "Heating power (kW)", "Outdoor ground temp", "Outdoor air temp"]
+    roles = LogReport(pd.DataFrame(np.tile(ROOM[:, None], 4), STAMPS, names)).roles
+    assert roles == {"Q_heat": names[1], "T_oa": names[3]}
 
 
 def test_outdoor_air_in_tenths_of_a_degree_without_a_room(write):
@@ -484,3 +523,223 @@ def test_a_table_in_markdown(write):
     rows = [f"| {stamp} | {ROOM[k]:.2f} | 5.0 |" for k, stamp in enumerate(STAMPS)]
     log = read_log(write("\n".join(["| time | Room (°C) | HVAC kW |", "| :--- | ---: | ---: |", *rows])))
     np.testing.assert_allclose(log.frame["Room (°C)"], ROOM)
+
+
+def one_set_point(cools_from=30, both_from=60, n=24):
+    """A log of sixty days with one set-point, which heats, and cools from a day on; the true set-points."""
+    stamps = pd.date_range("2024-03-01", periods=60 * n, freq=pd.Timedelta("1D") / n, name="time")
+    day = np.arange(len(stamps)) // n
+    cools, both, runs = day >= cools_from, day >= both_from, (stamps.hour > 7) & (stamps.hour < 18) & (day % 7 > 1)
+    want = np.where(cools, 24.0, 20.0) + (stamps.hour > 6)
+    columns = {"Room temp": 21.0 + 2.0 * cools, "Outdoor temp": np.where(cools, 26.0, 4.0), "T_set": want}
+    plant = {"Heating stage": 0.5 * runs * (~cools | both), "Cooling stage": 0.5 * np.roll(runs, 1) * (cools | both)}
+    true = pd.DataFrame({"T_heat_set": np.where(cools, 5.0, want), "T_cool_set": np.where(cools, want, 40.0)}, stamps)
+    return pd.DataFrame(columns | plant, stamps), cools, true
+
+
+WORDS = {
+    "hvac_mode": ("heat", "cool", "off"),
+    "Betriebsart": ("Heizen", "Kühlen", "Aus"),
+    "season": ("winter", "summer", ""),
+}
+
+
+@pytest.mark.parametrize("name", WORDS)
+@pytest.mark.parametrize("held", [False, True])
+def test_one_set_point_heats_or_cools_as_the_mode_says(write, name, held):
+    """It was that of heating in summer too, and nothing cooled: the room of a day ahead was 1 K off in place of 0.2."""
+    frame, cools, true = one_set_point(n=96 if held else 24)
+    off = (np.arange(len(frame)) % 960 < 12) & bool(WORDS[name][2])
+    frame[name] = np.where(off, WORDS[name][2], np.where(cools, WORDS[name][1], WORDS[name][0]))
+    frame.iloc[-24:, [0, 3, 4]] = np.nan  # rows ahead
+    if held:  # written where they change
+        frame[["T_set", name]] = frame[["T_set", name]].where(frame[["T_set", name]].ne(frame[["T_set", name]].shift()))
+    path = write(frame.to_csv())
+    report = LogReport(read_log(path))
+    assert report.roles.items() >= {"T_heat_set": "T_set", "T_cool_set": "T_set", "mode": name}.items()
+    assert any(f"it heats or cools as {name!r} says" in found.text for found in report.findings)
+    config = write(propose_settings(path, report), name="zone.toml")
+    rows = read_zone_log(path, read_settings(config))[0]
+    if off.any():
+        true = true.assign(T_heat_set=true["T_heat_set"].mask(off, 5.0), T_cool_set=true["T_cool_set"].mask(off, 40.0))
+    pd.testing.assert_frame_equal(rows[list(true)], true, check_freq=False, check_names=False)
+
+
+def test_one_set_point_heats_or_cools_as_the_plant_did(write):
+    frame, _, true = one_set_point()
+    frame.iloc[-24:, [0, 3, 4]] = np.nan
+    path = write(frame.to_csv())
+    report = LogReport(read_log(path))
+    told = [found for found in report.findings if found.where == "T_set"]
+    assert [(found.level, "as the plant did" in found.text) for found in told] == [("note", True)]
+    rows = read_zone_log(path, read_settings(write(propose_settings(path, report), name="zone.toml")))[0]
+    pd.testing.assert_frame_equal(rows[list(true)], true, check_freq=False, check_names=False)
+
+
+def test_one_set_point_of_a_plant_that_heats_and_cools_on_the_same_days_is_asked_about():
+    report = LogReport(one_set_point(both_from=10)[0])
+    (told,) = [found for found in report.findings if found.where == "T_set"]
+    assert told.text.startswith("is one set-point, but the plant heats and cools on the same days: add a column that")
+    assert "T_cool_set" not in report.roles
+    heats = LogReport(one_set_point(cools_from=90)[0].drop(columns="Cooling stage"))
+    assert not [found for found in heats.findings if found.where == "T_set"]
+
+
+def test_the_mode_of_a_fan_is_not_that_of_a_thermostat(write):
+    frame, *_ = one_set_point(cools_from=90)
+    frame["Fan mode"] = np.where(np.arange(len(frame)) % 9, "auto", "off")
+    assert "mode" not in LogReport(read_log(write(frame.to_csv()))).roles
+
+
+@pytest.mark.parametrize(
+    ("header", "told"),
+    [
+        ("time,Humidity,Outdoor", "line 32 of 'log.csv' names the columns anew, and 'Humidity' in place of 'Room'"),
+        ("Date,Room temp,Outdoor temp", "and 'Room temp' in place of 'Room'; split the file there"),
+        ("time,Outdoor,Room", "and 'Outdoor' at another place"),
+        ("time,Room,Outdoor", None),
+        ("Logger restarted by,Smith,", None),
+    ],
+)
+def test_a_header_that_changes_in_mid_file_is_refused(write, header, told):
+    """The humidity below a second header was taken for the room's temperature."""
+    rows = [f"{stamp},{ROOM[k]:.2f},5.0" for k, stamp in enumerate(STAMPS)]
+    path = write("\n".join(["time,Room,Outdoor", *rows[:30], header, *rows[30:]]))
+    if told is None:
+        np.testing.assert_allclose(read_log(path).frame["Room"], ROOM)
+    else:
+        with pytest.raises(ValueError, match=told):
+            read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("role", "rows", "told"),
+    [
+        ("T_oa", slice(120, None), "T_oa has no value after 2024-03-05 23:00:00, but T_za goes on to 2024-03-10 23:00"),
+        ("q_sol", slice(0, 96), "q_sol has no value before 2024-03-05 00:00:00, but T_za begins at 2024-03-01 00:00"),
+        ("T_za", slice(100, None), "T_za has no value after 2024-03-05 03:00:00, but Q_heat goes on to 2024-03-10"),
+        ("T_za", slice(200, None), None),  # rows ahead with a plan
+        ("T_oa", slice(230, None), None),
+    ],
+)
+def test_a_column_that_is_lost_in_mid_file_is_named_with_its_stamp(role, rows, told):
+    """``check`` said that half of its rows have no value, and studies took the first half of the log."""
+    columns, stamps = daily({"q_sol": lambda t: 0.1 + 0.0 * t.hour, "Q_heat": lambda t: 1.0 * (t.hour > 5)})
+    frame = pd.DataFrame(columns, stamps)
+    frame.iloc[rows, frame.columns.get_loc(role)] = np.nan
+    said = [text for text in doubts_on_log(frame, ["T_za"]) if "no value" in text]
+    assert [text.startswith(told or "-") for text in said] == ([True] if told else [])
+    found = [f"{finding.where} {finding.text}" for finding in LogReport(frame).findings if finding.level == "warning"]
+    assert any(text.startswith(told or "-") for text in found) == (told is not None)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+@pytest.mark.parametrize("hours", [0.0, 1.0, -1.0])
+def test_a_clock_that_was_set_is_told_by_the_sun(zone, hours):
+    office = make_office(60, "chicago", start="2023-03-01", random_state=0, sampling_time="1h").X
+    stamps = pd.DatetimeIndex(office.index)
+    stamps = stamps.where(stamps < "2023-04-05", stamps + pd.Timedelta(hours=hours))
+    if zone:  # a log in standard time whose wall clock has daylight saving
+        stamps = stamps.tz_localize("Etc/GMT-1").tz_convert(zone)
+    told = [text for text in doubts_on_log(office.set_axis(stamps), ["T_za"]) if "sun" in text]
+    way = "later" if hours > 0 else "earlier"
+    assert len(told) == (hours != 0.0)
+    assert all(text.startswith("q_sol: from 2023-04-05 on, the sun rises and sets about 1 h " + way) for text in told)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_daylight_saving_of_a_known_zone_is_no_clock_that_was_set(number):
+    sun = load_dutch_home(number).X["q_sol"]
+    assert clock_jumps(sun) == []
+    wall = clock_jumps(sun.set_axis(pd.DatetimeIndex(sun.index).tz_localize(None)))
+    assert [day for day, _ in wall] == ([pd.Timestamp("2021-10-31")] if number > 1 else [])
+
+
+@pytest.mark.parametrize("form", ["({:.2f})", "{:.2f}-"])
+def test_negative_numbers_of_accounts(write, form):
+    """4.10- was 4.10 without a unit."""
+    outdoor = ROOM - 20.3
+    cells = [form.format(-value) if value < 0.0 else f"{value:.2f}" for value in outdoor]
+    log = read_log(write("time;Outdoor\n" + "\n".join(f"{t};{x}" for t, x in zip(STAMPS, cells, strict=True))))
+    np.testing.assert_allclose(log.frame["Outdoor"], outdoor)
+
+
+@pytest.mark.parametrize(("on", "off"), [("VRAI", "FAUX"), ("Ja", "Nein"), ("Sí", "No"), ("oui", "non")])
+def test_switches_in_other_languages(write, on, off):
+    cells = [f"{stamp};{on if k % 2 else off}" for k, stamp in enumerate(STAMPS)]
+    assert read_log(write("time;Heating\n" + "\n".join(cells))).frame["Heating"].tolist() == 30 * [0.0, 1.0]
+
+
+def test_stamps_of_the_last_second_end_their_rows(write):
+    """Means over an hour that are stamped 00:59:59 came an hour late."""
+    log = read_log(write("time,Room\n" + rows_of(STAMPS + pd.Timedelta("59min59s"))))
+    assert (log.frame.index == STAMPS + pd.Timedelta("1h")).all()
+    assert log.label == "right"
+    assert read_log(write("time,Room\n" + rows_of(STAMPS + pd.Timedelta("59s")))).label is None
+
+
+def test_a_name_of_two_lines(write):
+    rows = rows_of(STAMPS, sep=";").replace("\n", ";5\n")
+    log = read_log(write('time;"Room\ntemp";Outdoor\n' + rows))
+    np.testing.assert_allclose(log.frame["Room temp"], ROOM)
+
+
+def test_points_one_below_the_other_are_an_error(write):
+    """Of three points, the values of the first were taken, with a warning of stamps that occur twice."""
+    parts = [f"Trend;{name}\nTime;Value\n" + rows_of(STAMPS, ROOM + k, sep=";") for k, name in enumerate("abc")]
+    told = [found.text for found in LogReport(read_log(write("\n".join(parts)))).findings if found.level == "error"]
+    assert told[0].startswith("120 of 180 rows have the stamp of another row and other values")
+
+
+@pytest.mark.parametrize(
+    ("columns", "where", "told"),
+    [
+        ({"Heating status": 1.0 + np.arange(60) % 2}, None, None),
+        ({"Solar (W/m2)": 0.5 + 0.2 * np.sin(np.arange(60))}, 0, "reaches 0.7 W/m2 only: is it in kW/m2?"),
+        ({"HVAC (kW)": -3.0 * (np.arange(60) % 3 < 2)}, 0, "is negative in 67 % of the hours when it is 10 K colder"),
+        ({"DNI (W/m2)": 400.0 + ROOM, "DHI (W/m2)": 100.0 + ROOM}, 0, "is a part of the sun's irradiance, by its name"),
+        ({"Occ Heat SP": 21.0, "Unocc Heat SP": 17.0}, 0, "is the set-point of one mode, by its name"),
+        (
+            {"Radiator heat (kW)": ROOM, "Floor heating (kW)": np.sin(ROOM * 9)},
+            1,
+            "could be heat or cold of the plant beside",
+        ),
+        ({"Heat (kW)": ROOM, "Heating (W)": 1e3 * ROOM}, 1, None),  # the same in other units
+    ],
+)
+def test_columns_that_are_not_what_their_role_needs(columns, where, told):
+    frame = pd.DataFrame({"Room temp": ROOM, "Outdoor temp": ROOM - 15.0, **columns}, STAMPS)
+    report = LogReport(frame)
+    warned = {
+        (found.where, found.text) for found in report.findings if found.level == "warning" and found.where in columns
+    }
+    if told is None:
+        assert not warned
+    else:
+        assert any(name == list(columns)[where] and text.startswith(told) for name, text in warned)
+    assert "u_heat" not in report.roles  # codes of states are no percent
+
+
+def test_a_meter_without_a_sign_cools_where_the_mode_says_so(write):
+    """The electricity of a heat pump in summer was that of heating."""
+    frame, cools, _ = one_set_point()
+    heat = (frame["Heating stage"] + frame["Cooling stage"]).to_numpy()
+    frame = frame[["Room temp", "Outdoor temp"]].assign(**{"HVAC (kW)": heat, "mode": np.where(cools, "cool", "heat")})
+    report = LogReport(read_log(write(frame.to_csv())))
+    np.testing.assert_allclose(report.frame["Q_hvac"], np.where(cools, -heat, heat))
+    beside = frame.rename(columns={"HVAC (kW)": "Heating (kW)"}).assign(**{"Cooling stage": 1.0 * cools})
+    np.testing.assert_allclose(LogReport(read_log(write(beside.to_csv()))).frame["Q_heat"], heat)
+
+
+def test_the_action_of_a_plant_is_read_in_rows_that_lack_its_cooling(write):
+    """A log of the weeks after has no word for it."""
+    frame, *_ = one_set_point()
+    heats = np.where(frame["Heating stage"] > 0.0, "heating", "idle")
+    frame = frame.drop(columns=["Heating stage", "Cooling stage"])
+    path = write(frame.assign(hvac_action=np.where(frame.index.day % 9 == 0, "cooling", heats)).to_csv())
+    report = LogReport(read_log(path))
+    assert report.roles["u_cool"] == "hvac_action: cooling"
+    settings = read_settings(write(propose_settings(path, report), name="zone.toml"))
+    rows = read_zone_log(write(frame.assign(hvac_action=heats).to_csv()), settings)[0]
+    np.testing.assert_array_equal(rows["u_heat"], heats == "heating")
+    np.testing.assert_array_equal(rows["u_cool"], 0.0)

@@ -42,6 +42,7 @@ def command(
         if overruled:
             raise click.UsageError(f"{config} exists and says how the log is read: correct it, without {overruled[0]}")
     # imported here so that --help need not wait for it
+    from .._warnings import without_python
     from ..logs import LogReport
     from ..logs import read_log as read_any_log
     from ..study import propose_settings, read_settings
@@ -64,8 +65,10 @@ def command(
         if config is not None:
             write_out(config, propose_settings(log, report), say)
     if as_json:
-        print_json(report.to_dict())
+        content = report.to_dict()
+        findings = [finding | {"text": without_python(finding["text"])} for finding in content["findings"]]
+        print_json(content | {"findings": findings})
     else:
-        print(report)
+        print(without_python(report))
     say.n_warnings += sum(finding.level != "note" for finding in report.findings)
     return DONE

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from .._holidays import read_holidays
 from .._table import SETPOINT_ROLES, is_plant
+from .._time import wall_clock
 from .._warnings import several
 from .conversion import row_hours
 from .zone_names import shared_plants
@@ -128,3 +131,17 @@ def _building(moved: pd.DataFrame, n_days: int, can: list[str], cannot: list[str
             if scaled
             else "the time constants; the heat loss only up to a factor, since no capacity is known."
         )
+
+
+def days_of(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, int]:
+    """Number of days of each kind with at least nine tenths of their rows."""
+    index = pd.DatetimeIndex(frame.index)
+    rooms = [role for role in frame if role == "T_za" or str(role).startswith("T_za_")]
+    known = frame[rooms].notna().any(axis=1).to_numpy() if rooms else np.ones(len(frame), dtype=bool)
+    per_day = pd.Series(1, index=wall_clock(index[known]).normalize()).groupby(level=0).sum()
+    whole = pd.DatetimeIndex(per_day.index[per_day >= 0.9 * (pd.Timedelta("1D") / step)])
+    kind = read_holidays(holidays, whole).day_of_week(whole) if len(whole) else np.empty(0)
+    free = (kind == 6) & (whole.day_of_week != 6)
+    weekend = (kind >= 5) & ~free
+    counts = {"working days": int((~weekend & ~free).sum()), "weekend days": int(weekend.sum())}
+    return counts | ({"holidays": int(free.sum())} if free.any() else {})

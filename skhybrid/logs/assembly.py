@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from .._warnings import several
-from .cell_numbers import NumberColumn
+from .cell_numbers import NumberColumn, number_in
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
 from .quality_columns import columns_judged, quality_columns, without_bad
 from .raw_log import RawLog
-from .stamp_cells import is_stamp
+from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_parts import joined_cells
 from .stamps import in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
@@ -115,23 +115,23 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
 def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> RawLog:
     """The log of a long table, one row per value of a channel; a column may name the unit of each."""
     channels: dict[str, NumberColumn] = {}
-    rows: dict[str, list[np.ndarray]] = {}
+    places: dict[str, list[np.ndarray]] = {}
     texts, n_rows = [], 0
     wanted = None if choice.columns is None else set(choice.columns)
     for kept in _with_stamps(pieces):
         kept = kept[kept[point].notna() if wanted is None else kept[point].astype(str).str.strip().isin(wanted)]
         texts.append(joined_cells(kept, pieces.stamps))
         kept = without_bad(kept, dict.fromkeys(quality_columns(kept), value))
-        for name, places in kept.groupby(point, sort=False, observed=True).indices.items():
+        for name, own in kept.groupby(point, sort=False, observed=True).indices.items():
             channel = channels.setdefault(str(name).strip(), NumberColumn())
-            channel.add(kept[value].iloc[places], pieces.decimal)
-            for units in (kept[column].iloc[places].dropna() for column in unit_columns(kept)):
+            channel.add(kept[value].iloc[own], pieces.decimal)
+            for units in (kept[column].iloc[own].dropna() for column in unit_columns(kept)):
                 channel.units.update(text for text in units.astype(str).unique() if is_unit(text))
-            rows.setdefault(str(name).strip(), []).append(np.asarray(places) + n_rows)
+            places.setdefault(str(name).strip(), []).append(np.asarray(own) + n_rows)
         n_rows += len(kept)
     if wanted is not None:
         choice.wanted(channels, (), pieces.where)
-    places_of = {name: np.concatenate(parts) for name, parts in rows.items()}
+    places_of = {name: np.concatenate(parts) for name, parts in places.items()}
     stamps = _long_stamps(texts, places_of, pieces, choice)
     kept_channels = _numeric_channels(channels, pieces)
     index = stamps.unique().sort_values()
@@ -139,7 +139,8 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
     frame = {}
     for name, channel in kept_channels.items():
         column = np.full(len(index), np.nan)
-        at: np.ndarray = np.searchsorted(ticks, found[places_of[name]])
+        rows = places_of[name if name in places_of else name.rpartition(": ")[0]]  # of two made of one column of words
+        at: np.ndarray = np.searchsorted(ticks, found[rows])
         column[at] = channel.values()
         _refuse_two_in_one(name, channel.values(), column[at], pieces.where)
         frame[name] = column
@@ -206,24 +207,28 @@ def _with_stamp(piece: pd.DataFrame, pieces: Pieces) -> pd.DataFrame:
         known &= ~alone | cells.where(alone, "").map(lambda cell: is_stamp(str(cell).strip()))
     if known.all():
         return piece
-    _refuse_other_header(piece[~known], pieces.where)
+    _refuse_other_header(piece[~known], pieces.where, pieces.stamps[0])
     filled = piece[~known].replace(r"^\s*$", np.nan, regex=True).notna().any(axis=1)
     if filled.any():
         pieces.notes.append(f"{several(int(filled.sum()), 'row')} without a time stamp left out")
     return piece[known]
 
 
-def _refuse_other_header(rows: pd.DataFrame, where: str) -> None:
-    """Refuse a row that names columns of the table at other places, as where exports were put one below the other."""
+def _refuse_other_header(rows: pd.DataFrame, where: str, stamp: str) -> None:
+    """Refuse a row that names other columns, or at other places, as where exports were put one below the other."""
     names = list(map(str, rows.columns))
     for row, cells in zip(rows.index, rows.to_numpy(dtype=object), strict=True):
         found = [str(cell).strip() for cell in cells]
-        moved = [cell for name, cell in zip(names, found, strict=True) if cell != name and cell in names]
+        other = {cell: name for name, cell in zip(names, found, strict=True) if cell not in (name, "", "nan")}
+        moved = [cell for cell in other if cell in names]
+        anew = f"line {line(row)} of {where} names the columns anew, and"
         if moved:
             raise ValueError(
-                f"line {line(row)} of {where} names the columns anew, and {moved[0]!r} at another place; split the "
-                "file there, or put the columns in one order."
+                f"{anew} {moved[0]!r} at another place; split the file there, or put the columns in one order."
             )
+        new = [cell for cell, name in other.items() if name != stamp and number_in(cell) is None]
+        if new and is_stamp_name(found[names.index(stamp)]):
+            raise ValueError(f"{anew} {new[0]!r} in place of {other[new[0]]!r}; split the file there.")
 
 
 def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Series, pd.DatetimeIndex]:
@@ -239,7 +244,7 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
         cells, pieces.stamps, pieces.where, dayfirst=choice.dayfirst, timezone=choice.timezone, year=choice.year
     )
     pieces.notes.extend(found.notes)
-    ends = found.ends_days or any(map(_ENDS.fullmatch, pieces.stamps))
+    ends = found.ends_rows or any(map(_ENDS.fullmatch, pieces.stamps))
     pieces.label = "right" if ends else None
     return cells, found.stamps
 
@@ -268,10 +273,14 @@ def _long_stamps(
 
 def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict[str, NumberColumn]:
     """The channels of numbers, and notes on words that were found."""
-    kept = {}
+    kept: dict[str, NumberColumn] = {}
     for name, channel in channels.items():
         word, n = channel.usual_word
-        if channel.is_text:
+        if found := channel.channels(name):
+            kept |= found
+            if name not in found:
+                pieces.notes.append(f"the words of {name!r} are read as the stages {' and '.join(map(repr, found))}")
+        elif channel.is_text:
             hint = "; if it says when the plant ran, write columns of 1 and 0 for heating and cooling"
             text = f"{name!r} is left out, since it holds text such as {word!r}"
             pieces.notes.append(text + hint * channel.tells_plant)
@@ -327,7 +336,8 @@ def _finish(
     if held and not frame.index.is_unique:
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     switches = frozenset(str(name) for name, channel in channels.items() if channel.n_switches)
-    return RawLog(frame, pieces.format, units=units, held=held, label=pieces.label, notes=notes, switches=switches)
+    modes = frozenset(str(name) for name, channel in channels.items() if channel.is_mode)
+    return RawLog(frame, pieces.format, units, {}, {}, held, pieces.label, notes, switches, modes)
 
 
 def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:

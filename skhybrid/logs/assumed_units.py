@@ -28,6 +28,8 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     if role.startswith("u_") and known.max() > 1.0 and (np.diff(known) >= 0.0).all() and is_counter(values):
         why = f"values only rise, as those of a counter; if it counts heat, give Q_{role[2:]} and its unit"
         return None, factor, f"{why}, such as 'kWh counter', and the kWh of a count under [scale]"
+    if role.startswith("u_") and factor == 1.0 and set(np.unique(known)) == {1.0, 2.0}:
+        return None, factor, f"values are 1 and 2, as codes of states; write 1 where it runs and 0 elsewhere for {role}"
     if role.startswith("u_"):
         return _of_stage(float(known.min()), float(known.max()), role, factor)
     if role == "T_oa" and factor == 1.0 and _moves_by_tenths(values):

@@ -9,14 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from .setpoint_modes import COOLS, HEATS, action_name, code_of, kind_of_words
 from .unit_names import unit_named
 
-_SWITCHES = dict.fromkeys(
-    ("on", "true", "open", "yes", "active", "running", "ein", "wahr", "offen", "aan", "marche", "heating"), 1.0
-)
-_SWITCHES |= dict.fromkeys(
-    ("off", "false", "closed", "close", "no", "inactive", "stopped", "aus", "falsch", "zu", "uit", "arrêt", "idle"), 0.0
-)
+_ON = "on true open yes active running ein wahr offen ja aan marche vrai oui vero sí si verdadero tak heating"
+_OFF = "off false closed close no inactive stopped aus falsch zu nein uit nee arrêt faux non falso nie idle"
+_SWITCHES = dict.fromkeys(_ON.split(), 1.0) | dict.fromkeys(_OFF.split(), 0.0)
 _ERRORS = re.compile(
     r"\W*|comm\w*\W(fail|fault|err|lost|loss).*|"
     r"#?n/?a!?|nan|null|none|nil|err(or)?\b.*|bad\b.*|no ?(data|value|reading)|fault\b.*|fail(ed|ure)?\b.*|"
@@ -31,6 +29,7 @@ _GROUPED_COMMA = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+|[-+]?\d{1,3}(,\d{3}){2,
 _ONE_COMMA = re.compile(r"[-+]?\d*,(\d+)([eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3},\d{3}")  # or a decimal comma with three decimals
 _ONE_DOT = re.compile(r"[-+]?\d{1,3}\.\d{3}")
+_NEGATIVE = re.compile(r"\A(?:\(([.,\d]*\d)\)|([.,\d]*\d)-)\Z")  # (4.1) and 4.1- of accounts
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
 _WITH_STATUS = re.compile(r"(.+?)\s*[{\[(]\s*([\w ,]+?)\s*[)\]}]")  # 20.5 °C {ok}
@@ -61,7 +60,7 @@ def _without_status(text: str) -> str:
 
 def number_in(text: str, decimal: str = ".") -> float | None:
     """The number that a cell spells with any sign for decimals and thousands; None for a word."""
-    text = _BETWEEN.sub("", text.strip()).replace("−", "-")
+    text = _NEGATIVE.sub(r"-\1\2", _BETWEEN.sub("", text.strip()).replace("−", "-"))
     if _GROUPED_DOT.fullmatch(text) or (decimal == "," and _ONE_DOT.fullmatch(text)):
         text = text.replace(".", "").replace(",", ".")
     elif _GROUPED_COMMA.fullmatch(text):
@@ -83,6 +82,9 @@ class NumberColumn:
     words: Counter[str] = field(default_factory=Counter)
     units: Counter[str] = field(default_factory=Counter)
     thousands: str = ""  # a cell such as 1,234 that was read as more than a thousand
+    said: set[str] = field(default_factory=set)  # words that are no errors, as far as they are few
+    modes: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)  # rows with words of modes, and which
+    is_mode: bool = False
 
     def add(self, cells: pd.Series, decimal: str) -> None:
         """Read the cells of the next piece."""
@@ -122,6 +124,22 @@ class NumberColumn:
         # "off" beside "heat" is a mode, not a switch
         return meant > self.n_numbers or (meant > 0 and self.n_switches > 0)
 
+    def channels(self, name: str) -> dict[str, NumberColumn]:
+        """A column of words as that of a mode, or as two of heating and cooling; empty for any other."""
+        kind = None if self.n_numbers > self.n_switches else kind_of_words(name, self.said)
+        if kind is None:
+            return {}
+        codes = np.full(self.n_cells, np.nan)
+        for rows, told in self.modes:
+            codes[rows] = told
+        if kind == "mode":
+            return {name: NumberColumn(codes, self.n_cells, self.n_cells, is_mode=True)}
+        sides = {"heating": HEATS, "cooling": COOLS}
+        on = {side: np.where(np.isnan(codes), np.nan, codes == code) for side, code in sides.items()}
+        return {
+            action_name(name, side): NumberColumn(values, self.n_cells, self.n_cells) for side, values in on.items()
+        }
+
     def _from_text(self, cells: pd.Series, decimal: str) -> np.ndarray:
         known = cells.notna().to_numpy()
         text = cells.astype(str).str.strip()
@@ -135,12 +153,16 @@ class NumberColumn:
         counts = np.bincount(codes, minlength=len(uniques))
         of_uniques = [self._one(word, int(n), decimal) for word, n in zip(uniques, counts, strict=True)]
         values[left] = np.array(of_uniques)[codes]
+        told = np.array([code_of(word) for word in uniques], dtype=np.float64)[codes]
+        if (of_mode := np.isfinite(told)).any():
+            self.modes.append((self.n_cells + np.flatnonzero(left)[of_mode], told[of_mode]))
         return values
 
     def _one(self, word: str, n: int, decimal: str) -> float:
         """The value of a cell that is not a plain number, ``n`` of which were found."""
         if (switch := _SWITCHES.get(word.lower())) is not None:
             self.n_switches, self.switch = self.n_switches + n, word
+            self.said.add(word)
             return switch
         number = number_in(word, decimal)
         if number is not None:
@@ -154,4 +176,6 @@ class NumberColumn:
         if (value := _without_status(word)) != word:
             return self._one(value, n, decimal)
         self.words[word if word in self.words or len(self.words) < 1000 else "..."] += n
+        if not _ERRORS.fullmatch(word) and len(self.said) < 100:
+            self.said.add(word)
         return np.nan

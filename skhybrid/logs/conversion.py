@@ -15,6 +15,7 @@ from .blank_zeros import zeros_left_blank
 from .counters import hours_between, is_counter, power_of_counter
 from .fill_values import fill_remark, fill_values, sensor_failures, without_huge
 from .raw_log import RawLog
+from .setpoint_modes import in_force, shared_zones
 from .unit_names import COUNTERS, ENERGY, IRRADIATION
 
 #: times that a plant ran in each row, in seconds
@@ -85,9 +86,13 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
 
     Energies per row and counters become mean powers [kW], times that a plant ran become stages.  A role that the
     contract does not have keeps its numbers.  A counter's power begins at its reading, whatever the label of the log.
+    A set-point that the mode does not follow is one at which no plant runs.
     """
     frame, _ = _measured(raw, channels)
-    return frame.assign(**{c.role: frame[c.role].mask(zeros, 0.0) for c, zeros in _blank_zeros(raw, channels, frame)})
+    zeros = _blank_zeros(raw, channels, frame)
+    frame = frame.assign(**{c.role: frame[c.role].mask(is_zero, 0.0) for c, is_zero in zeros})
+    shared = shared_zones({c.role: c.name for c in channels})
+    return in_force(frame, shared, [c.role for c in channels if c.name in raw.held])
 
 
 def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:

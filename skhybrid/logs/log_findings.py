@@ -9,11 +9,14 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import is_in_watts, range_of
-from .._table import SETPOINT_ROLES, is_plant, listed
+from .._table import SETPOINT_ROLES
 from .._time import SHORTEST_GAP
 from .._warnings import percent, several
+from .column_spans import lost_columns
 from .counters import counter_jumps, counter_resets, counter_tick
+from .naming import OF_A_MODE, PART_OF_SUN
 from .standstills import room_standstills, standstills
+from .sun_clock import jump_texts, noon_text
 
 _UNCHANGED = pd.Timedelta("3D")  # no sun and hardly a plant is the same for so long
 _JUMP = {"T_za": 4.0, "T_oa": 6.0}  # change within half an hour, and back, that no air makes [K]
@@ -25,12 +28,10 @@ _MOST_NAMED = 5  # findings of one kind that are listed
 _INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those of a room [degC]
 _COLDER = 5.0  # a room is not that much colder than it ever is outdoors, and moves more, at once [K]
 _MORE_MOVED = 1.5  # range of the room's temperature relative to that outdoors
-_AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
-_HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so that no heating is needed [K]
-_RUNS, _MOST_RUN = 0.1, 0.4  # heat, relative to its peaks, and share of such hours in which a heater may give more
+_TOO_LITTLE = 0.01  # kW of a plant, and kW/m2 of the sun of a log
+RUNS = 0.1  # heat, relative to its peaks, from which on a plant runs
 _OFTEN = 0.05  # share of the rows in which a plant heats or cools
 _ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
-_NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 _COARSE = 6.0  # hours of a step of a counter, beyond which the course of a day is lost
 
 
@@ -151,7 +152,7 @@ def sensor_findings(
     if role in _JUMP:
         yield from _jumping(name, known, _JUMP[role])
     if role.startswith("q_sol"):
-        yield from _sun_clock(name, known)
+        yield from (Finding("warning", name, text) for text in (noon_text(known), *jump_texts(known)) if text)
     if role.startswith(("q_sol", "u_", "Q_")):
         yield from _odd_power(role, name, known)
 
@@ -169,6 +170,10 @@ def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
             f"goes from {low:.4g} to {high:.4g} kW: if it heats and cools, give it as Q_hvac, positive where it heats"
         )
         yield Finding("error" if role.startswith("Q_cool") else "warning", name, f"{text}.")
+    elif role.startswith(("q_sol", "Q_")) and 0.0 < max(high, -low) < _TOO_LITTLE:
+        unit = "kW/m2" if role.startswith("q_sol") else "kW"
+        text = f"reaches {1e3 * max(high, -low):.2g} {unit[1:]} only: is it in {unit}? Then give that as its unit"
+        yield Finding("warning", name, f"{text} under [units] of {role}.")
     elif role.startswith("u_") and 0.0 < high <= _ONE_PERCENT:
         yield Finding("warning", name, f"reaches {100 * high:.2g} % only: is it a fraction? Then give '-' as its unit.")
     elif role.startswith("Q_") and low == 0.0 and high == 1.0 and known.nunique() == 2:
@@ -180,7 +185,7 @@ def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
 
 def has_both_signs(heat: pd.Series) -> bool:
     """Whether the values of a plant are often above and often below 0 [kW], beside their largest."""
-    runs = heat[heat.abs() > _RUNS * heat.abs().quantile(0.99)]
+    runs = heat[heat.abs() > RUNS * heat.abs().quantile(0.99)]
     return bool(len(runs)) and min((runs > 0.0).mean(), (runs < 0.0).mean()) > _OFTEN
 
 
@@ -295,68 +300,25 @@ def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
             yield Finding("error", low, text)
 
 
-def one_after_the_other(frame: pd.DataFrame) -> str | None:
-    """A sentence on a column that ends before another one begins, so that no row has both; None where none does."""
-    known = {str(c): pd.DatetimeIndex(frame.index[frame[c].notna()]) for c in frame if frame[c].notna().any()}
-    if not known:
-        return None
-    begins, ends = ({name: rows[at] for name, rows in known.items()} for at in (0, -1))
-    first, last = min(ends, key=ends.__getitem__), max(begins, key=begins.__getitem__)
-    end, begin = ends[first], begins[last]
-    if end >= begin:
-        return None
-    what = f"{first} ends at {end} and {last} begins at {begin}, so that no row has both"
-    return f"{what}: is this one room under two names? Join their columns, or leave one of them out."
+def doubts_on_log(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:
+    """Remarks on a log at even stamps, beside those on its temperatures: columns that end, and a clock that was set."""
+    yield from doubts_on_temperatures(frame, rooms)
+    yield from (f"{role} {text}" for role, text in lost_columns(frame))
+    sun = next((str(role) for role in frame if str(role).startswith("q_sol")), None)
+    yield from () if sun is None else (f"{sun}: {text}" for text in jump_texts(frame[sun].dropna()))
 
 
-def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> Iterator[Finding]:
-    """A remark on each plant that may serve other rooms than that of ``T_za``; ``columns`` by role."""
-    for role, name in columns.items() if others else ():
-        if is_plant(role):
-            text = f"is taken to act on {columns['T_za']!r} alone: does it serve {listed(others)} too? Then name each"
-            yield Finding("warning", name, f"{text} room in [columns], as T_za_<room>.")
-
-
-def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Finding]:
-    """A remark on each room that goes on leaving a set-point, as where a plant has failed; columns are roles."""
-    plants = [str(role) for role in frame if is_plant(role)]
-    sides = zip(SETPOINT_ROLES, (1.0, -1.0), ("below", "above"), ("u_cool", "u_heat"), strict=True)
-    for side, sign, beyond, other in sides:
-        if all(plant.startswith(other) for plant in plants):
-            continue
-        for role in (role for role in rooms if role in frame):
-            set_point = next((name for name in (side + role.removeprefix("T_za"), side) if name in frame), None)
-            spell = None if set_point is None else _left_alone(sign * (frame[set_point] - frame[role]))
-            if spell is not None:
-                text = f"is more than {_AWAY:g} K {beyond} {set_point} from {spell[0]} to {spell[-1]}"
-                advice = "did the plant fail? It is learned from these rows too; end [train] before them"
-                yield Finding("warning", role, f"{text}: {advice}, or begin it after them.")
-
-
-def cooling_findings(frame: pd.DataFrame, meters: Mapping[str, str]) -> Iterator[Finding]:
-    """A remark on each meter of heat whose cooling seems positive; columns are roles, ``meters`` columns by role."""
-    step = pd.DatetimeIndex(frame.index).to_series().diff().median()
-    for role, name in meters.items():
-        room, heat = "T_za" + role.removeprefix("Q_hvac").removeprefix("Q_heat"), frame[role]
-        if room not in frame or "T_oa" not in frame or not heat.min() >= 0.0:
-            continue
-        hot = heat[frame["T_oa"] > frame[room] + _HOTTER].dropna()
-        share = float((hot > _RUNS * heat.quantile(0.99)).mean()) if len(hot) * step >= _HOTTER_FOR else 0.0
-        if share > _MOST_RUN:
-            text = f"is positive in {percent(share)} of the hours when it is hotter outdoors than in the room"
-            advice = (
-                "Heat into the room is positive: make cooling negative, or give it in a column of its own as Q_cool"
+def partial_findings(reasons: Mapping[str, str]) -> Iterator[Finding]:
+    """A remark on each column that is a part only of what its role needs, by the reasons for the roles of columns."""
+    for name, reason in reasons.items():
+        if reason == PART_OF_SUN:
+            text = (
+                "is a part of the sun's irradiance, by its name: if the log has the direct and the diffuse part, give"
             )
-            yield Finding("warning", name, f"{text}: is it cooling? {advice}.")
-
-
-def _left_alone(missed: pd.Series) -> pd.Index | None:
-    """Stamps of the first spell in which a room misses its set-point (n,) [K] by more and more."""
-    away = missed > _AWAY
-    for _, spell in missed[away].groupby((away != away.shift()).cumsum()[away]):
-        if spell.idxmax() - spell.index[0] >= _AWAY_FOR:  # at the end of a set-back it misses most at once
-            return spell.index
-    return None
+            yield Finding("warning", name, f"{text} the global irradiance on the horizontal.")
+        elif reason == OF_A_MODE:
+            text = "is the set-point of one mode, by its name: if it is not always in force, write the one that is"
+            yield Finding("warning", name, f"{text} in one column.")
 
 
 def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:
@@ -376,19 +338,3 @@ def _standing_still(role: str, name: str, values: pd.Series, controlled: pd.Seri
         hours = (last - first) / pd.Timedelta("1h")
         text = f"stays at {value:.4g} {range_of(role).unit} for {hours:.0f} h from {first}: is the sensor stuck?"
         yield Finding("warning", name, text + (" These rows are taken as missing." if role == "T_za" else ""))
-
-
-def _sun_clock(name: str, known: pd.Series) -> Iterator[Finding]:
-    """A sun that is not highest around noon shows that the clock is wrong."""
-    index = pd.DatetimeIndex(known.index)
-    hour = index.hour + index.minute / 60.0
-    sun = known.clip(lower=0.0).to_numpy()
-    if sun.sum() <= 0.0:
-        yield Finding("warning", name, "the sun never shines.")
-        return
-    angle = 2.0 * np.pi * np.asarray(hour) / 24.0
-    middle = np.angle(np.sum(sun * np.exp(1j * angle))) * 24.0 / (2.0 * np.pi) % 24.0
-    if not _NOON[0] <= middle <= _NOON[1]:
-        text = f"the sun culminates at {int(middle)}:{int(middle % 1 * 60):02d} by the log's clock"
-        utc = " If the stamps are UTC, name their column 'time (UTC)'." if index.tz is None else ""
-        yield Finding("warning", name, f"{text}; is the time zone right?{utc}")

@@ -9,13 +9,13 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from .._holidays import read_holidays
-from .._table import is_plant
-from .._time import spell, wall_clock
+from .._table import SETPOINT_ROLES, is_plant
+from .._time import spell
 from .._warnings import several
-from .abilities import abilities, excitation
+from .abilities import abilities, days_of, excitation
 from .assumed_units import assumed_unit, outdoor_as_room, reread_percent
 from .blank_setpoints import filled_setpoints
+from .column_spans import lost_columns, one_after_the_other
 from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
@@ -24,21 +24,20 @@ from .log_findings import (
     Finding,
     clash,
     clock_findings,
-    cooling_findings,
     counter_findings,
     gap_findings,
     gaps_of,
     guessed_label,
-    one_after_the_other,
-    plant_findings,
+    partial_findings,
     sensor_findings,
     set_point_findings,
-    shared_plant_findings,
     swap_findings,
 )
 from .log_report_html import report_html
-from .naming import NAMED_BY_ROLE, UNPLACED, Guess, assign_roles, unit_in_name
+from .naming import FOR_HEATING, NAMED_BY_ROLE, TAKEN, UNPLACED, Guess, assign_roles, guess_role, unit_in_name
+from .plant_findings import cooling_findings, parallel_findings, plant_findings, shared_plant_findings
 from .raw_log import RawLog
+from .setpoint_modes import MODE, further_roles, one_role_each, shared_zones
 from .standstills import controlled_rows
 from .unit_names import ENERGY
 from .zone_names import further_rooms, zone_guesses, zone_roles, zones_of
@@ -71,8 +70,8 @@ class LogReport:
     Attributes
     ----------
     columns : DataFrame
-        Index: columns of the log; ``role`` (None: not used), ``unit``, ``assumed`` (whether the unit or scale is
-        a guess from values), ``scale`` and ``reason``.
+        Index: columns of the log; ``role`` (None: not used; two with a comma where one set-point heats and cools),
+        ``unit``, ``assumed`` (whether the unit or scale is a guess from values), ``scale`` and ``reason``.
     frame : DataFrame of shape (n_rows, n_roles)
         The columns with a role, in the units of the data contract, at the stamps of the log.
     even : DataFrame
@@ -118,11 +117,17 @@ class LogReport:
         self.even_step = next((s for s in _STEPS if s >= 0.9 * self.step), _STEPS[-1])
         self.label = label or raw.label
         self._assumed: dict[str, str] = {}
-        self._scaled = set(scaled)
+        self._scaled, self._one_for_both = set(scaled), dict[str, Finding]()
         ordered = replace(raw, frame=raw.frame.sort_index(kind="stable"))
-        stated = {str(c): raw.units.get(str(c), unit_in_name(str(c))) for c in raw.frame}
-        rooms = {} if columns or raw.roles else zone_roles(stated)
-        guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, columns, raw.roles)
+        given = {**raw.roles, **(columns or {})}
+        stated = {
+            str(c): raw.units.get(str(c), unit_in_name(str(c)))
+            for c in raw.frame
+            if c not in raw.modes or c in given.values()
+        }
+        rooms = {} if given else zone_roles(stated)
+        own = [one_role_each(one or {}) for one in (columns, raw.roles)]
+        guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, *own)
         self._guesses = guesses if rooms else reread_percent(guesses, stated, raw.frame)
         self.zones = zones_of(columns or rooms)
         self._rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
@@ -131,15 +136,15 @@ class LogReport:
             for name, guess in self._guesses.items()
             if guess.role is not None
         ]
-        given = columns or raw.roles or rooms
-        self._further_rooms = [] if given else further_rooms(stated, {c.role: c.name for c in channels})
-        channels = self._outdoor_as_room(self._of_known_scale(channels, {*(columns or {}), *raw.roles}))
+        self._further_rooms = [] if given or rooms else further_rooms(stated, {c.role: c.name for c in channels})
+        channels = self._outdoor_as_room(self._of_known_scale(channels, set(given)))
+        channels = self._with_modes(ordered, channels, given)
         self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
         self.columns = self._table(channels)
         self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
-        held = [c.role for c in channels if c.name in raw.held]
+        held = [c.role for c in channels if c.name in raw.held and c.role in self.frame]
         self.even = self._held(held) if held else self.frame
-        self.days = _days(self.even, self.even_step if held else self.step, holidays)
+        self.days = days_of(self.even, self.even_step if held else self.step, holidays)
         self.excitation = excitation(self.even)
         self.can, self.cannot, self.next_steps = self._abilities(channels)
         self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
@@ -159,8 +164,8 @@ class LogReport:
     @property
     def roles(self) -> dict[str, str]:
         """Column of each role."""
-        used = self.columns[self.columns["role"].notna()]
-        return {str(role): str(name) for name, role in used["role"].items()}
+        used = self.columns["role"].dropna()
+        return {role: str(name) for name, roles in used.items() for role in str(roles).split(", ")}
 
     @property
     def assumed_label(self) -> str:
@@ -275,6 +280,33 @@ class LogReport:
         self._assumed |= {"T_oa": why} if why else {}
         return channels
 
+    def _with_modes(self, raw: RawLog, channels: list[Channel], given: Mapping[str, str]) -> list[Channel]:
+        """The channels with those of modes, and with cooling set-points that are those of heating too."""
+        heat, cool = SETPOINT_ROLES
+        found = {cool + zone: given[cool + zone] for zone in shared_zones(given)}
+        if not given:
+            frame, modes = to_roles(raw, channels), raw.frame[sorted(raw.modes)]
+            found, reasons, doubts = further_roles({c.role: c.name for c in channels}, frame, modes)
+            self._one_for_both = {name: Finding("warning", name, text) for name, text in doubts.items()}
+            for name, why in reasons.items():
+                reason = self._guesses[name].reason.removesuffix(FOR_HEATING).rstrip(", ")
+                self._guesses[name] = self._guesses[name]._replace(reason=f"{reason}; {why}")
+                self._one_for_both[name] = Finding("note", name, f"is one set-point for heating and cooling; {why}.")
+        for name in raw.modes.difference(self._guesses):
+            self._guesses[name] = Guess(None, 0, "it says when a thermostat heats and cools")
+        by_role = {c.role: c for c in channels}
+        twins = [by_role[role.replace(cool, heat)]._replace(role=role) for role in found if role.startswith(cool)]
+        return [*channels, *twins, *(Channel(role, name) for role, name in found.items() if role.startswith(MODE))]
+
+    def _taken(self) -> dict[str, str]:
+        """The roles of columns that are not used since others were taken for them."""
+        guesses = () if self.raw.roles else self._guesses.items()
+        taken = [name for name, guess in guesses if guess.role is None and guess.reason.endswith(TAKEN)]
+        found = {name: guess_role(name, self.raw.units.get(name, unit_in_name(name))) for name in taken}
+        sure = {guess.role: guess.certainty for _, guess in guesses}
+        alike = {n: g for n, g in found.items() if not g.is_electricity and g.certainty >= sure.get(g.role, 0)}
+        return {name: str(guess.role) for name, guess in alike.items()}
+
     def _is_unsure(self, channel: Channel) -> bool:
         return self._seems_electric(channel) or "scale" in self._assumed.get(channel.role, "")
 
@@ -282,13 +314,13 @@ class LogReport:
         return self._guesses[channel.name].is_electricity and channel.role not in self._scaled
 
     def _table(self, channels: list[Channel]) -> pd.DataFrame:
-        by_name = {c.name: c for c in channels}
         rows = {}
         for name, guess in self._guesses.items():
-            c = by_name.get(name)
+            own = [c for c in channels if c.name == name]
+            c = own[0] if own else None
             why = "" if c is None else self._assumed.get(c.role, "")
             rows[name] = {
-                "role": None if c is None else c.role,
+                "role": ", ".join(one.role for one in own) or None,
                 "unit": None if c is None else (c.unit or contract_unit(c.role)),
                 "scale": None if c is None else c.scale,
                 "assumed": bool(why),
@@ -299,10 +331,10 @@ class LogReport:
 
     def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
         found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
-        if (text := clash(self.frame)) is not None:
+        if (text := clash(self.frame) or clash(raw.frame)) is not None:
             found.append(Finding("error", "clock", text))
         found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
-        for channel in channels:
+        for channel in (c for c in channels if c.role in self.frame):  # the mode is no quantity
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
                 text = f"{several(n_infinite, 'value')} {'is' if n_infinite == 1 else 'are'} infinite."
                 found.append(Finding("error", channel.name, text))
@@ -321,14 +353,20 @@ class LogReport:
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
         found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
+        found += [Finding("warning", self.roles[role], text) for role, text in lost_columns(self.even)]
         found += set_point_findings(self.even)
         rooms = self.frame.reindex(columns=self._rooms).rename(columns={c.role: c.name for c in channels})
         if (text := one_after_the_other(rooms)) is not None:
             found.append(Finding("error", "rooms", text))
+        found += [
+            *self._one_for_both.values(),
+            *partial_findings({c.name: self._guesses[c.name].reason for c in channels}),
+        ]
         found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
+        found += parallel_findings(raw.frame, {c.role: c.name for c in channels}, self._taken())
         heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]
-        found += cooling_findings(self.even, {c.role: c.name for c in heat if not self._guesses[c.name].is_electricity})
+        found += cooling_findings(self.even, {c.role: c.name for c in heat})
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 
 
@@ -349,20 +387,6 @@ def _refuse_short(frame: pd.DataFrame) -> None:
         raise ValueError("the log has no time stamps; give a DataFrame with a DatetimeIndex, or use read_log.")
     if len(frame.index.unique()) < 2:
         raise ValueError(f"the log has {several(len(frame.index.unique()), 'distinct stamp')}; two are the least.")
-
-
-def _days(frame: pd.DataFrame, step: pd.Timedelta, holidays: Any) -> dict[str, int]:
-    """Number of days of each kind with at least nine tenths of their rows."""
-    index = pd.DatetimeIndex(frame.index)
-    rooms = [role for role in frame if role == "T_za" or str(role).startswith("T_za_")]
-    known = frame[rooms].notna().any(axis=1).to_numpy() if rooms else np.ones(len(frame), dtype=bool)
-    per_day = pd.Series(1, index=wall_clock(index[known]).normalize()).groupby(level=0).sum()
-    whole = pd.DatetimeIndex(per_day.index[per_day >= 0.9 * (pd.Timedelta("1D") / step)])
-    kind = read_holidays(holidays, whole).day_of_week(whole) if len(whole) else np.empty(0)
-    free = (kind == 6) & (whole.day_of_week != 6)
-    weekend = (kind >= 5) & ~free
-    counts = {"working days": int((~weekend & ~free).sum()), "weekend days": int(weekend.sum())}
-    return counts | ({"holidays": int(free.sum())} if free.any() else {})
 
 
 def _unit_words(row: Any) -> str:

@@ -16,6 +16,7 @@ from .stamps import cell, line, zone_of
 _NAME = r"(?:\d|\d\s*[AaPp]\.?[Mm]\.?)\s*([A-Z]{3,5})$"
 _OFFSET = r"(?i)(?<![a-z])(?:utc|gmt)(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?(?![a-z])"
 _UTC = {"UTC", "GMT"}  # names that say an offset by themselves
+_SHORTEST = 300  # seconds of the shortest rows that may be stamped with their last one
 _GERMAN = {"MEZ": "CET", "MESZ": "CEST"}
 
 
@@ -33,7 +34,7 @@ class ZonedStamps(NamedTuple):
 
     stamps: pd.DatetimeIndex
     notes: list[str]
-    ends_days: bool  # whether one is 24:00, so that stamps end their rows
+    ends_rows: bool  # whether stamps end their rows, as 24:00 and 23:59:59 show
 
 
 def zoned_stamps(
@@ -50,6 +51,9 @@ def zoned_stamps(
     names = zone_names(cells)
     plain = cells if names is None else without_names(cells)
     stamps, notes, ends = read_stamps(plain, dayfirst, where, year, guesses)
+    if (stamps.as_unit("s").asi8 % _SHORTEST == _SHORTEST - 1).all():
+        notes = [*notes, f"stamps such as {cell(cells.iloc[0])} are the last second of their rows: a second is added"]
+        stamps, ends = stamps + pd.Timedelta("1s"), True
     if names is not None:
         stamps = in_named_zones(stamps, names, timezone, cells, where)
     elif stamps.tz is None and (offset := offset_in_name(columns)) is not None:

@@ -70,7 +70,7 @@ _STAGE = (
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
 #: not the temperature of the air now, or not that of all the sun, where there are several
-OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|min|max|24 ?h)\b|gedampft|damped|filtered"
+OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|ground|soil|erdreich|min|max|24 ?h)\b|gedampft|damped|filtered"
 _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
 _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
@@ -87,6 +87,7 @@ _OF_WATER = "; from a flow of water and its temperatures of supply and return, w
 _OF_FUEL = (
     "; if it counts the fuel of the heating, give Q_heat, its unit as 'kWh counter', and the kWh of one under [scale]"
 )
+_OF_PULSES = "; if they are those of a heat meter, give Q_heat, its unit as 'kWh', and the kWh of one under [scale]"
 _HINTS = dict.fromkeys(("m3", "ccf"), _OF_FUEL) | dict.fromkeys(("l/h", "l/min", "l/s", "m3/h"), _OF_WATER)
 #: what no model reads
 _OTHER = (
@@ -96,10 +97,25 @@ _OTHER = (
     r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
     r"\bpv\b|photovolt|solar (power|energy|prod|yield)|inverter|\bgrid\b|\bev\b|charger|dishwash|washing|dryer|freezer|"
     r"fridge|\bcpu\b"
+    r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
+    r"\bshift|adjust|verschieb|korrektur"
 )
+
+_OF_FLOOR = "its unit is that of heat per area; give {0}, its unit as 'W', and the area [m2] under [scale]"
+_LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
+_PULSES = r"\bpulses?\b|impuls"
+_SPEED = re.compile(r"\bfreq|\brpm\b|speed|drehzahl|\bhz\b")  # of a compressor that heats or cools
 
 #: the reason where a column has the name of its role, whose unit it then has
 NAMED_BY_ROLE = "it is named after its role"
+
+#: reasons where a column may be a part only of what its role needs
+PART_OF_SUN = "its name is that of a part of the sun's irradiance"
+OF_A_MODE = "its name is that of the set-point of one mode"
+
+#: the ends of reasons: where another column has the role, and where a set-point may be that of heating or of cooling
+TAKEN = "was taken for the same quantity"
+FOR_HEATING = "taken for heating"
 
 #: the certainty of a role that was given
 SURE = 99
@@ -135,7 +151,9 @@ def unit_in_name(name: str) -> str | None:
 def plain(name: str) -> str:
     """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
     text = re.sub(rf"{_OF_INTERVAL}\(([^)]*)\)", r"\1", name)
+    text = re.sub(r"\(LGR S/N.*LBL: ([^)]*)\)", r" \1 ", text)  # the label of a HOBO logger
     text = re.sub(r"[\[(][^\])]*[\])]", " ", re.sub(_PRESENT, r"\1", text))
+    text = re.sub(r"\bT(?=(room|zone|out|amb|set|int|ext)(?![a-z]))", "T ", text)
     for script, word in _SCRIPTS.items():
         text = text.replace(script, word)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
@@ -150,26 +168,34 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     words = plain(name)
     if unit is None and is_foreign(stated := unit_text(name) or ""):
         return Guess(None, 0, f"no model reads {stated}{_HINTS.get(stated.lower().replace('³', '3'), '')}")
-    if re.search(_OTHER, words):
-        return Guess(None, 0, "no model reads such a quantity")
+    if re.search(rf"{_OTHER}|{_PULSES}", words):
+        of_pulses = re.search(_PULSES, words) and f"it counts pulses{_OF_PULSES}"
+        return Guess(None, 0, of_pulses or "no model reads such a quantity")
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (HEAT, COOL, _SET))
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
+    if of == "irradiance" and (heat or cool) and not re.search(_SUN, words):
+        return Guess(None, 0, _OF_FLOOR.format("Q_cool" if cool else "Q_heat"))
     if of == "irradiance":
-        return Guess("q_sol", 3 - bool(re.search(_PART_OF_SUN, words)), "its name or unit is that of irradiance")
+        if re.search(_PART_OF_SUN, words):
+            return Guess("q_sol", 2, PART_OF_SUN)
+        return Guess("q_sol", 3, "its name or unit is that of irradiance")
     electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
     if of == "power" and not wanted and (heat or cool or re.search(_PLANT, words)):
         one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
         role = "Q_hvac" if "hvac" in words else one_way
         reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
-        certainty = 2 + bool(re.search(_DELIVERED, words))
+        certainty = 2 + bool(re.search(_DELIVERED, words)) - bool(re.search(_LIMIT, words))
         return Guess(role, certainty, reason + " (electricity?)" * electric, electric)
     if of == "power":
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
     if of in ("stage", None) and heat and cool:
         return Guess(None, 0, "its name says that it heats and that it cools; give u_heat, u_cool or Q_hvac")
+    speed = _SPEED.search(f"{words} {unit_text(name) or ''}".lower())
+    if cool and "compressor" in words and not heat and speed and not re.search(r"cool|chill", words):
+        return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give u_heat or u_cool")
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
@@ -192,8 +218,9 @@ def _temperature(words: str) -> Guess:
 def _set_point(words: str, heat: bool, cool: bool) -> Guess:
     """The role of a set-point."""
     if heat == cool:
-        return Guess("T_heat_set", 1, "its name is that of a set-point, taken for heating")
-    return Guess("T_cool_set" if cool else "T_heat_set", 3 + _preference(words), "its name is that of a set-point")
+        return Guess("T_heat_set", 1, f"its name is that of a set-point, {FOR_HEATING}")
+    reason = "its name is that of a set-point" if _preference(words) >= 0 else OF_A_MODE
+    return Guess("T_cool_set" if cool else "T_heat_set", 3 + _preference(words), reason)
 
 
 def _preference(words: str) -> int:
@@ -239,5 +266,5 @@ def assign_roles(
         if rival is None:
             taken[role] = column
         else:
-            guesses[column] = Guess(None, 1, f"{rival!r} was taken for the same quantity")
+            guesses[column] = Guess(None, 1, f"{rival!r} {TAKEN}")
     return guesses

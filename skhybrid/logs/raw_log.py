@@ -36,6 +36,8 @@ class RawLog:
         Sentences on what was found or left out, for the report on the log.
     switches : frozenset of str
         Channels with words such as on and off, which are 1 and 0; a temperature has no value there.
+    modes : frozenset of str
+        Channels that say whether a thermostat heats (1), cools (-1), does both (2) or is off (0).
     """
 
     frame: pd.DataFrame
@@ -47,3 +49,4 @@ class RawLog:
     label: str | None = None
     notes: tuple[str, ...] = ()
     switches: frozenset[str] = frozenset()
+    modes: frozenset[str] = frozenset()

@@ -36,7 +36,7 @@ _MONTHS = {
 _ENGLISH = "Jan(?:uary)?|Feb(?:ruary)?|Mar(?:ch)?|Apr(?:il)?|May|June?|July?|Aug(?:ust)?|Sep(?:tember)?|Oct(?:ober)?"
 _MONTH = rf"(?:{'|'.join(_MONTHS)}|{_ENGLISH}|Nov(?:ember)?|Dec(?:ember)?)\b\.?"
 _WEEKDAY = r"(?:[A-Za-zäéöü]{2,10}\.?,?\s+)"
-_TIME = r"\d{1,2}[:.h]\d{2}(?:[:.]\d{2}(?:[.,]\d+)?)?(?:\s*[ap]\.?m\.?)?"
+_TIME = r"\d{1,2}[:.h]\d{2}(?:[:.]\d{2}(?:[.,]\d+)?)?(?:\s*[ap]\.?\s?m\.?)?"
 _DATE = (
     rf"{_WEEKDAY}?(?:\d{{4}}[-/.]\d{{1,2}}[-/.]\d{{1,2}}|\d{{1,2}}[-/.]\d{{1,2}}[-/.](?:\d{{4}}|\d{{2}})|(?:19|20)\d{{6}}|"
     rf"\d{{1,2}}\.?[-\s/]*{_MONTH}[-\s/,]*\d{{2,4}}|{_MONTH}\s\d{{1,2}},?\s\d{{4}})"
@@ -180,7 +180,7 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
         return None if text is plain else text
     for old, new in (
         (rf"(?i)^(?!{_MONTH}){_WEEKDAY}(?=\d|{_MONTH})", ""),
-        (r"(?i)\s*([ap])\.?m\.?(?=\W|$)", r" \1M"),
+        (r"(?i)\s*([ap])\.?\s?m\.?(?=\W|$)", r" \1M"),
         (r"(?i)(?<=\d)\s*(UTC|GMT)$", "Z"),
         (r"(?i)(?<=\d)\s*Uhr$", ""),
         (r"^(\d{1,2})\.\s*(?=[^\W\d])", r"\1 "),

@@ -32,8 +32,9 @@ class Layout(NamedTuple):
 def split_lines(lines: Sequence[str], sep: str) -> list[list[str]]:
     """The cells of lines, without blanks around them."""
     try:
-        rows = csv.reader(lines, delimiter=sep, skipinitialspace=True)
-        return [["" if _RULE.fullmatch(cell) else cell.strip() for cell in row] for row in rows]
+        rows = csv.reader((f"{line}\n" for line in lines), delimiter=sep, skipinitialspace=True)
+        cells = ([cell.strip().replace("\n", " ") for cell in row] for row in rows)  # a name may have two lines
+        return [["" if _RULE.fullmatch(cell) else cell for cell in row] for row in cells]
     except csv.Error:
         return []
 

@@ -35,7 +35,10 @@ _ENERGIES = {name.lower(): name for name in (*ENERGY, *IRRADIATION)} | {
     **dict.fromkeys(("ton-hours", "ton-hour", "ton-hr", "tonhours", "tonhr", "tonh", "rth"), "ton-h"),
 }
 #: units that a unit line may hold and no channel is converted from
-_FOREIGN = "ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|ccf|l/s|l/h|l/min|cfm|m/s|km/h|mph|mm|%rh|rh"
+_FOREIGN = (
+    "l|lit(?:er|re)s?|gal|kg|ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|ccf|l/s|l/h|l/min|cfm|m/s|km/h|mph|mm|"
+    "%rh|rh"
+)
 _OTHERS = (
     f"{_FOREIGN}|mw|a|ma|v|mv|volts|hz|rpm|s|sec|min|h|hr|ts|rn|smp|avg|tot|std|max|none|units?|einheit|bool|enum|"
     "on/off|0/1"
@@ -47,7 +50,18 @@ _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
     r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|k?btu/?hr?|k?btu|therms?)))\s*\Z"
 )
-_SYMBOLS = (("²", "2"), ("³", "3"), ("^", ""), ("°", "deg"), ("º", "deg"), ("·", ""), ("⋅", ""), ("*", ""), ("⁻", "-"))
+_SYMBOLS = (
+    ("Â", ""),
+    ("²", "2"),
+    ("³", "3"),
+    ("^", ""),
+    ("°", "deg"),
+    ("º", "deg"),
+    ("·", ""),
+    ("⋅", ""),
+    ("*", ""),
+    ("⁻", "-"),
+)
 
 
 def unit_named(text: object) -> str | None:

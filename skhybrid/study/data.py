@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import Any, NamedTuple, cast
 
@@ -14,9 +15,11 @@ from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.blank_setpoints import filled_setpoints
+from ..logs.column_spans import one_after_the_other
 from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import clash, doubts_on_temperatures, has_both_signs, one_after_the_other, unit_switch
+from ..logs.log_findings import clash, doubts_on_log, has_both_signs, unit_switch
+from ..logs.setpoint_modes import with_actions
 from ..logs.standstills import without_standstills
 from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
@@ -137,7 +140,8 @@ def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
     given = {name: getattr(settings, name) for name in ("timezone", "time_column", "dayfirst", "sep", "decimal")}
     options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
     options.pop("max_hold", None)
-    return read_any_log(path, settings.format, **options)
+    raw = read_any_log(path, settings.format, **options)
+    return replace(raw, frame=with_actions(raw.frame, settings.columns.values()))
 
 
 def refuse_mixed_units(frame: pd.DataFrame) -> None:
@@ -216,7 +220,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     """
     temperatures = settings.roles_of("T_za")
     frame = _checked(frame, temperatures)
-    doubts = tuple(doubts_on_temperatures(frame, temperatures))
+    doubts = tuple(doubts_on_log(frame, temperatures))
     frame = _usable(frame, settings)
     inputs = inputs_of(frame, temperatures)
     known = np.flatnonzero(frame[temperatures].notna().any(axis=1).to_numpy())

@@ -13,6 +13,7 @@ from .._time import LONGEST_BRIDGE, SHORTEST_GAP, wall_clock
 from ..logs import LogReport, read_log, to_left_label
 from ..logs.bridges import stretches
 from ..logs.log_findings import is_local
+from ..logs.setpoint_modes import MODE
 from .settings import SCHEDULE, as_toml
 
 _SHORTEST_LOG = 4  # fewest days to train and test on
@@ -118,7 +119,9 @@ def _candidates(report: LogReport, free: pd.DataFrame, role: str) -> str:
 
 def _unit_lines(report: LogReport) -> list[list[str]]:
     """Tables of the units that are not those of the data contract, and of factors."""
-    used = report.columns[report.columns["role"].notna()].set_index("role")
+    used = report.columns[report.columns["role"].notna()]
+    used = used.assign(role=used["role"].str.split(", ")).explode("role").set_index("role")
+    used = used.drop(index=[role for role in used.index if role.startswith(MODE)])
     units = used["unit"][~used["unit"].isin(["degC", "kW", "kW/m2", "-"])]
     scale = used["scale"][used["scale"] != 1.0].astype(float).round(9)
     tables = ((name, table) for name, table in (("units", units), ("scale", scale)) if len(table))

@@ -212,8 +212,8 @@ def counted(progress: Progress | None, total: int) -> Callable[[str], None]:
 
 def each_once(remarks: Sequence[str], caught: Sequence[warnings.WarningMessage]) -> list[str]:
     """Remarks and the warnings for a user, each once."""
-    said = (without_python(w.message) for w in caught if issubclass(w.category, UserWarning))
-    return list(dict.fromkeys([*remarks, *said]))
+    said = (w.message for w in caught if issubclass(w.category, UserWarning))
+    return list(dict.fromkeys(map(without_python, [*remarks, *said])))
 
 
 def _test_all(

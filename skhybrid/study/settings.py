@@ -18,6 +18,7 @@ from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
 from ..forecasting.weather_error import read_weather_error
 from ..hybrid.building.zone_columns import neighbours_of
+from ..logs.setpoint_modes import MODE
 from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
 from .keys import check_keys
@@ -65,7 +66,9 @@ class Settings:
         intervals of days to come; by default the weather is taken to be right.
     columns : mapping of role to column
         Columns of the log; ``T_za`` and ``T_oa`` are needed.  Of several zones: ``T_za_<zone>`` of each, with its
-        plants and set-points, as for :class:`skhybrid.hybrid.BuildingPredictor`.
+        plants and set-points, as for :class:`skhybrid.hybrid.BuildingPredictor`.  ``mode`` (or ``mode_<zone>``) says
+        which set-points are in force: words such as heat, cool, auto and off, or 1, -1, 2 and 0.  One thermostat that
+        heats in winter and cools in summer may have one column for both set-points.
     units : mapping of role to unit, units of columns, where they are not those of the data contract
     scale : mapping of role to number, factors on columns, applied after the units
     network : mapping
@@ -263,7 +266,8 @@ def _check_tables(settings: Settings) -> None:
     """Check the values inside tables that the estimators do not check themselves."""
     for table in ("columns", "units"):
         for role, value in getattr(settings, table).items():
-            if role_of(role) is None and (table, role) != ("units", "setpoint"):
+            is_mode = table == "columns" and role.partition("_")[0] == MODE
+            if role_of(role) is None and not is_mode and (table, role) != ("units", "setpoint"):
                 raise ValueError(f"[{table}] {role} is not a role; roles are {', '.join(name for name, *_ in ROLES)}.")
             if not isinstance(value, str):
                 raise ValueError(f"[{table}] {role} = {value!r} must be text in quotes.")

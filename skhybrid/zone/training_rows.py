@@ -9,7 +9,7 @@ from .._time import LONGEST_BRIDGE
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
 from ..logs.bridges import bridged, stretches
-from ..logs.log_findings import doubts_on_temperatures
+from ..logs.log_findings import doubts_on_log
 from ..study.data import with_facades
 from ..study.settings import Settings
 from .dead_meters import without_dead_meters
@@ -46,7 +46,7 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
         If less than three days are complete.
     """
     rooms = settings.roles_of("T_za")
-    for doubt in doubts_on_temperatures(frame, [role for role in rooms if role in frame]):
+    for doubt in doubts_on_log(frame, [role for role in rooms if role in frame]):
         warn_user(doubt, SkhybridWarning)
     alive = without_dead_meters(frame, settings)
     refuse_empty(alive, settings)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..counters import is_counter
+from ..setpoint_modes import code_of
 from ..stamps import zone_of
 
 #: states that are 1 or 0; any other state that is not a number is missing
@@ -32,7 +33,7 @@ def states_to_numbers(states: Iterable[object]) -> tuple[np.ndarray, int]:
 
 
 def climate_values(attributes: Iterable[Mapping[str, Any] | None], states: Iterable[object]) -> dict[str, np.ndarray]:
-    """Channels of a climate entity from its attributes: temperatures, set-points, heating and cooling."""
+    """Channels of a climate entity from its attributes: temperatures, set-points, heating, cooling and its mode."""
     rows, modes = list(attributes), [str(state).lower() for state in states]
     gone = np.array([mode in MISSING for mode in modes], dtype=bool)
     found = {}
@@ -49,6 +50,8 @@ def climate_values(attributes: Iterable[Mapping[str, Any] | None], states: Itera
         on = np.array([action in running for action in actions], dtype=np.float64)
         if on.any() or can & able:
             found[name] = np.where(known, on, np.nan)
+    codes = {mode: np.nan if (code := code_of(mode)) is None else code for mode in set(modes)}
+    found["mode"] = np.where(gone, np.nan, [codes[mode] for mode in modes])
     return {name: values for name, values in found.items() if np.isfinite(values).any()}
 
 
@@ -59,10 +62,10 @@ def climate_roles(entities: list[str], channels: Iterable[str]) -> dict[str, str
     (entity,), names = entities, set(channels)
     wanted = {"T_za": "current_temperature", "u_heat": "heating", "u_cool": "cooling"}
     single = f"{entity}.temperature" in names and f"{entity}.target_temp_low" not in names
-    if single and f"{entity}.cooling" not in names:
-        wanted["T_heat_set"] = "temperature"
-    elif single and f"{entity}.heating" not in names:
-        wanted["T_cool_set"] = "temperature"
+    if single:
+        plants = {"T_heat_set": "heating", "T_cool_set": "cooling"}
+        runs = {role: "temperature" for role, plant in plants.items() if f"{entity}.{plant}" in names}
+        wanted |= {"mode": "mode"} | (runs or {"T_heat_set": "temperature"})
     else:
         wanted |= {"T_heat_set": "target_temp_low", "T_cool_set": "target_temp_high"}
     return {role: f"{entity}.{name}" for role, name in wanted.items() if f"{entity}.{name}" in names}

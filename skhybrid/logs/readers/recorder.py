@@ -166,7 +166,8 @@ def _read_states(
     if len(climates) > 1:
         notes.append(f"several thermostats, so none has a role: {some_of(climates)}; name one in entities=.")
     notes += _older_statistics(database, tables)
-    return RawLog(frame, "Home Assistant states", units, roles, label="left", notes=tuple(notes))
+    modes = frozenset(c for c in held if c.startswith("climate.") and c.endswith(".mode"))
+    return RawLog(frame, "Home Assistant states", units, roles, label="left", notes=tuple(notes), modes=modes)
 
 
 def _chosen(known: Collection[str], wanted: Collection[str] | None, where: str) -> list[str]:

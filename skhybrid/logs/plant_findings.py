@@ -1,0 +1,91 @@
+"""Faults of a plant that a log shows: heat of the wrong sign, a plant that failed, and what it may serve beside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import pandas as pd
+
+from .._table import SETPOINT_ROLES, is_plant, listed
+from .._warnings import percent
+from .log_findings import RUNS, Finding
+
+_AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
+_HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so that no heating is needed [K]
+_COLDER_OUT = 10.0  # outdoors than in the room, so that few rooms are cooled [K]
+_MOST_RUN = 0.4  # share of such hours in which a heater may give more
+_ALIKE = 0.95  # correlation of two meters of the same heat
+
+
+def parallel_findings(frame: pd.DataFrame, used: Mapping[str, str], others: Mapping[str, str]) -> Iterator[Finding]:
+    """A remark on each column that could be more of a plant's heat than is used.
+
+    ``used`` are columns by role, ``others`` the roles of columns that are not used, and ``frame`` all columns.
+    """
+    for name, role in others.items():
+        if not is_plant(role) or role not in used or not frame[name].abs().max() > 0.0:
+            continue
+        if not abs(float(frame[name].corr(frame[used[role]]))) > _ALIKE:
+            text = f"could be heat or cold of the plant beside {used[role]!r}, and is not used"
+            both = "one stage of both, from 0 to 1," if role.startswith("u_") else "their sum"
+            yield Finding("warning", name, f"{text}: if the room gets both, write {both} in one column.")
+
+
+def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> Iterator[Finding]:
+    """A remark on each plant that may serve other rooms than that of ``T_za``; ``columns`` by role."""
+    for role, name in columns.items() if others else ():
+        if is_plant(role):
+            text = f"is taken to act on {columns['T_za']!r} alone: does it serve {listed(others)} too? Then name each"
+            yield Finding("warning", name, f"{text} room in [columns], as T_za_<room>.")
+
+
+def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Finding]:
+    """A remark on each room that goes on leaving a set-point, as where a plant has failed; columns are roles."""
+    plants = [str(role) for role in frame if is_plant(role)]
+    sides = zip(SETPOINT_ROLES, (1.0, -1.0), ("below", "above"), ("u_cool", "u_heat"), strict=True)
+    for side, sign, beyond, other in sides:
+        if all(plant.startswith(other) for plant in plants):
+            continue
+        for role in (role for role in rooms if role in frame):
+            set_point = next((name for name in (side + role.removeprefix("T_za"), side) if name in frame), None)
+            spell = None if set_point is None else _left_alone(sign * (frame[set_point] - frame[role]))
+            if spell is not None:
+                text = f"is more than {_AWAY:g} K {beyond} {set_point} from {spell[0]} to {spell[-1]}"
+                advice = "did the plant fail? It is learned from these rows too; end [train] before them"
+                yield Finding("warning", role, f"{text}: {advice}, or begin it after them.")
+
+
+def cooling_findings(frame: pd.DataFrame, meters: Mapping[str, str]) -> Iterator[Finding]:
+    """A remark on each meter of heat with a sign that seems wrong; columns are roles, ``meters`` columns by role."""
+    step = pd.DatetimeIndex(frame.index).to_series().diff().median()
+    for role, name in meters.items():
+        room, heat = "T_za" + role.removeprefix("Q_hvac").removeprefix("Q_heat"), frame[role]
+        if room not in frame or "T_oa" not in frame:
+            continue
+        cold = heat[frame["T_oa"] < frame[room] - _COLDER_OUT].dropna() / heat.abs().quantile(0.99)
+        share = float((cold < -RUNS).mean()) if len(cold) * step >= _HOTTER_FOR else 0.0
+        if role.startswith("Q_hvac") and share > max(RUNS, 10.0 * (cold > RUNS).mean()):
+            text = (
+                f"is negative in {percent(share)} of the hours when it is {_COLDER_OUT:g} K colder outdoors than in the"
+            )
+            yield Finding("warning", name, f"{text} room: is it heating? Then give [scale] {role} = -1.")
+        if not heat.min() >= 0.0:
+            continue
+        hot = heat[frame["T_oa"] > frame[room] + _HOTTER].dropna()
+        share = float((hot > RUNS * heat.quantile(0.99)).mean()) if len(hot) * step >= _HOTTER_FOR else 0.0
+        if share > _MOST_RUN:
+            text = f"is positive in {percent(share)} of the hours when it is hotter outdoors than in the room"
+            advice = (
+                "Heat into the room is positive: make cooling negative, give it in a column of its own as Q_cool, or "
+            )
+            advice += "give a column that says heat or cool as mode"
+            yield Finding("warning", name, f"{text}: is it cooling? {advice}.")
+
+
+def _left_alone(missed: pd.Series) -> pd.Index | None:
+    """Stamps of the first spell in which a room misses its set-point (n,) [K] by more and more."""
+    away = missed > _AWAY
+    for _, spell in missed[away].groupby((away != away.shift()).cumsum()[away]):
+        if spell.idxmax() - spell.index[0] >= _AWAY_FOR:  # at the end of a set-back it misses most at once
+            return spell.index
+    return None
