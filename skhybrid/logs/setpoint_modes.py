@@ -99,7 +99,7 @@ def further_roles(
             found[cool + zone], reasons[name] = name, f"it heats or cools as {mode!r} says"
         elif mode is None and is_clear and len(sides) > 1:
             found[cool + zone] = name
-            reasons[name] = "it heats or cools as the plant did on that day, or the last before"
+            reasons[name] = "it heats or cools as the plant did on the last day before"
         elif mode is None and len(sides) > 1:
             doubts[name] = (
                 "is one set-point, but the plant heats and cools on the same days: add a column that says heat, cool, "
@@ -125,7 +125,7 @@ def in_force(frame: pd.DataFrame, shared: Collection[str], held: Collection[str]
 
     Where it cools, so does a meter of the plant that is never negative and has none of cold beside it.
     ``shared`` are the endings, such as ``""`` or ``"_hall"``, of zones whose two set-points are one column; without a
-    mode, the plant that ran on a day says which it is.  ``held`` roles are logged by change.
+    mode, the plant that ran on the last day before says which it is.  ``held`` roles are logged by change.
     """
     out = frame.drop(columns=[role for role in frame if str(role).partition("_")[0] == MODE])
     for zone in _zones_of(out):
@@ -144,9 +144,10 @@ def in_force(frame: pd.DataFrame, shared: Collection[str], held: Collection[str]
 
 
 def mode_of_plant(frame: pd.DataFrame, zone: str) -> tuple[pd.Series, bool]:
-    """The mode of each row by the plant that ran on its day or last before, and whether most days have one side alone.
+    """The mode of each row by the last day before on which a plant ran, and whether most days have one side alone.
 
-    It is both where heating and cooling are mixed, and NaN where no plant runs.
+    The day itself would say what is delivered after the origin of a forecast.  The mode is both where heating and
+    cooling are mixed, and NaN where no plant runs.
     """
     plants = [str(role) for role in frame if is_plant(role)]
     plants = [role for role in plants if zone and role.endswith(zone)] or plants
@@ -164,5 +165,5 @@ def mode_of_plant(frame: pd.DataFrame, zone: str) -> tuple[pd.Series, bool]:
     is_mixed = sums.min(axis=1)[ran] > _MIXED_DAY * sums.sum(axis=1)[ran]
     is_clear = bool(ran.any() and is_mixed.mean() <= _MIXED)
     side = sums.idxmax(axis=1) if is_clear else pd.Series(BOTH, sums.index)
-    of_days = side.astype(np.float64).where(ran).ffill().bfill()
+    of_days = side.astype(np.float64).where(ran).ffill().shift(1).bfill()
     return pd.Series(of_days.reindex(days).to_numpy(), frame.index), is_clear
