@@ -573,9 +573,7 @@ def test_one_set_point_heats_or_cools_as_the_plant_did(write):
     told = [found for found in report.findings if found.where == "T_set"]
     assert [(found.level, "as the plant did" in found.text) for found in told] == [("note", True)]
     rows = read_zone_log(path, read_settings(write(propose_settings(path, report), name="zone.toml")))[0]
-    first = np.flatnonzero(cools)[
-        :24
-    ]  # the heat of the day itself comes after the origins of its forecasts
+    first = np.flatnonzero(cools)[:24]  # the heat of the day itself comes after the origins of its forecasts
     true.iloc[first, true.columns.get_loc("T_heat_set")] = frame["T_set"].to_numpy()[first]
     true.iloc[first, true.columns.get_loc("T_cool_set")] = 40.0
     pd.testing.assert_frame_equal(rows[list(true)], true, check_freq=False, check_names=False)
