@@ -17,6 +17,7 @@ from skhybrid.persistence import load_metadata, load_model, save_model
 from skhybrid.study import read_log, read_settings, run_study, split_log
 from skhybrid.study.data import plant_heat, read_even_log
 from skhybrid.study.plant import Performance
+from skhybrid.study.run import refuse_unplanned
 from skhybrid.study.settings import Settings, settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
@@ -240,7 +241,16 @@ def test_empty_heat_ahead_is_not_yesterday(folder, tmp_path):
     frame, _ = read_log(folder / "whole.csv", settings)
     frame.iloc[-96:, frame.columns.get_indexer(["T_za", "Q_hvac"])] = np.nan
     with pytest.raises(ValueError, match="Q_hvac is empty in the rows ahead"):
-        split_log(frame, settings)
+        split_log(frame.drop(columns=["T_heat_set", "T_cool_set"], errors="ignore"), settings)
+    frame = frame.assign(T_heat_set=20.0)
+    data = split_log(frame, settings)
+    assert data.unplanned == ["Q_hvac"]
+    assert list(data.future.index) == list(frame.index[-96:])
+    refuse_unplanned(data, "")
+    with pytest.raises(ValueError, match=r"Q_hvac is empty in the next day, .*: no thermostat was learned; fill in"):
+        refuse_unplanned(data, "no thermostat was learned")
+    frame.iloc[-50, frame.columns.get_loc("Q_hvac")] = 1.0  # planned in part: the next day is that with a plan
+    assert not split_log(frame, settings).unplanned
 
 
 @pytest.mark.parametrize(("back", "says"), [(40, "T_oa is missing at"), (97, "an input is missing before it")])

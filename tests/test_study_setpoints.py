@@ -233,6 +233,20 @@ def test_rows_ahead_without_set_points_are_the_next_day(log):
     assert data.future["u_heat"].notna().all()
 
 
+def test_rows_ahead_without_heat_are_the_next_day_under_its_set_points(log):
+    """The whole study was refused: the heat of a day to come is what a user does not know."""
+    ahead = log.copy()
+    ahead.loc["2023-10-30":, ["T_za", "u_heat", "u_cool"]] = np.nan
+    settings = settings_of(ahead)
+    found = run_study(settings, split_log(ahead, settings))
+    assert not found.data.held_out
+    assert found.forecast.index[0] == pd.Timestamp("2023-10-30")
+    assert {"T_heat_set", "T_cool_set", "Q_hvac"} <= set(found.forecast)
+    assert "T_za_measured" not in found.forecast
+    expected = found.model.forecast(found.data.history, found.data.future.drop(columns=["u_heat", "u_cool", "T_za"]))
+    np.testing.assert_allclose(found.forecast["T_za"], expected["T_za"])
+
+
 def test_a_log_ends_with_its_set_points_where_the_room_was_measured_after_them(log):
     other = log.copy()
     other.loc["2023-10-30 12:00":, "T_heat_set"] = np.nan

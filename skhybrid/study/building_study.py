@@ -21,8 +21,9 @@ from .data import StudyData, setpoints_of, without_setpoints
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
-from .run import Progress, counted, each_once, refuse_holes
+from .run import Progress, counted, each_once, refuse_holes, refuse_unplanned
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
+from .setpoints_known import NOT_LEARNED
 from .settings import Settings, is_scaled
 from .verdict import WORST_FIRST, Verdict
 from .zone_part import columns_of, data_of, forecast_of, rows_of, settings_of
@@ -264,10 +265,11 @@ def under_setpoints(
 
 
 def _of_day(held: ZonesSetpointsKnown | None, settings: Settings, data: StudyData, remarks: list[str]) -> bool:
-    """Whether the next day is forecast under its set-points; a day to come is under its planned heat."""
-    if held is None or not data.held_out:
+    """Whether the next day is forecast under its set-points; a day to come is under heat that is planned."""
+    why_not = NOT_LEARNED if held is None else unusable_day(data.future, settings)
+    refuse_unplanned(data, why_not)
+    if held is None or not (data.held_out or data.unplanned):
         return False
-    why_not = unusable_day(data.future, settings)
     if why_not:
         remarks.append(f"the next day is forecast under its known heat: {why_not}")
     return not why_not

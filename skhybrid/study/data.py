@@ -58,6 +58,11 @@ class StudyData(NamedTuple):
     held_out: bool
     remarks: tuple[str, ...] = ()
 
+    @property
+    def unplanned(self) -> list[str]:
+        """The plants of a next day for which no heat is planned: they follow its set-points."""
+        return [] if self.held_out else unplanned(self.future)
+
     def spans(self, frame: pd.DataFrame) -> dict[str, Any]:
         """The spans of a study, and the number of forecasts of a back-test.
 
@@ -252,7 +257,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
 def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The rows from the first to the last with all inputs, without standstills of T_za, with the facades of a site.
 
-    Rows ahead may lack set-points: a day to come is forecast under its planned heat.
+    Rows ahead may lack set-points or heat: a day to come is forecast under its planned heat, else its set-points.
     """
     temperatures = settings.roles_of("T_za")
     for role in temperatures:
@@ -264,8 +269,10 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
         never = one_after_the_other(inputs) or "check the columns."
         raise ValueError(f"no row of the log has all of {', '.join(map(str, inputs))}; {never}")
     last = complete[-1]
-    if frame[temperatures].iloc[last + 1 :].isna().all(axis=None):
-        needed = inputs[[role for role in inputs if not str(role).startswith(SETPOINT_ROLES)]]
+    ahead = slice(last + 1, None)
+    if frame[temperatures].iloc[ahead].isna().all(axis=None):
+        unknown = unplanned(inputs.iloc[ahead])
+        needed = inputs[[role for role in inputs if not str(role).startswith(SETPOINT_ROLES) and role not in unknown]]
         last = np.flatnonzero(needed.notna().all(axis=1).to_numpy())[-1]
     moving = {role: without_standstills(frame, role) for role in temperatures}
     return with_facades(frame.assign(**moving).iloc[complete[0] : last + 1], settings)
@@ -315,16 +322,23 @@ def without_setpoints(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.drop(columns=list(SETPOINT_ROLES), errors="ignore")
 
 
+def unplanned(ahead: pd.DataFrame) -> list[str]:
+    """The plants of rows ahead with set-points and no heat; none where some of the heat is planned."""
+    plants = [str(role) for role in ahead if is_plant(role)]
+    follow = ahead.filter(regex="^T_(heat|cool)_set").notna().any(axis=None) and ahead[plants].isna().all(axis=None)
+    return plants if follow else []
+
+
 def _refuse_empty_ahead(measured: pd.DataFrame, inputs: pd.DataFrame) -> None:
     """Refuse rows ahead with weather but no heat: they would be dropped, and a past day would be forecast instead."""
     known = np.flatnonzero(measured.notna().any(axis=1).to_numpy())
     ahead = inputs.iloc[known[-1] + 1 :] if len(known) else inputs.iloc[:0]
-    for role in ahead:
+    for role in ahead.columns.difference(unplanned(ahead), sort=False):
         step = ahead.index[1] - ahead.index[0] if len(ahead) > 1 else pd.Timedelta(0)
         if is_plant(role) and ahead[role].isna().all() and ahead["T_oa"].count() * step >= _SHORTEST_FUTURE:
             raise ValueError(
-                f"{role} is empty in the rows ahead, from {ahead.index[0]}: fill in what is planned, or let the "
-                "thermostat act with skhybrid forecast --setpoint 21,24."
+                f"{role} is empty in the rows ahead, from {ahead.index[0]}: fill in what is planned, or the set-points "
+                "that the thermostat is to hold."
             )
 
 

@@ -22,7 +22,7 @@ from .data import StudyData, inputs_of, setpoints_of, without_setpoints
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant, plant_roles
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
-from .setpoints_known import LOAD_INTERVAL, SetpointsKnown, unusable_setpoints
+from .setpoints_known import LOAD_INTERVAL, NOT_LEARNED, SetpointsKnown, unusable_setpoints
 from .settings import Settings, is_scaled
 from .verdict import Verdict
 
@@ -310,18 +310,28 @@ def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
 
 def refuse_holes(data: StudyData, settings: Settings) -> None:
     """Refuse a next day that cannot be forecast, before models are fitted for minutes; set-points may be missing."""
-    ahead = inputs_of(data.future, settings.roles_of("T_za"))
+    ahead = inputs_of(data.future, settings.roles_of("T_za")).drop(columns=data.unplanned)
     holed = [one for name, one in ahead.items() if one.isna().any() and not str(name).startswith(SETPOINT_ROLES)]
     if holed or data.history.empty:
         what = f"{holed[0].name} is missing at {holed[0].isna().idxmax()}" if holed else "an input is missing before it"
         raise ValueError(f"the next day begins at {ahead.index[0]}, and {what}; fill it in or end the log earlier.")
 
 
+def refuse_unplanned(data: StudyData, why_not: str) -> None:
+    """Refuse a next day without heat that cannot be forecast under its set-points, and say ``why_not``."""
+    if data.unplanned and why_not:
+        raise ValueError(
+            f"{data.unplanned[0]} is empty in the next day, from {data.future.index[0]}, which cannot be forecast "
+            f"under its set-points: {why_not}; fill in the heat that is planned."
+        )
+
+
 def _of_day(held: SetpointsKnown | None, data: StudyData, remarks: list[str]) -> SetpointsKnown | None:
-    """The back-test under set-points if the next day is forecast so; a day to come is under its planned heat."""
-    if held is None or not data.held_out:
+    """The back-test under set-points if the next day is forecast so; a day to come is under heat that is planned."""
+    why_not = NOT_LEARNED if held is None else unusable_setpoints(data.future)
+    refuse_unplanned(data, why_not)
+    if held is None or not (data.held_out or data.unplanned):
         return None
-    why_not = unusable_setpoints(data.future)
     if why_not:
         remarks.append(f"the next day is forecast under its known heat: {why_not}")
     return None if why_not else held

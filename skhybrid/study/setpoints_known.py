@@ -188,6 +188,9 @@ def _weather_in(settings: Settings) -> str:
     return "the weather" if level is None else f"a forecast of the weather ({level} errors)"
 
 
+NOT_LEARNED = "no thermostat was learned"
+
+
 def unusable_setpoints(day: pd.DataFrame) -> str:
     """Why a day cannot be forecast under its set-points; empty where it can."""
     given = setpoints_of(day)
