@@ -113,7 +113,7 @@ class ScheduleScheme(Scheme):
         member_of = np.repeat(np.arange(len(self._members)), [len(m.names) for m in self._members])
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
-        priors = first_shares(self._members, has_prior=self.prior is not None)
+        priors = first_shares(self._members)
         every = rows_per_hour(training.step)
         n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(

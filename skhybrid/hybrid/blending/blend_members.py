@@ -16,9 +16,7 @@ from .without_response import WithoutResponse
 
 #: temperatures that the black box regresses on, and those after less than two days, when an hourly log has few rows
 _LAGS, _FEW_LAGS, _TWO_DAYS = 24, 4, pd.Timedelta("2D")
-#: share of the simple rule where no error is known, after a day of training and from two weeks on; and the same where
-#: other zones have taught the members (from the first dates of ``benchmarks/fleet_prior.py``)
-_RULE_SHARES, _TAUGHT_SHARES = (0.75, 0.1), (0.45, 0.1)
+_RULE_SHARES = (0.75, 0.1)  # of the simple rule where no error is known, after a day of training and from two weeks on
 
 
 def members_beside_network(
@@ -63,13 +61,11 @@ def evidence_of(fit: LeadFit, others: Sequence[Member]) -> ZoneEvidence:
     return ZoneEvidence(regressions, fit.sums)
 
 
-def first_shares(members: Sequence[Member], has_prior: bool) -> np.ndarray:
+def first_shares(members: Sequence[Member]) -> np.ndarray:
     """Shares (2, K) where no error is known, after a day and from two weeks on."""
     is_rule, needs_days = np.array([(m.is_rule, m.needs_days) for m in members]).T
     n_ways, found = np.array([len(m.names) for m in members]), []
-    for of_rules, learned in zip(
-        _TAUGHT_SHARES if has_prior else _RULE_SHARES, (~is_rule & ~needs_days, ~is_rule), strict=True
-    ):
+    for of_rules, learned in zip(_RULE_SHARES, (~is_rule & ~needs_days, ~is_rule), strict=True):
         shares = np.where(is_rule, of_rules / is_rule.sum(), (1.0 - of_rules) / learned.sum() * learned)
         found.append(np.repeat(shares / n_ways, n_ways))
     return np.array(found)
