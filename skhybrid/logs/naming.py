@@ -144,7 +144,8 @@ def unit_in_name(name: str) -> str | None:
         text = first[1]
     if text is None:
         last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
-        text = last[1] if last and last[1].lower() in _TIMES and len(last[1]) > 1 else None
+        is_time = last and last[1].lower() in _TIMES and len(last[1]) > 1 and not re.search(r"(?i)temp", name)
+        text = last[1] if last and is_time else None  # temp_min is a minimum
     return None if text is None else unit_or_energy(text) or _TIMES.get(text.lower())
 
 

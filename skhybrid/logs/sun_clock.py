@@ -46,8 +46,9 @@ def clock_jumps(sun: pd.Series) -> list[tuple[pd.Timestamp, float]]:
 
     Daylight saving of a known time zone is no such change.
     """
-    noons = _noons(sun)
-    found = []
+    if not (sun > 0.0).any():
+        return []
+    noons, found = _noons(sun), []
     both = np.array([[_move(noons[way].to_numpy(), day) for way in noons] for day in range(len(noons))]).reshape(-1, 2)
     moves = np.where(both.prod(axis=1) > 0.0, both.mean(axis=1), 0.0)
     while moves.any():
