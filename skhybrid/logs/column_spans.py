@@ -16,7 +16,7 @@ def lost_columns(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
 
     Rows ahead have weather, set-points and perhaps heat, but no temperature of a room.
     """
-    known = {str(c): pd.DatetimeIndex(frame.index[frame[c].notna()]) for c in frame if frame[c].notna().any()}
+    known = _known_stamps(frame)
     rooms = [role for role in known if role == "T_za" or role.startswith("T_za_")]
     for role, rows in known.items():
         others = [one for one in known if one != role and (one in rooms or (role in rooms and is_plant(one)))]
@@ -34,7 +34,7 @@ def lost_columns(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
 
 def one_after_the_other(frame: pd.DataFrame) -> str | None:
     """A sentence on a column that ends before another one begins, so that no row has both; None where none does."""
-    known = {str(c): pd.DatetimeIndex(frame.index[frame[c].notna()]) for c in frame if frame[c].notna().any()}
+    known = _known_stamps(frame)
     if not known:
         return None
     begins, ends = ({name: rows[at] for name, rows in known.items()} for at in (0, -1))
@@ -44,3 +44,8 @@ def one_after_the_other(frame: pd.DataFrame) -> str | None:
         return None
     what = f"{first} ends at {end} and {last} begins at {begin}, so that no row has both"
     return f"{what}: is this one room under two names? Join their columns, or leave one of them out."
+
+
+def _known_stamps(frame: pd.DataFrame) -> dict[str, pd.DatetimeIndex]:
+    """The stamps at which each column has a value; columns without any are left out."""
+    return {str(c): pd.DatetimeIndex(frame.index[frame[c].notna()]) for c in frame if frame[c].notna().any()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any, cast
 
 import numpy as np
@@ -285,7 +286,7 @@ class LogReport:
         heat, cool = SETPOINT_ROLES
         found = {cool + zone: given[cool + zone] for zone in shared_zones(given)}
         if not given:
-            frame, modes = to_roles(raw, channels), raw.frame[sorted(raw.modes)]
+            frame, modes = cache(lambda: to_roles(raw, channels)), raw.frame[sorted(raw.modes)]
             found, reasons, doubts = further_roles({c.role: c.name for c in channels}, frame, modes)
             self._one_for_both = {name: Finding("warning", name, text) for name, text in doubts.items()}
             for name, why in reasons.items():
@@ -355,16 +356,17 @@ class LogReport:
         found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
         found += [Finding("warning", self.roles[role], text) for role, text in lost_columns(self.even)]
         found += set_point_findings(self.even)
-        rooms = self.frame.reindex(columns=self._rooms).rename(columns={c.role: c.name for c in channels})
+        columns = {c.role: c.name for c in channels}
+        rooms = self.frame.reindex(columns=self._rooms).rename(columns=columns)
         if (text := one_after_the_other(rooms)) is not None:
             found.append(Finding("error", "rooms", text))
         found += [
             *self._one_for_both.values(),
             *partial_findings({c.name: self._guesses[c.name].reason for c in channels}),
         ]
-        found += shared_plant_findings({c.role: c.name for c in channels}, self._further_rooms)
+        found += shared_plant_findings(columns, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
-        found += parallel_findings(raw.frame, {c.role: c.name for c in channels}, self._taken())
+        found += parallel_findings(raw.frame, columns, self._taken())
         heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]
         found += cooling_findings(self.even, {c.role: c.name for c in heat})
         return found + [Finding("note", "log", text) for text in self.raw.notes]

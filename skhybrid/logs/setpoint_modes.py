@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -77,11 +77,12 @@ def one_role_each(columns: Mapping[str, str]) -> dict[str, str]:
 
 
 def further_roles(
-    columns: Mapping[str, str], frame: pd.DataFrame, modes: pd.DataFrame
+    columns: Mapping[str, str], frame: Callable[[], pd.DataFrame], modes: pd.DataFrame
 ) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
     """Roles of modes, and of single set-points that cool too, with reasons and doubts by column.
 
-    ``columns`` are those that were found and ``frame`` their values, by role; ``modes`` are channels that say a mode.
+    ``columns`` are those that were found by role, and ``frame`` gives their values, which are read for a single
+    set-point alone; ``modes`` are channels that say a mode.
     """
     heat, cool = SETPOINT_ROLES
     told = [str(name) for name in modes if modes[name].isin((HEATS, COOLS)).any()]
@@ -94,7 +95,7 @@ def further_roles(
         name = columns.get(heat + zone, "")
         if cool + zone in columns or not guess_role(name).reason.endswith(FOR_HEATING):
             continue
-        sides, is_clear = sides_of_plant(frame, zone)
+        sides, is_clear = sides_of_plant(frame(), zone)
         if mode is not None and (modes[mode].isin((COOLS, BOTH)).any() or COOLS in sides):
             found[cool + zone], reasons[name] = name, f"it heats or cools as {mode!r} says"
         elif mode is None and is_clear and len(sides) > 1:
@@ -115,7 +116,7 @@ def _zones_of(roles: Iterable[object]) -> list[str]:
 
 
 def sides_of_plant(frame: pd.DataFrame, zone: str) -> tuple[set[float], bool]:
-    """Whether the plant heats, cools or does both by turns, and whether most days have one side alone."""
+    """The sides, heating or cooling, on which the plant runs, and whether most days have one side alone."""
     mode, is_clear = mode_of_plant(frame, zone)
     return ({HEATS, COOLS} if (mode == BOTH).any() else set(mode.dropna())), is_clear
 

@@ -265,7 +265,7 @@ def under_setpoints(
 
 
 def _of_day(held: ZonesSetpointsKnown | None, settings: Settings, data: StudyData, remarks: list[str]) -> bool:
-    """Whether the next day is forecast under its set-points; a day to come is under heat that is planned."""
+    """True if the next day is forecast under its set-points; a day to come is under heat that is planned."""
     why_not = NOT_LEARNED if held is None else unusable_day(data.future, settings)
     refuse_unplanned(data, why_not)
     if held is None or not (data.held_out or data.unplanned):

@@ -10,7 +10,15 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from .._table import HISTORY_ROLES, SETPOINT_ROLES, is_plant, numeric, refuse_infinite_columns, refuse_shape
+from .._table import (
+    HISTORY_ROLES,
+    SETPOINT_ROLES,
+    is_plant,
+    is_set_point,
+    numeric,
+    refuse_infinite_columns,
+    refuse_shape,
+)
 from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
@@ -272,7 +280,7 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     ahead = slice(last + 1, None)
     if frame[temperatures].iloc[ahead].isna().all(axis=None):
         unknown = unplanned(inputs.iloc[ahead])
-        needed = inputs[[role for role in inputs if not str(role).startswith(SETPOINT_ROLES) and role not in unknown]]
+        needed = inputs[[role for role in inputs if not is_set_point(role) and role not in unknown]]
         last = np.flatnonzero(needed.notna().all(axis=1).to_numpy())[-1]
     moving = {role: without_standstills(frame, role) for role in temperatures}
     return with_facades(frame.assign(**moving).iloc[complete[0] : last + 1], settings)
@@ -325,7 +333,7 @@ def without_setpoints(rows: pd.DataFrame) -> pd.DataFrame:
 def unplanned(ahead: pd.DataFrame) -> list[str]:
     """The plants of rows ahead with set-points and no heat; none where some of the heat is planned."""
     plants = [str(role) for role in ahead if is_plant(role)]
-    follow = ahead.filter(regex="^T_(heat|cool)_set").notna().any(axis=None) and ahead[plants].isna().all(axis=None)
+    follow = ahead[list(filter(is_set_point, ahead))].notna().any(axis=None) and ahead[plants].isna().all(axis=None)
     return plants if follow else []
 
 
