@@ -375,3 +375,21 @@ def test_zones_that_share_a_boiler_go_on_with_the_heat_known_and_say_so(log):
     what = "loads and forecasts with only the set-points known are left out"
     assert f"{what}: the zones share the plant of the column u_heat" in result.warnings
     assert {one.quantity for found in result.verdicts.values() for one in found} == {"temperature"}
+
+
+@pytest.mark.slow
+def test_a_day_to_come_without_heat_is_forecast_under_the_set_points_of_all_zones(log):
+    rows = log[: 21 * DAY].copy()
+    day = rows.index[20 * DAY :]
+    rows.loc[day, [*T_OF, *Q_OF]] = np.nan
+    settings = settings_of(rows, adjacency=[list(pair) for pair in DOORS])
+    result = run_building(settings, split_log(rows, settings))
+    assert not result.data.held_out
+    assert result.data.unplanned == Q_OF
+    expected = result.model.forecast(result.data.history, rows.loc[day].drop(columns=[*T_OF, *Q_OF]))
+    for name in (*T_OF, *Q_OF):
+        np.testing.assert_allclose(result.forecast[name], expected[name])
+    rows.loc[day[5], "T_heat_set_kitchen"] = np.nan
+    why_not = r"Q_hvac_living is empty in the next day, .* zone 'kitchen': T_heat_set is missing"
+    with pytest.raises(ValueError, match=why_not):
+        run_building(settings, split_log(rows, settings))

@@ -21,9 +21,8 @@ from .data import StudyData, setpoints_of, without_setpoints
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
-from .run import Progress, counted, each_once, refuse_holes, refuse_unplanned
+from .run import Progress, counted, each_once, is_under_setpoints, refuse_holes
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
-from .setpoints_known import NOT_LEARNED
 from .settings import Settings, is_scaled
 from .verdict import WORST_FIRST, Verdict
 from .zone_part import columns_of, data_of, forecast_of, rows_of, settings_of
@@ -114,7 +113,7 @@ def run_building(settings: Settings, data: StudyData, progress: Progress | None 
             remarks.append(f"the rooms were not identified: {error}")
         say("loads, and forecast of the next day")
         loads = _loads(model, settings, data)
-        of_day = _of_day(held, settings, data, remarks)
+        of_day = is_under_setpoints(held, unusable_day(data.future, settings), data, remarks)
         forecast = _next_day(model, settings, data, interval_asked(frames[HYBRID], settings), of_day)
         verdicts = {
             zone: _judged(model, settings, data, frames, zone, loads.get(zone), held, of_day) for zone in settings.zones
@@ -262,17 +261,6 @@ def under_setpoints(
         column = " and ".join(columns_of(model.shared_plants_[:1], settings))
         remarks.append(f"{what} are left out: the zones share the plant of the column {column}")
     return ZonesSetpointsKnown.of(model, spans, start, frames[YESTERDAY], settings, remarks)
-
-
-def _of_day(held: ZonesSetpointsKnown | None, settings: Settings, data: StudyData, remarks: list[str]) -> bool:
-    """True if the next day is forecast under its set-points; a day to come is under heat that is planned."""
-    why_not = NOT_LEARNED if held is None else unusable_day(data.future, settings)
-    refuse_unplanned(data, why_not)
-    if held is None or not (data.held_out or data.unplanned):
-        return False
-    if why_not:
-        remarks.append(f"the next day is forecast under its known heat: {why_not}")
-    return not why_not
 
 
 def _loads(model: BuildingPredictor, settings: Settings, data: StudyData) -> dict[str, ZoneLoads]:

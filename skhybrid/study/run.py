@@ -157,7 +157,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
         yesterday = tested[YESTERDAY].frame
         held = SetpointsKnown.of(model, later.given_to(model), data, yesterday, settings, remarks)
-        of_day = _of_day(held, data, remarks)
+        of_day = held if is_under_setpoints(held, unusable_setpoints(data.future), data, remarks) else None
         asked = interval_asked(tested[HYBRID].frame if of_day is None else of_day.frame, settings)
         forecast = _next_day(model, identification, data, asked, of_day is not None)
         zeta = identification.estimate_disturbance(train.given_to(identification), smooth=True)
@@ -326,15 +326,19 @@ def refuse_unplanned(data: StudyData, why_not: str) -> None:
         )
 
 
-def _of_day(held: SetpointsKnown | None, data: StudyData, remarks: list[str]) -> SetpointsKnown | None:
-    """The back-test under set-points if the next day is forecast so; a day to come is under heat that is planned."""
-    why_not = NOT_LEARNED if held is None else unusable_setpoints(data.future)
+def is_under_setpoints(held: object, unusable: str, data: StudyData, remarks: list[str]) -> bool:
+    """True if the next day is forecast under its set-points; a day to come is under heat that is planned.
+
+    ``held`` is the back-test under set-points, None where no thermostat was learned; ``unusable`` says why the
+    set-points of the day cannot be used, and is empty where they can.
+    """
+    why_not = NOT_LEARNED if held is None else unusable
     refuse_unplanned(data, why_not)
     if held is None or not (data.held_out or data.unplanned):
-        return None
+        return False
     if why_not:
         remarks.append(f"the next day is forecast under its known heat: {why_not}")
-    return None if why_not else held
+    return not why_not
 
 
 def _next_day(model: Any, identification: Any, data: StudyData, asked: Mapping[str, Any], of_day: bool) -> pd.DataFrame:
