@@ -30,8 +30,8 @@ from skhybrid.datasets import make_office
 from skhybrid.forecasting import DisturbanceForecaster, list_sizes
 from skhybrid.forecasting.cases import resolve_case
 from skhybrid.forecasting.networks.spec import NetworkSpec
-from skhybrid.forecasting.networks.windows import columns_of
-from skhybrid.forecasting.reading import read_weather
+from skhybrid.forecasting.networks.windows import window_columns
+from skhybrid.forecasting.reading import read_case_inputs
 from skhybrid.forecasting.training_job import chronological_split
 from skhybrid.model_selection import DesignMatrixSearchCV, design_matrix
 
@@ -93,7 +93,8 @@ class CaseWindows(TransformerMixin, BaseEstimator):
         reader = DisturbanceForecaster(self.model, self.case)
         reader.case_ = resolve_case(self.case, self.model)
         past, future = (
-            _z_scores(c) for c in columns_of(read_weather(reader, X, reset=True), reader.case_, self.model, "cyclic")
+            _z_scores(c)
+            for c in window_columns(read_case_inputs(reader, X, reset=True), reader.case_, self.model, "cyclic")
         )
         n_past = 24 * reader.case_.pattern_days
         zeta = _z_scores(X["zeta"].to_numpy())
@@ -162,7 +163,7 @@ def plain_search(block: Block, X: pd.DataFrame, y: pd.Series, machine: Machine, 
     for case in block.cases:
         reader = DisturbanceForecaster(model, case)
         reader.case_ = resolve_case(case, model)
-        n_columns = columns_of(read_weather(reader, X, reset=True), reader.case_, model, "cyclic")[0].shape[1]
+        n_columns = window_columns(read_case_inputs(reader, X, reset=True), reader.case_, model, "cyclic")[0].shape[1]
         fixed = {"windows__case": [case], "net__module__case": [case], "net__module__n_columns": [n_columns]}
         grid.append(fixed | {f"net__module__{name}": values for name, values in list_sizes(model).items()})
     chosen = [params for params in ParameterGrid(grid) for _ in range(block.n_repeats)][every // 2 :: every]

@@ -61,6 +61,11 @@ def is_plant(role: object) -> bool:
     return str(role).startswith(("u_", "Q_"))
 
 
+def plant_roles(roles: Iterable[object]) -> list[str]:
+    """Those of heating and cooling."""
+    return [str(role) for role in roles if is_plant(role)]
+
+
 def checked_columns(columns: Mapping[str, Any] | None) -> dict[str, Any]:
     """The parameter ``columns``, which maps roles to columns; empty where it is None."""
     columns = as_mapping("columns", columns, "roles to columns, such as {'T_oa': 'outdoor'}")

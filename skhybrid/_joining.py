@@ -31,7 +31,7 @@ def join_frames(history: pd.DataFrame, future: pd.DataFrame, names: Sequence[Any
     """History and future as one frame of the columns ``names`` and ``pasts``, which are missing in the future."""
     stamps = in_zone_of(future.index, history.index)
     _refuse_apart(history.index, stamps)
-    refuse_absent([name for name in names if name in history.columns], future, "history")
+    refuse_absent_ahead([name for name in names if name in history.columns], future, "history")
     whole = pd.concat([history, future.reindex(columns=history.columns).set_axis(stamps)])
     for past in [name for name in pasts if name in whole]:
         whole[past] = whole[past].where(np.arange(len(whole)) < len(history))
@@ -90,7 +90,7 @@ def warn_if_unmeasured(table: ZoneTable, roles: Iterable[str], column_of: Callab
             )
 
 
-def refuse_absent(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:
+def refuse_absent_ahead(names: Sequence[Any], future: pd.DataFrame, where: str) -> None:
     """Raise a ValueError if the future lacks one of the columns ``names``."""
     absent = [name for name in names if name not in future.columns]
     if absent:

@@ -20,7 +20,7 @@ from skhybrid.identification import GrayBoxRC, identify_rooms
 from skhybrid.inspection import RoomMapDisplay
 from skhybrid.persistence import load_model
 from skhybrid.study import read_log, read_settings, split_log
-from skhybrid.study.zone_part import data_of, forecast_of, settings_of
+from skhybrid.study.zone_part import data_of, forecast_of, settings_of_zone
 from skhybrid.thermal import building_network
 from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, zone_folder, zone_state
 from skhybrid.zone.forecast_archive import open_archive
@@ -155,7 +155,7 @@ def test_the_part_of_a_zone_has_the_names_of_a_single_one(place):
     own = data_of(data, settings, "hall")
     assert list(own.train) == ["T_oa", "q_sol", "Q_hvac", "T_za"]
     pd.testing.assert_series_equal(own.later["T_za"], data.later["T_za_hall"], check_names=False)
-    assert dict(settings_of(settings, "hall").columns)["Q_hvac"] == "Q_hvac_hall"
+    assert dict(settings_of_zone(settings, "hall").columns)["Q_hvac"] == "Q_hvac_hall"
     frame = pd.DataFrame({"T_za_hall": [1.0], "q_0.1_hall": [2.0], "T_za_kitchen": [3.0], "T_oa": [4.0]})
     assert forecast_of(frame, settings, "hall").to_dict("list") == {"T_za": [1.0], "q_0.1": [2.0]}
 

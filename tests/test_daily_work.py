@@ -15,7 +15,7 @@ from skhybrid.cli.forecast import _text
 from skhybrid.datasets import load_small_office, make_office, weather_on_steps
 from skhybrid.persistence import load_metadata, load_model, save_model
 from skhybrid.study import read_log, read_settings, run_study, split_log
-from skhybrid.study.data import plant_heat, read_even_log
+from skhybrid.study.data import metered_heat, read_even_log
 from skhybrid.study.plant import Performance
 from skhybrid.study.run import refuse_unplanned
 from skhybrid.study.settings import Settings, settings_from
@@ -88,9 +88,9 @@ def test_meters_of_electricity_become_heat_one_by_one():
     """Within an hour a room may be heated and cooled, each with its own performance."""
     given = settings_from({"columns": COLUMNS, "plant": {"electricity": True, "cop": 3.0, "eer": 4.0}})
     frame = pd.DataFrame({"T_oa": 10.0, "Q_heat": [1.0, 1.0, 0.0], "Q_cool": [0.5, 0.0, 0.5]})
-    np.testing.assert_allclose(plant_heat(frame, given)["Q_hvac"], [3.0 - 2.0, 3.0, -2.0])
-    assert list(plant_heat(frame, given)) == ["T_oa", "Q_hvac"]
-    of_heat = plant_heat(frame, settings_from({"columns": COLUMNS}))
+    np.testing.assert_allclose(metered_heat(frame, given)["Q_hvac"], [3.0 - 2.0, 3.0, -2.0])
+    assert list(metered_heat(frame, given)) == ["T_oa", "Q_hvac"]
+    of_heat = metered_heat(frame, settings_from({"columns": COLUMNS}))
     np.testing.assert_allclose(of_heat["Q_hvac"], [0.5, 1.0, -0.5])
 
 

@@ -32,7 +32,7 @@ from skhybrid.identification.gain_model import (
     SIGMA_PRIOR,
     VENTILATION_SD,
     VarianceModel,
-    own_parameters,
+    gain_parameters,
     profile_basis,
 )
 from skhybrid.thermal import RCNetwork, get_network
@@ -235,7 +235,7 @@ def periodic_problem(name, e, setting, heat_scale=1.3, hours="3h"):
     fixed, inner = SETTINGS[setting]
     solved = {*fixed, *inner, *({"f"} if "A_win" in inner else ())}
     classes = HOUR_CLASSES[hours]
-    own = own_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
+    own = gain_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(ROLES), *own) if p.name not in solved)
     problem = PeriodicProblem(network, e, searched, fixed, inner, heat_scale, hours=hours)
     return problem, np.array([p.to_free(VALUES[p.name]) for p in searched])
@@ -298,7 +298,7 @@ def test_periodic_gradient_is_exact_for_two_rooms():
     values = VALUES | {f"day_{d}": 0.1 * d for d in range(6)} | {"C_a": 1.0, "C_b": 1.5, "R_ab": 2.0, "R_a": 6.0}
     values |= {"R_b": 8.0}
     classes = HOUR_CLASSES["day_night"]
-    own = own_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
+    own = gain_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
     searched = tuple(p for p in (*network.parameters(e.roles), *own) if p.name != "Q_h")
     problem = PeriodicProblem(network, e, searched, {"Q_h": 6.0}, ())
     x = np.array([p.to_free(values[p.name]) for p in searched])
@@ -314,7 +314,7 @@ def test_periodic_gradient_is_exact_over_the_shares_of_measured_heat():
     columns = [one.inputs[:, 0], 6.0 * one.inputs[:, 2], np.zeros(150)]
     e = one._replace(inputs=np.column_stack(columns), roles=("T_oa", "Q_hvac"))
     classes = HOUR_CLASSES["day_night"]
-    own = own_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
+    own = gain_parameters(len(VarianceModel.of(e, classes).first_rows), classes)
     searched = (*network.parameters(e.roles), *own)
     assert "f_air" in [p.name for p in searched]
     problem = PeriodicProblem(network, e, searched, {}, ())

@@ -21,7 +21,7 @@ from skhybrid.forecasting.quantiles import (
     LeftOut,
     block_origins,
     errors_inside,
-    joined,
+    joined_blocks,
     left_out_blocks,
     measured_ahead,
     path_clock,
@@ -226,7 +226,7 @@ def left_out_errors(estimator, X, y):
         origins = block_origins(block, 96)
         paths = clone(estimator).fit(X, hidden).predict_from(X, origins)
         found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
-    return joined(found)
+    return joined_blocks(found)
 
 
 def test_left_out_errors_come_from_models_that_did_not_see_their_week(office):

@@ -15,7 +15,7 @@ from skhybrid.logs.naming import guess_role, unit_in_name
 from skhybrid.logs.sun_clock import clock_jumps
 from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_zone_log
-from skhybrid.study.data import plant_heat
+from skhybrid.study.data import metered_heat
 from skhybrid.study.settings import settings_from
 from skhybrid.zone.day_ahead import read_ahead
 
@@ -330,7 +330,7 @@ def test_cooling_with_both_signs_is_the_heat_of_the_plant():
         {"name": "z", "columns": {"T_za": "a", "T_oa": "b", "Q_cool": "Cooling power (kW)"}, "step": "1h"}
     )
     with pytest.raises(ValueError, match=r"Cooling power \(kW\) \(Q_cool\) is often positive and often negative"):
-        plant_heat(frame.rename(columns={"Cooling power (kW)": "Q_cool"}), settings)
+        metered_heat(frame.rename(columns={"Cooling power (kW)": "Q_cool"}), settings)
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,12 @@ SAME_THING = {
     "base",  # the base class of its folder
     "posterior",  # of the parameters: sampled in identification, drawn in inspection
 }
+#: functions that share a name because each does the same for its kind
+SAME_FOR_ITS_KIND = {
+    "looks_like",  # of a file, by each reader of logs
+    "read",  # a file, by each reader of logs
+    "read_log",  # with the columns of its source in logs, with those of a configuration in studies
+}
 MOST_LINES, MOST_LINES_OF_A_FUNCTION = 400, 40
 
 
@@ -58,6 +64,16 @@ def test_no_two_classes_share_a_name():
     nodes = (node for tree in TREES.values() for node in ast.walk(tree))
     names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
     assert not [name for name, count in names.items() if count > 1]
+
+
+def test_no_two_functions_share_a_name():
+    names = Counter(
+        node.name
+        for path, tree in TREES.items()
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not path.startswith("cli/")
+    )
+    assert {name for name, count in names.items() if count > 1} == SAME_FOR_ITS_KIND
 
 
 @pytest.mark.parametrize("path", sorted(TREES))

@@ -23,7 +23,7 @@ from skhybrid.identification.fitting.prediction_errors import PredictionErrorPro
 from skhybrid.identification.fitting.priors import normal_priors
 from skhybrid.identification.uncertainty import periodic_errors, posterior
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem, free_point
-from skhybrid.identification.uncertainty.identifiability import Identifiability, assess, at_bounds
+from skhybrid.identification.uncertainty.identifiability import Identifiability, at_bounds, find_directions
 from skhybrid.identification.uncertainty.least_squares_errors import least_squares_uncertainty
 from skhybrid.identification.uncertainty.periodic_errors import periodic_uncertainty
 from skhybrid.identification.uncertainty.profile_likelihood import _standard_error
@@ -64,7 +64,7 @@ def test_flat_and_weak_directions_of_a_sensitivity_by_hand():
     sensitivity = np.array([[200.0, 100.0, 0.0], [0.0, 0.0, 5.0]])
     flat = np.array([1.0, -2.0, 0.0])
     model = np.linalg.pinv(sensitivity.T @ sensitivity) + 1e6 * np.outer(flat, flat)
-    found = assess(ParameterUncertainty((A, B, C), sensitivity, model, np.zeros((3, 3)), 11), ("B",), ())
+    found = find_directions(ParameterUncertainty((A, B, C), sensitivity, model, np.zeros((3, 3)), 11), ("B",), ())
     np.testing.assert_allclose(found.singular_values, [np.hypot(200, 100), 5.0, 0.0], atol=1e-12)
     # A^2 B stays as it is when A rises by the power 1/2 of that by which B falls
     assert found.flat_directions in (
@@ -79,7 +79,7 @@ def test_flat_and_weak_directions_of_a_sensitivity_by_hand():
 
 def test_a_direction_is_weaker_where_the_days_say_so():
     model, days = np.diag([1e-4, 0.04]), np.diag([1e-4, 0.16])
-    found = assess(ParameterUncertainty((A, B), np.diag([100.0, 5.0]), model, days, 11), (), ())
+    found = find_directions(ParameterUncertainty((A, B), np.diag([100.0, 5.0]), model, days, 11), (), ())
     assert f"{100 * np.expm1(stats.t.ppf(0.95, 10) * 0.4):+.0f} %" in found.weak_directions[0]
 
 

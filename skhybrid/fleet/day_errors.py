@@ -15,7 +15,7 @@ _KEPT_DAYS, _KEPT_ROWS = 28, pd.Timedelta("3D")
 _DAY = pd.Timedelta("1D")
 
 
-def day_ahead(model: Any, X: pd.DataFrame) -> pd.DataFrame:
+def forecasts_from_midnight(model: Any, X: pd.DataFrame) -> pd.DataFrame:
     """Forecasts of rows from the midnights before them: ``y_pred`` and, where they were learned, quantiles [degC]."""
     found = pd.DataFrame({"y_pred": np.asarray(model.predict(X))}, index=X.index)
     try:

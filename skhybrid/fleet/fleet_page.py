@@ -12,7 +12,7 @@ import pandas as pd
 
 from .._files import write_text
 from ..study.report.html import html_cards, html_page, html_table
-from ..study.report.words import percent
+from ..study.report.words import percent_or_dash
 from ..study.verdict import CARE, NOT, USABLE
 
 _MOST_CHARTS = 200  # of the worst zones: more would make a page of many megabytes
@@ -32,7 +32,9 @@ _STYLE = """<style>
 """
 
 
-def write_page(path: str | PathLike[str], table: pd.DataFrame, recent: Mapping[str, pd.DataFrame], key: str) -> None:
+def write_fleet_page(
+    path: str | PathLike[str], table: pd.DataFrame, recent: Mapping[str, pd.DataFrame], key: str
+) -> None:
     """Write the status of a fleet as one HTML file, in one step."""
     counts = table["verdict"].value_counts()
     cards = [(str(counts.get(level, 0)), f"zones: {level}") for level in (NOT, CARE, USABLE)]
@@ -55,7 +57,7 @@ def _zone(row: pd.Series, recent: pd.DataFrame | None, key: str) -> str:
     facts = [
         f"error {row['rmse_yesterday']:.2f} K yesterday" if np.isfinite(row["rmse_yesterday"]) else "",
         f"error {row['rmse_training']:.2f} K in training" if np.isfinite(row["rmse_training"]) else "",
-        f"{percent(row['coverage'])} in the interval" if np.isfinite(row["coverage"]) else "",
+        f"{percent_or_dash(row['coverage'])} in the interval" if np.isfinite(row["coverage"]) else "",
     ]
     chart = "" if recent is None else _chart(recent)
     return (
@@ -111,5 +113,5 @@ def _errors(table: pd.DataFrame, key: str) -> str:
     for _, row in table.iterrows():
         numbers = [f"{row[c]:.2f}" if np.isfinite(row[c]) else "–" for c in ("rmse_yesterday", "rmse_training")]
         last = "–" if row["last_row"] is pd.NaT else str(row["last_row"])
-        rows.append((str(row[key]), *numbers, percent(row["coverage"]), "yes" if row["drift"] else "no", last))
+        rows.append((str(row[key]), *numbers, percent_or_dash(row["coverage"]), "yes" if row["drift"] else "no", last))
     return html_table(heads, rows)

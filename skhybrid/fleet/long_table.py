@@ -14,7 +14,7 @@ _OTHER_CLOCK = {
 }
 
 
-def joined(tables: Mapping[Any, pd.DataFrame], key: str) -> tuple[pd.DataFrame, dict[Any, str]]:
+def joined_zones(tables: Mapping[Any, pd.DataFrame], key: str) -> tuple[pd.DataFrame, dict[Any, str]]:
     """The tables of zones, one after the other, with the key as first column; and why some are not among them.
 
     Stamps of several time zones become UTC.  Stamps with a time zone and without one cannot stand in one table, so

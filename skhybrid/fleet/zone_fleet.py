@@ -19,12 +19,12 @@ from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import VERSION, as_plain, is_estimator
 from .dispatch import ZoneOutcome, run
-from .fleet_page import write_page
+from .fleet_page import write_fleet_page
 from .fleet_status import status_table, zone_status
-from .long_table import joined
+from .long_table import joined_zones
 from .model_store import ModelStore, TemporaryStore
 from .prior import FleetPrior
-from .zone_jobs import backtest_zone, fit_zone, forecast_zone, predict_zone, score_zone, tick_zone, update_zone
+from .zone_jobs import backtest_stored, fit_zone, forecast_zone, predict_zone, score_zone, tick_zone, update_zone
 from .zone_rows import ZoneFiles, zone_files
 
 _UNFITTED = "the store has no model of it; fit it first."
@@ -239,7 +239,7 @@ class ZoneFleet(BaseEstimator):
         -------
         DataFrame of the key and the columns of a back-test
         """
-        return self._table(backtest_zone, X, y, settings).reset_index(drop=True)
+        return self._table(backtest_stored, X, y, settings).reset_index(drop=True)
 
     def status(self, page: str | PathLike[str] | None = None) -> pd.DataFrame:
         """Say how each zone is doing, the worst first.
@@ -263,7 +263,7 @@ class ZoneFleet(BaseEstimator):
         failed = self._models.failures() | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
         table = status_table(found, failed, self.key)
         if page is not None:
-            write_page(page, table, {zone: one.recent for zone, one in found.items()}, self.key)
+            write_fleet_page(page, table, {zone: one.recent for zone, one in found.items()}, self.key)
         return table
 
     def prior(self, sizes: Mapping[str, float] | None = None) -> FleetPrior:
@@ -373,6 +373,6 @@ class ZoneFleet(BaseEstimator):
 
     def _joined(self, outcomes: Sequence[ZoneOutcome], files: ZoneFiles) -> pd.DataFrame:
         tables = {files.labels[o.zone]: o.value for o in outcomes if o.value is not None}
-        made, failed = joined(tables, self.key)
+        made, failed = joined_zones(tables, self.key)
         self.errors_ |= failed
         return made

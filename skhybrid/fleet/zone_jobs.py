@@ -18,7 +18,7 @@ from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest
 from ..preprocessing import GapFiller
 from ..study.scores import INTERVAL
-from .day_errors import day_ahead, scored_days
+from .day_errors import forecasts_from_midnight, scored_days
 from .journal import Journal
 from .model_store import ModelStore
 from .zone_rows import TARGET, fingerprint, read_rows
@@ -84,7 +84,7 @@ def score_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame({"score": [model.score(X, y)]})
 
 
-def backtest_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
+def backtest_stored(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
     """The table of a back-test."""
     model, _ = ModelStore(store).load(zone)
     X, y = _with_target(_rows(paths[0], model), model)
@@ -165,7 +165,7 @@ def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: 
         ahead = journal.ahead
         if not (len(ahead) and X.index.isin(ahead.index).all()):
             table = _after_known(model, journal, X)
-            ahead = day_ahead(model, table).iloc[len(table) - len(X) :]
+            ahead = forecasts_from_midnight(model, table).iloc[len(table) - len(X) :]
         scored = ahead.reindex(X.index).assign(y_true=y)
     rows = X.assign(**{_measured_column(model): y})
     if hasattr(model, "update"):

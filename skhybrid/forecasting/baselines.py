@@ -10,7 +10,7 @@ from .._calendar import N_CELLS, day_type_hour, slot_of_day
 from .._last_known import carried_forward
 from .._table import ZoneTable
 from .._time import rows_per_day
-from .features import clock_changes, last_same_slot, rows_ahead, target_rows
+from .features import clock_changes, held_target_rows, last_same_slot, target_rows
 
 SAME_KIND_DAYS = 14  # days before an origin in which the last one of a kind is looked for
 MIN_COUNT = 2  # a mean over fewer values than this is left to the next coarser one
@@ -49,7 +49,7 @@ class WeeklyProfile:
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """The profile at each row ahead, whatever the past."""
-        return self.expected(table)[rows_ahead(table, origins, n_leads)]
+        return self.expected(table)[held_target_rows(table, origins, n_leads)]
 
 
 class NoDisturbance:
@@ -78,7 +78,7 @@ class LastWeek(WeeklyProfile):
         out = last_same_slot(zeta, rows, origins, 7 * per_day, 1, changes)
         if table.holidays:
             day = table.day_of_week
-            ahead = day[rows_ahead(table, origins, n_leads)]
+            ahead = day[held_target_rows(table, origins, n_leads)]
             for kind in np.unique(ahead):
                 of_kind = np.where(day == kind, zeta, np.nan)
                 alike = last_same_slot(of_kind, rows, origins, per_day, SAME_KIND_DAYS, changes)

@@ -36,7 +36,7 @@ def irradiance_roles(inputs: dict[str, Any]) -> list[str]:
     return [role for role in inputs if role == "q_sol" or role.startswith("q_sol_")]
 
 
-def plant_roles(inputs: dict[str, Any]) -> list[str]:
+def mode_roles(inputs: dict[str, Any]) -> list[str]:
     """The roles of plant stages and measured heat, which show whether the plant heats or cools."""
     return [role for role in inputs if role.startswith(("u_heat", "u_cool", "Q_"))]
 
@@ -73,7 +73,7 @@ def target_rows(origins: np.ndarray, n_leads: int) -> np.ndarray:
     return origins[:, None] + np.arange(1, n_leads + 1)
 
 
-def rows_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+def held_target_rows(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
     """(n_origins, n_leads) target rows, held at the last row beyond the table."""
     return np.minimum(target_rows(origins, n_leads), table.n_rows - 1)
 

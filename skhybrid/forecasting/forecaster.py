@@ -24,7 +24,7 @@ from .baselines import SAME_KIND_DAYS
 from .cases import ModelCase, resolve_case
 from .named_models import check_parameters, fit_baseline, is_network, require_networks
 from .pair_regressor import PairRegressor
-from .reading import frame_only, read_weather
+from .reading import frame_only, read_case_inputs
 from .training_job import EPOCHS_WITHOUT_VALIDATION, JobResult, TrainingJob, measured_split, repeat_seeds
 
 
@@ -218,7 +218,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _training_rows(self, X: Any, y: Any, shared: dict[Any, Any]) -> tuple[ZoneTable, np.ndarray]:
         """The training table with its history ``zeta``, and the target; the same objects for all that share them."""
-        table = read_weather(self, X, reset=True)
+        table = read_case_inputs(self, X, reset=True)
         asked = (repr(self.columns), repr(self.sampling_time), self.max_missing)
         key = ("rows", *asked, table.holidays, tuple(table.inputs))
         if key not in shared:
@@ -315,7 +315,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         return past
 
     def _read_X(self, X: Any) -> ZoneTable:
-        return read_weather(self, X, reset=False)
+        return read_case_inputs(self, X, reset=False)
 
     def _facts(self) -> dict[str, str]:
         facts = {"model": str(self.model)}

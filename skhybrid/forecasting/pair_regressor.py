@@ -9,7 +9,7 @@ from sklearn.base import clone
 
 from .._calendar import clock_hour
 from .._table import ZoneTable
-from .features import irradiance_roles, known_before, rows_ahead, target_rows
+from .features import held_target_rows, irradiance_roles, known_before, target_rows
 from .ridge import StaticModel, lag_features, training_origins
 
 
@@ -45,7 +45,7 @@ class PairRegressor:
 
     @staticmethod
     def _features(table: ZoneTable, expected: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        rows = rows_ahead(table, origins, n_leads)
+        rows = held_target_rows(table, origins, n_leads)
         columns = [expected, clock_hour(table.time).astype(float), table.day_of_week.astype(float)]
         columns += [table.weekend.astype(float), table.inputs.get("T_oa", np.zeros(table.n_rows))]
         columns += [table.inputs[role] for role in irradiance_roles(table.inputs)]

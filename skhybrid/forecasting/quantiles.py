@@ -17,7 +17,7 @@ from .._table import ZoneTable, as_numbers
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
-from .features import known_before, rows_ahead, target_rows
+from .features import held_target_rows, known_before, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error
 from .weather_spread import weather_spreads
@@ -219,7 +219,7 @@ def path_clock(table: ZoneTable, origins: np.ndarray, n_leads: int) -> PathClock
     last = last_known_row(np.isfinite(table.measured()), long_ago)
     seen = np.where(origins < 0, long_ago, last[np.maximum(origins, 0)])
     rows = target_rows(origins, n_leads)
-    slots = day_type_hour(table)[rows_ahead(table, origins, n_leads)]
+    slots = day_type_hour(table)[held_target_rows(table, origins, n_leads)]
     return PathClock((rows - seen[:, None]) * table.step_hours, slots, rows * table.step_hours / 24.0)
 
 
@@ -246,7 +246,7 @@ def block_origins(block: tuple[int, int], per_day: int) -> np.ndarray:
     return rows[(rows % apart == 0) & (rows < block[1] - 1)]
 
 
-def joined(found: Sequence[LeftOut]) -> LeftOut:
+def joined_blocks(found: Sequence[LeftOut]) -> LeftOut:
     """The errors of several blocks as one."""
     if not found:
         return LeftOut(np.empty((0, 1)), np.empty(0, dtype=np.int64))

@@ -8,13 +8,13 @@ from typing import Any
 import pandas as pd
 
 from .._table import ZoneTable, as_pandas, read_table
-from .features import plant_roles
+from .features import mode_roles
 
 _INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
 _WEATHER = re.compile(r"(T_oa|q_sol(_\w+)?)\Z")
 
 
-def read_weather(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
+def read_case_inputs(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
     """Read weather and history, and the plant where the forecaster's ``case_`` asks for it."""
     X, case = as_pandas(X), forecaster.case_
     wanted = set(case.features) if case is not None else set()
@@ -27,7 +27,7 @@ def read_weather(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
         required=[role for role in ("T_oa", "q_sol") if role in wanted],
         needed=(_INPUTS if modes else _WEATHER).match,
     )
-    if modes and reset and isinstance(X, pd.DataFrame | ZoneTable) and not plant_roles(table.inputs):
+    if modes and reset and isinstance(X, pd.DataFrame | ZoneTable) and not mode_roles(table.inputs):
         there = X.roles if isinstance(X, ZoneTable) else X.columns
         raise ValueError(
             f"role 'u_heat', 'u_cool' or 'Q_hvac' is missing: this case reads i_heat and i_cool, and X has "

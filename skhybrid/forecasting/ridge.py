@@ -19,10 +19,10 @@ from .._table import ZoneTable
 from .._time import rows_per_day, rows_per_hour
 from .features import (
     clock_changes,
+    held_target_rows,
     irradiance_roles,
     known_at,
     known_before,
-    rows_ahead,
     same_slot,
     target_rows,
     trailing_mean,
@@ -161,7 +161,7 @@ class RidgeForecaster:
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """Calendar and weather, corrected by what the known past deviates from them."""
         expected = self.expected(table)
-        out = expected[rows_ahead(table, origins, n_leads)]
+        out = expected[held_target_rows(table, origins, n_leads)]
         if self.dynamic_ is None:
             return out
         L = lag_features(table, table.measured("zeta") - expected, origins, n_leads) / self.scale_

@@ -11,7 +11,7 @@ from .._holidays import Holidays
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, concatenate_tables
 from .._time import wall_clock
-from .tables import utc_of, zone_of
+from .tables import time_zone_of, utc_of
 
 _HOUR = pd.Timedelta("1h")  # the disturbance is forecast by hours (paper 3.3)
 
@@ -91,12 +91,12 @@ def join_steps(old: ZoneTable, new: ZoneTable) -> ZoneTable:
     zeta = np.full(len(labels), np.nan)
     zeta[place] = np.concatenate([old.history["zeta"], new.history["zeta"]])
     inputs = {role: np.concatenate([v, new.inputs[role]])[held] for role, v in old.inputs.items()}
-    return steps_table(labels, zone_of(old), inputs, zeta, step, new.holidays)
+    return steps_table(labels, time_zone_of(old), inputs, zeta, step, new.holidays)
 
 
 def _weeks_later(table: ZoneTable, end: pd.Timestamp) -> pd.DatetimeIndex:
     """The stamps of a table [UTC] moved by whole weeks to end by ``end``, at the hours of the day that they had."""
-    stamps, zone, week = utc_of(table), zone_of(table), pd.Timedelta("7D")
+    stamps, zone, week = utc_of(table), time_zone_of(table), pd.Timedelta("7D")
     for n_weeks in range(int((end - stamps[-1]) / week), 0, -1):
         moved = stamps + week * n_weeks
         if zone is not None:  # daylight saving may have begun or ended since

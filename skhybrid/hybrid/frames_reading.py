@@ -11,7 +11,7 @@ import pandas as pd
 from .._joining import (
     join_frames,
     join_tables,
-    refuse_absent,
+    refuse_absent_ahead,
     refuse_unmeasured,
     unmeasured,
     warn_if_unmeasured,
@@ -22,7 +22,7 @@ from .._table import (
     SETPOINT_ROLES,
     ZoneTable,
     append_tables,
-    is_plant,
+    plant_roles,
     read_table,
     refuse_gap,
     refuse_other_clock,
@@ -98,7 +98,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
         if isinstance(future, ZoneTable):
             table = self._read_following(unmeasured(future, self._scheme.rows.training))
         else:
-            refuse_absent(self._input_columns(future), future, "the training table")
+            refuse_absent_ahead(self._input_columns(future), future, "the training table")
             table = self._read_following(future)
         self._scheme.rows.refuse_unless_following(table, "future")
         return table
@@ -132,7 +132,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
     @property
     def _plant(self) -> list[str]:
         """Roles of the plant."""
-        return [role for role in self._scheme.rows.training.inputs if is_plant(role)]
+        return plant_roles(self._scheme.rows.training.inputs)
 
     @property
     def _runs_as_usual(self) -> bool:

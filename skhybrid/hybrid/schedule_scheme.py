@@ -21,15 +21,15 @@ from ..schedule import (
     Segment,
     bends_at,
     heat_frame,
-    linear_network,
     load_paths,
     loads,
     plant_heat,
+    scheduled_linear_network,
 )
 from ..thermal import RCNetwork
 from .blending.blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .blending.blend_members import evidence_of, first_shares, members_beside_network
-from .blending.gain_report import determined_plant, disagreement, gain_errors, gain_table, plant_of, warn_of_gain
+from .blending.gain_report import determined_plant, disagreement, gain_errors, gain_table, main_source, warn_of_gain
 from .blending.members import Member, ScheduleMember
 from .blending.numbered_table import NumberedTable
 from .blending.rolling_blend import BlendRecord, RollingBlend
@@ -142,7 +142,7 @@ class ScheduleScheme(Scheme):
 
     def _plant(self, wanted: str) -> tuple[str, float]:
         """The role that gave most of the known heat, with its capacity [kW]."""
-        plant = plant_of(self._physics.fit_, self.rows.training)
+        plant = main_source(self._physics.fit_, self.rows.training)
         if plant is None:
             raise AttributeError(f"the training has no plant, so that there is no {wanted}.")
         return plant
@@ -347,7 +347,7 @@ class ScheduleScheme(Scheme):
             known = self.rows.latest if ahead.origin is None else ahead.table.rows(slice(0, ahead.origin + 1))
             values = np.vstack([[known.inputs[role][-1] for role in plan.inputs], values])
         state = blend.network.forecast_state(0)
-        network = linear_network(blend.network.fit, state, segment, plan.inputs, values)
+        network = scheduled_linear_network(blend.network.fit, state, segment, plan.inputs, values)
         return network.after(values[0]) if ahead.T_za is None else network.measured(np.array([ahead.T_za]))
 
     def _last_rows(self, first: int, ahead: ZoneTable | None) -> NumberedTable:

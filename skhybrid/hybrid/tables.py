@@ -35,7 +35,7 @@ def stamps_ns(table: ZoneTable) -> np.ndarray:
     return (table.time if table.utc is None else table.utc).as_unit("ns").asi8
 
 
-def zone_of(table: ZoneTable) -> Any:
+def time_zone_of(table: ZoneTable) -> Any:
     """The time zone of a table's stamps; None where they have none."""
     return table.index.tz if isinstance(table.index, pd.DatetimeIndex) else None
 

@@ -19,8 +19,8 @@ from .._warnings import ignore, warnings_to
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, load_frame
 from ..forecasting.joint_fit import fit_each
 from ..forecasting.named_models import BASELINES
-from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined, left_out_blocks
-from ..identification.plan_model import columns_of, linear_network, plan_gain
+from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined_blocks, left_out_blocks
+from ..identification.plan_model import input_places, linear_network, plan_gain
 from ..identification.rolling_state import advance, drive_on, identify_again
 from ..thermal import get_network
 from .disturbance_steps import (
@@ -40,7 +40,7 @@ from .earlier_states import EarlierStates
 from .hourly_aggregation import HourlyAggregation
 from .known_rows import KnownRows
 from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
-from .tables import ELSEWHERE, KEPT, stamps_ns, with_stamps, zone_of
+from .tables import ELSEWHERE, KEPT, stamps_ns, time_zone_of, with_stamps
 from .weekly_refit import WeeklyRefit, by_days, reference_days
 
 
@@ -83,7 +83,7 @@ class TwoStageScheme(EarlierStates):
         """The training disturbance by rows (n_rows,); by steps it becomes ``steps``."""
         training = with_stamps(self.rows.training, ASSUMED_START)
         zeta = self.gray_box_.estimate_disturbance(training, kind=self.disturbance).to_numpy()
-        self.steps = average(training, zeta, self.disturbance_step_, zone_of(training)).table
+        self.steps = average(training, zeta, self.disturbance_step_, time_zone_of(training)).table
         return zeta
 
     def with_forecasters(self, forecasters: Sequence[Any], disturbance: str) -> list[Self]:
@@ -98,7 +98,7 @@ class TwoStageScheme(EarlierStates):
         """Average the end of the training over steps, to which later rows are added."""
         training, step = self.rows.training, self.disturbance_step_
         names, fine = [*self.steps.inputs, "zeta"], training.step < step
-        empty = HourlyAggregation(names, step, fine, zone_of(training), training.holidays)
+        empty = HourlyAggregation(names, step, fine, time_zone_of(training), training.holidays)
         stamps = stamps_ns(training)
         self._aggregation = empty.added(stamps, self._rows_of(training, zeta)).since(int(stamps[-1] - KEPT.value))
         self._learned_to = int(stamps_ns(self.steps)[-1])
@@ -244,7 +244,7 @@ class TwoStageScheme(EarlierStates):
         network = linear_network(known, plan.inputs, rows, nodes, heat, offset)
         if ahead.T_za is not None:
             return network.measured(np.array([ahead.T_za]))
-        return network.after(rows[0, columns_of(known, plan.inputs)])
+        return network.after(rows[0, input_places(known, plan.inputs)])
 
     def _origin(self, ahead: Ahead) -> tuple[np.ndarray, np.ndarray]:
         """(n,) node temperatures at the origin (open loop for an output disturbance), and (N, p) inputs from there."""
@@ -304,7 +304,7 @@ class TwoStageScheme(EarlierStates):
                     without = fit_forecaster(clone(self.forecaster_), self.steps, known)
                 paths = self._with(adapt=None, forecaster_=without).forecast(table, origins, n_leads).temperature
                 found.append(LeftOut(errors_inside(target, origins, paths, block[1]), origins))
-        return joined(found)
+        return joined_blocks(found)
 
     def _disturbance_paths(self, table: ZoneTable, here: ZoneTable, origins: np.ndarray, n_rows: int) -> np.ndarray:
         """(n_origins, n_rows) forecast disturbance of the rows ``origin``, ``origin + 1`` ..."""
@@ -332,7 +332,7 @@ class TwoStageScheme(EarlierStates):
         padded = with_step_before(here, self.disturbance_step_)
         n_before = padded.n_rows - here.n_rows
         zeta = np.append(np.full(n_before, np.nan), np.where(seen, zeta, np.nan))
-        return average(padded, zeta, self.disturbance_step_, zone_of(self.rows.training)), n_before
+        return average(padded, zeta, self.disturbance_step_, time_zone_of(self.rows.training)), n_before
 
     def _forecasters(self, steps: Steps, known: np.ndarray, following: bool) -> Iterator[tuple[Any, np.ndarray]]:
         """The forecaster of each origin: as fitted, or refitted on the full weeks since the training ended."""

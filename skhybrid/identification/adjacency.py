@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
-from .._table import ZoneTable, is_instant, is_plant, read_table, read_targets
+from .._table import ZoneTable, is_instant, plant_roles, read_table, read_targets
 from .._time import rows_per_hour, spell
 from ..filtering import low_pass
 from .experiment import temperatures_by_role
@@ -155,7 +155,7 @@ def _arrange(
     owner = {
         role: next((z for z in sorted(names, key=len, reverse=True) if role.endswith(f"_{z}")), None) for role in hourly
     }
-    plant = [role for role in hourly if is_plant(role)]
+    plant = plant_roles(hourly)
     outside = [v for role, v in hourly.items() if is_instant(role)]
     heat, others = np.zeros((n, len(names))), []
     for i, name in enumerate(names):

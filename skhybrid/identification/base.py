@@ -31,7 +31,7 @@ from .forecast_ahead import ForecastingNetwork
 from .gain_filter import FilteredStates, GainFilter
 from .loads import plant_of
 from .state_space import state_space_of
-from .uncertainty.identifiability import assess
+from .uncertainty.identifiability import find_directions
 from .uncertainty.standard_errors import ParameterUncertainty, theta_covariance, theta_intervals
 
 
@@ -270,7 +270,7 @@ class NetworkIdentifier(ForecastingNetwork):
         self.theta_std_ = pd.Series(np.sqrt(variances), index=names, name="std")
         self.n_days_ = found.n_days
         self._growth = {p.name: float(growth) for p, growth in zip(found.parameters, found.growth, strict=True)}
-        self.identifiability_ = assess(found, tuple(dict.fromkeys((*at_bound, *found.held))), idle)
+        self.identifiability_ = find_directions(found, tuple(dict.fromkeys((*at_bound, *found.held))), idle)
 
     def theta_interval(self, level: float = 0.9) -> pd.DataFrame:
         """Intervals that hold each parameter with the given probability.

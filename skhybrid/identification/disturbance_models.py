@@ -28,7 +28,7 @@ def measurement_variance(hours: float, sd: float | None = None) -> float:
     return 0.25**2 / (hours * 3600.0) if sd is None else sd**2
 
 
-def measured_rows(network: RCNetwork) -> np.ndarray:
+def measured_states(network: RCNetwork) -> np.ndarray:
     """(o,) places of the measured nodes among the states."""
     return np.array([network.nodes.index(node) for node in network.measured_nodes])
 
@@ -36,7 +36,7 @@ def measured_rows(network: RCNetwork) -> np.ndarray:
 def first_covariance(network: RCNetwork, zeta_sd: float | None = None) -> np.ndarray:
     """Covariance of the first row's state, with the disturbances after the nodes where ``zeta_sd`` is given."""
     sd = np.full(len(network.nodes), HIDDEN_SD)
-    sd[measured_rows(network)] = MEASURED_SD
+    sd[measured_states(network)] = MEASURED_SD
     disturbances = np.full(0 if zeta_sd is None else len(network.disturbed_nodes), zeta_sd, dtype=np.float64)
     return np.diag(np.append(sd, disturbances) ** 2)
 
@@ -47,7 +47,7 @@ def first_state(network: RCNetwork, temperatures: np.ndarray, appended: int = 0)
     What is ``appended`` is 0.
     """
     state = np.full(len(network.nodes), float(np.mean(temperatures)))
-    state[measured_rows(network)] = temperatures
+    state[measured_states(network)] = temperatures
     return np.append(state, np.zeros(appended))
 
 
@@ -107,7 +107,7 @@ class Conventional(_Disturbance):
     ) -> Model:
         S, n = d.A.shape[:2]
         s0, R = first_state(network, segment.firsts), measurement_variance(segment.hours)
-        model = _appended(d, np.zeros((S, 0)), 0, 0, np.eye(n)[measured_rows(network)], s0, R)
+        model = _appended(d, np.zeros((S, 0)), 0, 0, np.eye(n)[measured_states(network)], s0, R)
         Q = np.tile(PROCESS_SD**2 * np.eye(n), (S, 1, 1))
         return model._replace(Q=Q, P0=first_covariance(network))
 
@@ -130,7 +130,7 @@ class InputRandomWalk(_Disturbance):
     ) -> Model:
         (S, n), a = d.A.shape[:2], len(network.disturbed_nodes)
         s0, R = first_state(network, segment.firsts, a), measurement_variance(segment.hours, self.measurement_sd)
-        model = _appended(d, np.ones((S, a)), a, 2, np.eye(n + a)[measured_rows(network)], s0, R)
+        model = _appended(d, np.ones((S, a)), a, 2, np.eye(n + a)[measured_states(network)], s0, R)
         nodes, walks = np.arange(n), n + np.arange(a)
         model.Q[:, nodes, nodes] = own["sigma_x"][:, None] ** 2
         model.Q[:, walks, walks] = own["sigma_zeta"][:, None] ** 2
@@ -169,7 +169,7 @@ class OutputARMA(_Disturbance):
         self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
     ) -> Model:
         n, o, base = len(network.nodes), len(network.measured_nodes), d.dA.shape[1]
-        C = np.hstack([np.eye(n)[measured_rows(network)], np.eye(o)])
+        C = np.hstack([np.eye(n)[measured_states(network)], np.eye(o)])
         s0 = first_state(network, segment.firsts, o)
         model = _appended(d, np.repeat(own["rho_1"][:, None], o, axis=1), 0, len(self.own), C, s0, 0.0)
         each, outputs = n + np.arange(o), np.arange(o)

@@ -11,7 +11,14 @@ from scipy.optimize import minimize
 from .._calendar import N_CELLS
 from ..filtering import kalman_filter, simulate_path, smooth_states
 from ..thermal import RCNetwork
-from .disturbance_models import PROCESS_SD, ZETA_SD, first_covariance, first_state, measured_rows, measurement_variance
+from .disturbance_models import (
+    PROCESS_SD,
+    ZETA_SD,
+    first_covariance,
+    first_state,
+    measured_states,
+    measurement_variance,
+)
 from .experiment import Experiment
 from .gain_model import week_cells
 
@@ -60,7 +67,7 @@ class GainFilter:
     @property
     def measured(self) -> np.ndarray:
         """(o,) places of the measured nodes."""
-        return measured_rows(self.network)
+        return measured_states(self.network)
 
     @property
     def heat(self) -> np.ndarray:

@@ -95,7 +95,7 @@ class VarianceModel:
         return cls(by_segment, variance, names, first)
 
 
-def own_parameters(n_days: int, hours: HourClasses) -> tuple[Parameter, ...]:
+def gain_parameters(n_days: int, hours: HourClasses) -> tuple[Parameter, ...]:
     """Parameters of the disturbance: time constant, noise, and standard deviations in units of a 6 kW plant."""
     out = [Parameter("tau", "h", 0.2, 120.0, "time constant of the gain state")]
     out += [Parameter(f"sigma_{c}", PLANT, 0.002, 12.0, f"standard deviation, {c}") for c in hours.names]

@@ -26,7 +26,7 @@ from .gain_model import (
     PLANT,
     HourClasses,
     VarianceModel,
-    own_parameters,
+    gain_parameters,
     profile_basis,
     week_cells,
 )
@@ -107,7 +107,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         return tuple(p if p.unit == "-" or p.transform != "log" else p.bounded(wider(p)) for p in parameters)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
-        return own_parameters(0, self._hours)
+        return gain_parameters(0, self._hours)
 
     def _units(self, heat_scale: float) -> dict[str, float]:
         """Unit [kW] of the standard deviations of the gain, on the scale on which they are searched."""
@@ -144,7 +144,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
             lower, upper = as_bounds(p.name, ends)
             return p.bounded((lower / unit, upper / unit))
 
-        own = tuple(bounded(p) for p in own_parameters(n_days, self._hours))
+        own = tuple(bounded(p) for p in gain_parameters(n_days, self._hours))
         priors = normal_priors(self.priors, (*parameters, *own), known)
         priors = {name: (mean - np.log(units.get(name, 1.0)), sd) for name, (mean, sd) in priors.items()}
         idle = self._excited(network, table, parameters, priors)

@@ -14,7 +14,7 @@ def plan_gain(known: FilteredNetwork, roles: Sequence[str], n_rows: int) -> np.n
     """(H, H, m) gain of the temperature by a plan [K per kW or stage], with a last axis of several measured nodes."""
     kalman = known.kalman
     C = np.eye(kalman.n)[kalman.measured]
-    gain = gain_of(impulse_response(kalman.A, kalman.B[:, columns_of(known, roles)], C, n_rows))
+    gain = gain_of(impulse_response(kalman.A, kalman.B[:, input_places(known, roles)], C, n_rows))
     return gain[..., 0] if len(C) == 1 else gain
 
 
@@ -31,7 +31,7 @@ def linear_network(
     ``nodes`` (n,) [degC] at the origin; ``heat`` (N, d) [kW] is the disturbance over each step, ``offset`` (N, o) [K]
     what the output has beyond the network at each row.  An output disturbance is one more state per output.
     """
-    kalman, chosen = known.kalman, columns_of(known, roles)
+    kalman, chosen = known.kalman, input_places(known, roles)
     others = inputs.copy()
     others[:, chosen] = 0.0
     A, B, C = kalman.A, kalman.B[:, chosen], np.eye(kalman.n)[kalman.measured]
@@ -45,7 +45,7 @@ def linear_network(
     return LinearNetwork(A, B, C, nodes, forcing, tuple(names))
 
 
-def columns_of(known: FilteredNetwork, roles: Sequence[str]) -> list[int]:
+def input_places(known: FilteredNetwork, roles: Sequence[str]) -> list[int]:
     """Columns of the network's inputs."""
     names = list(known.network.inputs(known.roles))
     return [names.index(role) for role in roles]

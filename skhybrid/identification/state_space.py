@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..thermal import RCNetwork
 from ..thermal.parameters import check_known
-from .disturbance_models import measured_rows
+from .disturbance_models import measured_states
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,6 @@ def state_space_of(
 ) -> StateSpace:
     """The exact zero-order hold of a network under the given inputs, with named rows and columns."""
     d = network.discrete(theta, roles, step / pd.Timedelta("1h"))
-    C = np.eye(len(network.nodes))[measured_rows(network)]
+    C = np.eye(len(network.nodes))[measured_states(network)]
     names = (*network.inputs(roles), *network.gain_names)
     return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)

@@ -42,7 +42,7 @@ def frequency_responses(model: Any, X: Any, origin_step: Any, periods: Any) -> R
     """Response to sinusoids; that of a blend in the last row ahead."""
     step = model.sampling_time_
     if periods is None:
-        periods = default_periods(step)
+        periods = periods_to_a_day(step)
     n = rows_covering(_CYCLES * max(pd.TimedeltaIndex(periods)), step, "periods")
     found = Responses()
     for running, future in _origins(model, X, origin_step, n + 1):
@@ -66,7 +66,7 @@ def sinusoidal(effect: np.ndarray, turns: np.ndarray) -> np.ndarray:
     return z ** np.arange(1, n + 1) @ effect + last * z ** (n + 1) * fading / (1.0 - fading * z)
 
 
-def default_periods(step: pd.Timedelta) -> pd.TimedeltaIndex:
+def periods_to_a_day(step: pd.Timedelta) -> pd.TimedeltaIndex:
     """Periods from two steps to a day."""
     seconds = np.geomspace(max(_SHORTEST, 2 * step) / pd.Timedelta("1s"), _LONGEST / pd.Timedelta("1s"), 100)
     return pd.to_timedelta(np.ceil(seconds), unit="s").as_unit("ns")

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..identification import frequency_response, step_response
 from ._display import Display, frames_by_label
-from ._hybrid_response import Responses, default_periods, frequency_responses, is_hybrid, step_responses
+from ._hybrid_response import Responses, frequency_responses, is_hybrid, periods_to_a_day, step_responses
 from ._style import MEASURED, grid_or_new, line_style, shared_legend, tidy
 
 _TRUTH = "true"  # label of the true system
@@ -136,7 +136,7 @@ class BodeDisplay(_ResponseDisplay):
         models = estimator.values() if isinstance(estimator, Mapping) else [estimator]
         hybrids = [model for model in models if is_hybrid(model)]
         if hybrids and periods is None:
-            periods = default_periods(max(model.sampling_time_ for model in hybrids))
+            periods = periods_to_a_day(max(model.sampling_time_ for model in hybrids))
         respond = partial(frequency_response, periods=periods, output=output)
         by_origin = partial(frequency_responses, X=X, origin_step=origin_step, periods=periods)
         return cls._of_models(estimator, truth, respond, by_origin).plot(ax, **kwargs)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._table import listed
 from .stamp_cells import read_stamps
-from .stamps import cell, line, zone_of
+from .stamps import cell, line, time_zone_named
 
 _NAME = r"(?:\d|\d\s*[AaPp]\.?[Mm]\.?)\s*([A-Z]{3,5})$"
 _OFFSET = r"(?i)(?<![a-z])(?:utc|gmt)(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?(?![a-z])"
@@ -87,7 +87,7 @@ def in_named_zones(
             f"{where} has time stamps with a zone by name ({names.iloc[0]}), which may be of many places; give that of "
             "the log as timezone=, such as 'America/Chicago' (skhybrid check --timezone)."
         )
-    zone, named = zone_of(timezone), names.to_numpy(dtype=object)
+    zone, named = time_zone_named(timezone), names.to_numpy(dtype=object)
     first, second = (
         stamps.tz_localize(zone, ambiguous=np.full(len(stamps), is_first), nonexistent="shift_forward")
         for is_first in (True, False)

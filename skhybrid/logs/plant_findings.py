@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant, listed
+from .._table import SETPOINT_ROLES, is_plant, listed, plant_roles
 from .._warnings import percent
 from .log_findings import RUNS, Finding
 
@@ -41,7 +41,7 @@ def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> 
 
 def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Finding]:
     """A remark on each room that goes on leaving a set-point, as where a plant has failed; columns are roles."""
-    plants = [str(role) for role in frame if is_plant(role)]
+    plants = plant_roles(frame)
     sides = zip(SETPOINT_ROLES, (1.0, -1.0), ("below", "above"), ("u_cool", "u_heat"), strict=True)
     for side, sign, beyond, other in sides:
         if all(plant.startswith(other) for plant in plants):

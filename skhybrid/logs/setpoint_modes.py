@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import SETPOINT_ROLES, plant_roles
 from .._time import wall_clock
 from .naming import FOR_HEATING, guess_role, plain
 
@@ -150,7 +150,7 @@ def mode_of_plant(frame: pd.DataFrame, zone: str) -> tuple[pd.Series, bool]:
     The day itself would say what is delivered after the origin of a forecast.  The mode is both where heating and
     cooling are mixed, and NaN where no plant runs.
     """
-    plants = [str(role) for role in frame if is_plant(role)]
+    plants = plant_roles(frame)
     plants = [role for role in plants if zone and role.endswith(zone)] or plants
     heat, cold = np.zeros((2, len(frame)))
     for role in plants:

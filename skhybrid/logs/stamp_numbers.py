@@ -51,7 +51,7 @@ def stamps_of_numbers(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, l
     return _from_excel(cells, where) if are_serials(list(head)) else None
 
 
-def in_words(text: pd.Series) -> pd.Series:
+def with_signs(text: pd.Series) -> pd.Series:
     """Stamps of digits alone as dates and times with signs between them; others as they are."""
     if not text.iloc[:_SAMPLE].str.fullmatch(_DIGITS).any():
         return text

@@ -148,7 +148,7 @@ def _contradicts(text: pd.Series, day_first: bool) -> np.ndarray:
     return (numbers[1 if day_first else 0] > 12).to_numpy()
 
 
-def zone_of(timezone: str) -> Any:
+def time_zone_named(timezone: str) -> Any:
     """The time zone of a name."""
     try:
         return pd.Timestamp("2001-01-01").tz_localize(timezone).tz
@@ -162,14 +162,14 @@ def in_zone(stamps: pd.DatetimeIndex, timezone: str | None, cells: pd.Series, wh
         return stamps
     if stamps.tz is None:
         return localize(stamps, timezone, cells, where)
-    return stamps.tz_convert(zone_of(timezone))
+    return stamps.tz_convert(time_zone_named(timezone))
 
 
 def localize(stamps: pd.DatetimeIndex, timezone: str, cells: pd.Series, where: str) -> pd.DatetimeIndex:
     """Localize wall-clock stamps; in the hour that occurs twice in autumn, the first pass is summer time."""
     if stamps[0] > stamps[-1]:  # the newest row comes first
         return localize(stamps[::-1], timezone, cells.iloc[::-1], where)[::-1]
-    zone = zone_of(timezone)
+    zone = time_zone_named(timezone)
     skipped = stamps.tz_localize(zone, ambiguous=np.ones(len(stamps), dtype=bool), nonexistent="NaT").isna()
     if skipped.any():
         row = int(np.argmax(skipped))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import SETPOINT_ROLES, plant_roles
 
 _STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
 _HELD = 0.05  # farthest from its set-point that a room without a free degree is held, as in a simulation [K]
@@ -53,7 +53,7 @@ def controlled_rows(frame: pd.DataFrame, role: str) -> pd.Series:
     """
     zone = role.removeprefix("T_za")
     set_points = [name for name in (*(s + zone for s in SETPOINT_ROLES), *SETPOINT_ROLES, "setpoint") if name in frame]
-    plants = [name for name in frame if is_plant(name)]
+    plants = plant_roles(frame)
     heat = frame[[name for name in plants if zone and str(name).endswith(zone)] or plants].ffill()
     held = (frame[set_points].ffill().sub(frame[role], axis=0).abs() <= _HELD).any(axis=1)
     return held & (heat.diff().abs() > 0.0).any(axis=1)

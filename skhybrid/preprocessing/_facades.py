@@ -14,7 +14,7 @@ from .._arguments import as_mapping, check_bool, store_arguments
 from .._ranges import check_range
 from .._table import numeric, role_of
 from .._time import first_row_number, read_index
-from ._frames import TableTransformer, names_of, position_of, roles_by_position
+from ._frames import TableTransformer, column_names, position_of, roles_by_position
 from ._sun import Place, on_planes
 
 #: azimuths of the default facades, degrees clockwise from north.
@@ -209,6 +209,6 @@ def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
 
 def _column_names(table: pd.DataFrame | np.ndarray) -> list[Any]:
     """Names of the columns; roles by position for an array, and for a frame without roles and time stamps."""
-    names = names_of(table)
+    names = column_names(table)
     stamped = isinstance(table, pd.DataFrame) and isinstance(table.index, pd.DatetimeIndex)
     return names if stamped or any(role_of(name) for name in names) else roles_by_position(len(names))

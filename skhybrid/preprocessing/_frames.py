@@ -26,7 +26,7 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         X : DataFrame or array-like of shape (n_samples, n_features)
         y : ignored
         """
-        self._fit_table(read_input(self, X, reset=True))
+        self._fit_table(read_columns(self, X, reset=True))
         return self
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
@@ -37,7 +37,7 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         X : DataFrame or array-like of shape (n_samples, n_features)
         """
         check_is_fitted(self)
-        return self._transform_table(read_input(self, X, reset=False))
+        return self._transform_table(read_columns(self, X, reset=False))
 
     @abstractmethod
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
@@ -53,7 +53,7 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         return tags
 
 
-def read_input(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
+def read_columns(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
     """Return a frame, its names checked, and anything else as a float64 array; NaN is allowed, inf is not."""
     X = as_pandas(X)
     if not isinstance(X, pd.DataFrame):
@@ -85,7 +85,7 @@ def roles_by_position(n_columns: int) -> list[str]:
     return [("T_oa", "q_sol")[j] if j < 2 else f"u_{j}" for j in range(n_columns)]
 
 
-def names_of(table: pd.DataFrame | np.ndarray) -> list[Any]:
+def column_names(table: pd.DataFrame | np.ndarray) -> list[Any]:
     """Names of the columns of a frame, roles by position of an array."""
     return list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
 

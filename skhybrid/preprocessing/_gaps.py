@@ -11,7 +11,7 @@ from sklearn.base import OneToOneFeatureMixin
 
 from .._table import checked_columns, is_history, is_set_point, listed, numeric
 from .._time import duration_from_zero, read_index
-from ._frames import TableTransformer, names_of, position_of
+from ._frames import TableTransformer, column_names, position_of
 
 
 class GapFiller(OneToOneFeatureMixin, TableTransformer):
@@ -59,7 +59,7 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
         self.max_gap_ = duration_from_zero(self.max_gap, "max_gap")
-        names = names_of(table)
+        names = column_names(table)
         self.roles_ = {j: str(name) for j, name in enumerate(names)}
         for role, column in checked_columns(self.columns).items():
             position = position_of(column, names)

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import as_mapping
 from .._table import numeric
-from ._frames import TableTransformer, names_of, position_of, read_input
+from ._frames import TableTransformer, column_names, position_of, read_columns
 
 #: unit of each kind of quantity in the data contract.
 CONTRACT_UNIT = {"temperature": "degC", "irradiance": "kW/m2", "fraction": "-", "power": "kW"}
@@ -110,7 +110,7 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
         self.units = units
 
     def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
-        names = names_of(table)
+        names = column_names(table)
         self.conversions_: dict[int, Conversion] = {}
         for column, unit in as_mapping("units", self.units, "columns to units, such as {'T_oa': 'degF'}").items():
             position = position_of(column, names)
@@ -132,7 +132,7 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
         X : DataFrame or array-like of shape (n_samples, n_features)
         """
         check_is_fitted(self)
-        return self._apply(read_input(self, X, reset=False), convert_back)
+        return self._apply(read_columns(self, X, reset=False), convert_back)
 
     def _apply(
         self, table: pd.DataFrame | np.ndarray, function: Callable[[np.ndarray, Conversion], np.ndarray]

@@ -11,7 +11,7 @@ from .gain_error import LITTLE_ERROR, days_to_determine, step_gain, step_gain_er
 from .network_prior import NetworkPrior, NetworkSums
 from .network_response import NetworkResponse
 from .online_network import OriginState
-from .plant_model import bends_at, linear_network, plant_gain
+from .plant_model import bends_at, plant_gain, scheduled_linear_network
 from .rolling_network import ErrorHistory, RollingNetwork
 from .schedule_loads import heat_frame, load_paths, loads, plant_heat
 from .scheduled_network import ScheduledNetwork
@@ -33,12 +33,12 @@ __all__ = [
     "days_to_determine",
     "fit_leads",
     "heat_frame",
-    "linear_network",
     "load_paths",
     "loads",
     "make_segment",
     "plant_gain",
     "plant_heat",
+    "scheduled_linear_network",
     "step_gain",
     "step_gain_error",
 ]

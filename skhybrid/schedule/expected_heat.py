@@ -17,7 +17,7 @@ from ..filtering import ForecastSample, low_pass
 from .day_blocks import block_grams
 from .filter_model import FilterModel
 from .segment import Segment
-from .step_gain import step_response
+from .step_gain import network_step_response
 
 _DAY = 24.0
 _SLOW = (6.0, 24.0)  # time constants at which what is known ahead is smoothed too [h]
@@ -78,7 +78,7 @@ class SurpriseEffect:
     """Effect of the surprise (O, n_leads) in the heat of forecasts on their errors at ``leads`` (L,), at one psi."""
 
     def __init__(self, model: FilterModel, psi: np.ndarray, heated: int, surprise: np.ndarray, leads: np.ndarray):
-        at = step_response(model, model.matrices(psi), psi, heated, int(leads[-1]))
+        at = network_step_response(model, model.matrices(psi), psi, heated, int(leads[-1]))
         self._surprise, self._at = surprise, at
         after = leads - 1 - np.arange(int(leads[-1]))[:, None]  # (n_leads, L) rows from a kW to each lead
         self._rows, self._acts = np.maximum(after, 0), after >= 0

@@ -12,7 +12,7 @@ from .constrained_ridge import gram
 from .fit import LeadFit, weighted
 from .responses import emitter_series
 from .segment import Segment
-from .step_gain import observed_gains, step_response
+from .step_gain import network_step_response, observed_gains
 
 _DAY = 24.0
 _DAYS = (3, 7, 14, 21, 28)  # numbers of days of random set-points that are tried
@@ -96,7 +96,7 @@ def _temperature_change(fit: LeadFit, heat: np.ndarray, delayed: bool) -> np.nda
 
 def _gain_and_slope(fit: LeadFit, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Gain (L,) and its derivatives (L, p + J) by psi and coefficients."""
-    at = step_response(fit.model, fit.model.matrices(fit.psi), fit.psi, fit.plan.heated, int(rows.max()))
+    at = network_step_response(fit.model, fit.model.matrices(fit.psi), fit.psi, fit.plan.heated, int(rows.max()))
     lagging = fit.coef[-1] if fit.plan.emitter else 0.0
     slope = np.zeros((len(rows), len(fit.psi) + len(fit.coef)))
     slope[:, : len(fit.psi)] = (at.slope + lagging * at.dlagging)[rows - 1]

@@ -90,7 +90,7 @@ def plant_gain(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.
     return gain
 
 
-def linear_network(
+def scheduled_linear_network(
     fit: LeadFit, state: OriginState, segment: Segment, roles: Sequence[str], plan: np.ndarray
 ) -> LinearNetwork:
     """The network in degC from an origin on, whose row is the first of the segment.

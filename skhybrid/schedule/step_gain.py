@@ -165,7 +165,7 @@ class StepResponse(NamedTuple):
     dlagging: np.ndarray  # (L, p)
 
 
-def step_response(model: FilterModel, M: Matrices, psi: np.ndarray, heated: int, n_leads: int) -> StepResponse:
+def network_step_response(model: FilterModel, M: Matrices, psi: np.ndarray, heated: int, n_leads: int) -> StepResponse:
     """Response with its exact derivatives by psi."""
     m, p, nb = len(M.F), len(psi), M.B.shape[1] - len(M.A)
     b, db = M.B[:, nb + heated], M.dB[:, nb + heated]
@@ -255,7 +255,7 @@ class GainPull(NamedTuple):
 
     def _response(self, model: FilterModel, psi: np.ndarray, heated: int) -> StepResponse:
         n_leads = max(*JUMP_LEADS, *_shape_rows(self.step))
-        return step_response(model, model.matrices(psi), psi, heated, n_leads)
+        return network_step_response(model, model.matrices(psi), psi, heated, n_leads)
 
     def _shape_errors(self, at: StepResponse) -> tuple[np.ndarray, np.ndarray]:
         """Weighted errors of the shape, and their derivatives by psi."""

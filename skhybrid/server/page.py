@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..study.report.figures import NARROW, WIDE, backtest_figure, day_figure, in_two_widths
 from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
-from ..study.report.words import percent
+from ..study.report.words import percent_or_dash
 from ..study.verdict import Verdict
 from .zone_view import ZoneView, compared
 
@@ -113,7 +113,7 @@ def _state(status: dict[str, Any]) -> str:
         for quantity in ("temperature [K]", "load [kW]"):
             if errors := (status[name] or {}).get(quantity):
                 shown = (f"{errors[key]:.2f}" for key in ("rmse", "bias"))
-                rows.append((f"{short} {quantity[quantity.index('[') :]}", *shown, percent(errors["coverage"])))
+                rows.append((f"{short} {quantity[quantity.index('[') :]}", *shown, percent_or_dash(errors["coverage"])))
     facts = f"{rows_words(status)} Drift: {drift_words(status['drift'])}."
     table = html_table(("errors", "RMSE", "bias", "in band"), rows) if rows else ""
     return f"<h2>State</h2>\n{table}<p>{escape(facts)}</p>"

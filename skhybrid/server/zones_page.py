@@ -11,7 +11,7 @@ import pandas as pd
 from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes, zones_in_words
 from ..study.report.figures import days_figure, weeks_figure
 from ..study.report.html import html_page
-from ..study.report.words import number, percent
+from ..study.report.words import number, percent_or_dash
 from ..study.verdict import Verdict
 from .page import (
     LINKS,
@@ -97,4 +97,4 @@ def _errors(state: dict[str, Any]) -> list[str]:
     last, weeks = state["yesterday's forecast"] or {}, state["last four weeks"] or {}
     newest, all_of, load = (found or {} for found in (last.get(_T), weeks.get(_T), weeks.get("load [kW]")))
     numbers = [number(newest.get("rmse"), 2), number(all_of.get("rmse"), 2), number(all_of.get("bias"), 2)]
-    return [*numbers, percent(all_of.get("coverage")), number(load.get("rmse"), 2)]
+    return [*numbers, percent_or_dash(all_of.get("coverage")), number(load.get("rmse"), 2)]

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple, Self
 
 import pandas as pd
 
+from .._table import plant_roles
 from ..hybrid import BuildingPredictor
 from .compared_models import HYBRID, YESTERDAY
 from .data import setpoints_of
-from .judgement import plant_roles
 from .setpoints_known import SetpointsKnown, backtest_under_setpoints, unusable_setpoints
 from .settings import Settings
-from .zone_part import rows_of, settings_of
+from .zone_part import rows_of_zone, settings_of_zone
 
 _OF_ALL = ("origin", "lead", "time", "y_true", "y_pred", "zone")
 
@@ -47,9 +47,9 @@ class ZonesSetpointsKnown(NamedTuple):
             return None
         zones, whole = {}, pd.concat([train, later])
         for zone in settings.zones:
-            past, before = rows_of(whole, settings, zone), zone_of(yesterday, zone)
+            past, before = rows_of_zone(whole, settings, zone), zone_of(yesterday, zone)
             as_usual = bool(plant_roles(past)) and not model.thermostat_learned_[zone]
-            given = zone_of(frame, zone), past, before, settings_of(settings, zone)
+            given = zone_of(frame, zone), past, before, settings_of_zone(settings, zone)
             zones[zone] = SetpointsKnown.of_backtest(*given, as_usual=as_usual)
         return cls(SetpointsKnown.together(zones, yesterday), zones)
 
@@ -98,12 +98,12 @@ def zone_of(frame: pd.DataFrame, zone: str) -> pd.DataFrame:
 def unusable_day(day: pd.DataFrame, settings: Settings) -> str:
     """Why a day cannot be forecast under the set-points of all zones; empty where it can."""
     for zone in settings.zones:
-        rows = rows_of(day, settings, zone)
+        rows = rows_of_zone(day, settings, zone)
         if plant_roles(rows) and (why_not := unusable_setpoints(rows)):
             return f"zone {zone!r}: {why_not}"
     return ""
 
 
 def _has_thermostat(rows: pd.DataFrame, settings: Settings, zone: str) -> bool:
-    own = rows_of(rows, settings, zone)
+    own = rows_of_zone(rows, settings, zone)
     return bool(plant_roles(own)) and not setpoints_of(own).empty

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import is_plant
+from .._table import is_plant, plant_roles
 from .._warnings import recorded_warnings, warnings_dropped
 from ..exceptions import PlanWarning
 from ..hybrid import BuildingPredictor
@@ -19,13 +19,13 @@ from .building_setpoints import ZonesSetpointsKnown, unusable_day, zone_of
 from .compared_models import HYBRID, YESTERDAY, make_models
 from .data import StudyData, setpoints_of, without_setpoints
 from .identified_rooms import IdentifiedRooms, identify_zones
-from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
+from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .run import Progress, counted, each_once, is_under_setpoints, refuse_holes
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
 from .settings import Settings, is_scaled
 from .verdict import WORST_FIRST, Verdict
-from .zone_part import columns_of, data_of, forecast_of, rows_of, settings_of
+from .zone_part import data_of, forecast_of, plant_columns, rows_of_zone, settings_of_zone
 
 ALONE = "hybrid, each zone by itself"
 #: models of single zones that a building is compared with
@@ -179,8 +179,8 @@ def _of_zones(
     """Back-test of a model of one zone, fitted to each of them."""
     parts = []
     for zone in settings.zones:
-        before, after = (without_setpoints(rows_of(rows, settings, zone)) for rows in (train, later))
-        one = next(one for one in make_models(settings_of(settings, zone)) if one.label == label)
+        before, after = (without_setpoints(rows_of_zone(rows, settings, zone)) for rows in (train, later))
+        one = next(one for one in make_models(settings_of_zone(settings, zone)) if one.label == label)
         model = one.estimator.fit(before, before["T_za"])
         parts.append(backtest(model, after, after["T_za"], **given).assign(zone=zone))
     return pd.concat(parts, ignore_index=True)
@@ -258,14 +258,14 @@ def under_setpoints(
     if model.shared_plants_:
         has_setpoints = any(role in spans[1] for role in settings.setpoints)
         what = "loads and forecasts with only the set-points known" if has_setpoints else "loads"
-        column = " and ".join(columns_of(model.shared_plants_[:1], settings))
+        column = " and ".join(plant_columns(model.shared_plants_[:1], settings))
         remarks.append(f"{what} are left out: the zones share the plant of the column {column}")
     return ZonesSetpointsKnown.of(model, spans, start, frames[YESTERDAY], settings, remarks)
 
 
 def _loads(model: BuildingPredictor, settings: Settings, data: StudyData) -> dict[str, ZoneLoads]:
     """Loads that would have held the measured temperatures, of the zones that something heats or cools."""
-    rows = {zone: rows_of(data.later, settings, zone) for zone in settings.zones}
+    rows = {zone: rows_of_zone(data.later, settings, zone) for zone in settings.zones}
     heated = {zone: plant_roles(own) for zone, own in rows.items() if plant_roles(own)}
     if not heated or model.shared_plants_:
         return {}
@@ -334,7 +334,7 @@ def _next_day(
             out = model.forecast(data.history, ahead, **asked)
         out = out.join(_required(model, settings, data).drop(columns=out.columns, errors="ignore"))
     for zone, role in zip(settings.zones, temperatures, strict=True):
-        rows = rows_of(data.future, settings, zone)
+        rows = rows_of_zone(data.future, settings, zone)
         held = setpoints_of(rows) if of_day else data.setpoint[[zone]].loc[ahead.index].set_axis(["setpoint"], axis=1)
         out = out.join(held.add_suffix(f"_{zone}"))
         if data.held_out:
@@ -347,7 +347,7 @@ def _next_day(
 
 def _required(model: BuildingPredictor, settings: Settings, data: StudyData) -> pd.DataFrame:
     """The loads of the next day that hold the set-points of ``[load]``; no columns where zones share a plant."""
-    heated = [zone for zone in settings.zones if plant_roles(rows_of(data.future, settings, zone))]
+    heated = [zone for zone in settings.zones if plant_roles(rows_of_zone(data.future, settings, zone))]
     if not heated or model.shared_plants_:
         return pd.DataFrame(index=data.future.index)
     unmeasured = data.future.assign(**dict.fromkeys(settings.roles_of("T_za"), np.nan))

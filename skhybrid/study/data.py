@@ -13,9 +13,9 @@ import pandas as pd
 from .._table import (
     HISTORY_ROLES,
     SETPOINT_ROLES,
-    is_plant,
     is_set_point,
     numeric,
+    plant_roles,
     refuse_infinite_columns,
     refuse_shape,
 )
@@ -115,7 +115,7 @@ def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.Dat
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
-    frame, remarks = filled_setpoints(plant_heat(frame, settings))
+    frame, remarks = filled_setpoints(metered_heat(frame, settings))
     return frame, "\n".join([str(report), *log.remarks, *remarks]), log.held
 
 
@@ -193,7 +193,7 @@ def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
     return found
 
 
-def plant_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+def metered_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The heat of the plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
     meters = ["Q_hvac"] if "Q_hvac" in frame else [role for role in ("Q_heat", "Q_cool") if role in frame]
     performance = Performance.of(settings.plant)
@@ -332,7 +332,7 @@ def without_setpoints(rows: pd.DataFrame) -> pd.DataFrame:
 
 def unplanned(ahead: pd.DataFrame) -> list[str]:
     """The plants of rows ahead with set-points and no heat; none where some of the heat is planned."""
-    plants = [str(role) for role in ahead if is_plant(role)]
+    plants = plant_roles(ahead)
     follow = ahead[list(filter(is_set_point, ahead))].notna().any(axis=None) and ahead[plants].isna().all(axis=None)
     return plants if follow else []
 
@@ -341,9 +341,9 @@ def _refuse_empty_ahead(measured: pd.DataFrame, inputs: pd.DataFrame) -> None:
     """Refuse rows ahead with weather but no heat: they would be dropped, and a past day would be forecast instead."""
     known = np.flatnonzero(measured.notna().any(axis=1).to_numpy())
     ahead = inputs.iloc[known[-1] + 1 :] if len(known) else inputs.iloc[:0]
-    for role in ahead.columns.difference(unplanned(ahead), sort=False):
+    for role in plant_roles(ahead.columns.difference(unplanned(ahead), sort=False)):
         step = ahead.index[1] - ahead.index[0] if len(ahead) > 1 else pd.Timedelta(0)
-        if is_plant(role) and ahead[role].isna().all() and ahead["T_oa"].count() * step >= _SHORTEST_FUTURE:
+        if ahead[role].isna().all() and ahead["T_oa"].count() * step >= _SHORTEST_FUTURE:
             raise ValueError(
                 f"{role} is empty in the rows ahead, from {ahead.index[0]}: fill in what is planned, or the set-points "
                 "that the thermostat is to hold."

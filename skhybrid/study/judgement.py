@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .._table import is_plant
+from .._table import plant_roles
 from ..thermal.declaration import capacity_name
 from .data import StudyData, inputs_of, without_setpoints
 from .doubts import at_ends, day_beyond, drift_days, drifted, ranges_of
@@ -106,11 +106,6 @@ def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]
     """Loads of simple rules for the temperature that was held, over the rows after training."""
     held = pd.concat([data.train["T_za"], data.later["T_za"]]).shift(-1).ffill()
     return rule_loads(data.train, data.later, delivered, held)
-
-
-def plant_roles(rows: pd.DataFrame) -> list[str]:
-    """The columns of heat and of stages."""
-    return [str(role) for role in rows if is_plant(role)]
 
 
 def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Load | None:

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from .._table import plant_roles
 from ..forecasting.quantiles import load_quantile_columns, quantile_columns
 from .compared_models import HYBRID, YESTERDAY
 from .data import StudyData, setpoints_of
-from .judgement import Doubts, judge_load_errors, judge_temperature, load_of, plant_roles
+from .judgement import Doubts, judge_load_errors, judge_temperature, load_of
 from .load_rules import LAST_WEEK, USUAL, past_loads
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals

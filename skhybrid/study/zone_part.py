@@ -12,20 +12,20 @@ from .data import StudyData
 from .settings import Settings
 
 
-def settings_of(settings: Settings, zone: str) -> Settings:
+def settings_of_zone(settings: Settings, zone: str) -> Settings:
     """The settings of one zone, as if it were alone."""
     roles = roles_of(settings.columns, settings, zone)
     columns = {own: settings.columns[role] for own, role in roles.items()}
     return replace(settings, name=zone, adjacency=None, columns=columns)
 
 
-def rows_of(rows: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
+def rows_of_zone(rows: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
     """The columns of one zone and those that all share, by the roles that they have for it."""
     roles = roles_of(map(str, rows), settings, zone)
     return rows[list(roles.values())].set_axis(list(roles), axis=1)
 
 
-def columns_of(plant: Iterable[str], settings: Settings) -> list[str]:
+def plant_columns(plant: Iterable[str], settings: Settings) -> list[str]:
     """The columns of the log with the roles of a plant, of which ``Q_hvac`` may be the sum of two."""
     roles = [role for one in plant for role in ([one] if one in settings.columns else ["Q_heat", "Q_cool"])]
     return [settings.columns[role] for role in roles if role in settings.columns]
@@ -35,7 +35,7 @@ def data_of(data: StudyData, settings: Settings, zone: str) -> StudyData:
     """The spans of a study for one zone."""
 
     def own(rows: pd.DataFrame) -> pd.DataFrame:
-        return rows_of(rows, settings, zone)
+        return rows_of_zone(rows, settings, zone)
 
     train, later, history, future = map(own, (data.train, data.later, data.history, data.future))
     return data._replace(train=train, later=later, history=history, future=future, setpoint=data.setpoint[zone])

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._table import plant_roles
 from .._warnings import percent
 from ..study.doubts import OUTSIDE, at_ends, drifted
-from ..study.judgement import NO_SCALE, load_of, plant_roles
+from ..study.judgement import NO_SCALE, load_of
 from ..study.verdict import Verdict, compare_errors, judge
 from .forecast_archive import BEYOND
 from .zone_model import ZoneModel

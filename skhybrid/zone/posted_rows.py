@@ -18,7 +18,7 @@ from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.raw_log import RawLog
 from ..logs.zone_csv import to_left_label
-from ..study.data import by_role, on_even_steps, plant_heat, read_raw_log, refuse_mixed_units
+from ..study.data import by_role, metered_heat, on_even_steps, read_raw_log, refuse_mixed_units
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
@@ -55,7 +55,7 @@ def read_posted(
         )
     meters = set(_METERS).intersection(held)
     even = bool(held) if known is None else bool(meters)  # meters that are logged by change share no stamps
-    frame = plant_heat(on_even_steps(log.frame, settings, held)[0] if even else log.frame, settings)
+    frame = metered_heat(on_even_steps(log.frame, settings, held)[0] if even else log.frame, settings)
     refuse_infinite_columns(frame)
     for role in frame:
         if role_of(str(role)) is not None:

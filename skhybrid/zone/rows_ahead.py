@@ -14,7 +14,7 @@ from ..logs.even_steps import resample_column
 from ..logs.zone_names import shared_plants
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
-from ..study.zone_part import columns_of, roles_of
+from ..study.zone_part import plant_columns, roles_of
 from .dead_meters import not_learned
 
 Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone, with "" for all others
@@ -104,7 +104,7 @@ def _setpoints(
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
     if settings.zones and (shared := shared_plants(plant, settings.zones)):
-        named = listed(columns_of(shared[:1], settings))
+        named = listed(plant_columns(shared[:1], settings))
         raise ValueError(
             f"the zones share the plant {named}, and one stage cannot hold the set-points of several: give what it "
             "will do, in rows of the log after the last measured one, and no set-points."
@@ -112,7 +112,7 @@ def _setpoints(
     if found is None:
         raise ValueError(
             f"nothing says what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
-            f"configuration, or fill in {listed(columns_of(plant, settings))} in the rows ahead."
+            f"configuration, or fill in {listed(plant_columns(plant, settings))} in the rows ahead."
         )
     if isinstance(found, Schedule) and not settings.zones:
         return found.band(index, settings.holidays)

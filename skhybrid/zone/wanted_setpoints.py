@@ -9,7 +9,7 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant
 from ..study.settings import Settings
-from ..study.zone_part import roles_of, rows_of
+from ..study.zone_part import roles_of, rows_of_zone
 
 
 def wanted_setpoints(settings: Settings, models: Mapping[str, Any], future: pd.DataFrame) -> dict[str, Any] | None:
@@ -19,7 +19,7 @@ def wanted_setpoints(settings: Settings, models: Mapping[str, Any], future: pd.D
     ``models`` are the predictors of the zones.
     """
     heated = {zone for zone, model in models.items() if not zone or has_plant(model)}
-    rows = {zone: rows_of(future, settings, zone) if zone else future for zone in models if zone in heated}
+    rows = {zone: rows_of_zone(future, settings, zone) if zone else future for zone in models if zone in heated}
     wanted: dict[str, Any] = dict.fromkeys(rows)
     for zone, own in rows.items():
         if any(map(is_plant, own)) or not any(role in future for role in settings.setpoints):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._table import plant_roles
 from ..model_selection import backtest
 from ..study.building_setpoints import zone_of
 from ..study.building_study import (
@@ -19,14 +20,14 @@ from ..study.building_study import (
 )
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
 from ..study.data import StudyData, with_facades, without_setpoints
-from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule, plant_roles
+from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule
 from ..study.run import Progress, counted
 from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
 from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings, is_scaled
 from ..study.spans import train_and_test
 from ..study.verdict import Verdict
-from ..study.zone_part import rows_of
+from ..study.zone_part import rows_of_zone
 from .dead_meters import without_dead_meters
 from .outages import complete_rows
 
@@ -117,7 +118,7 @@ def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progres
     if held is not None:
         own, whole = own.join(held.whole.columns), held.with_zones
         for zone, one in held.zones.items():
-            scaled = is_scaled(rows_of(train, settings, zone), settings.capacities)
+            scaled = is_scaled(rows_of_zone(train, settings, zone), settings.capacities)
             verdicts[zone] = one.verdicts(zone_of(frames[YESTERDAY], zone), Doubts([], []), scaled=scaled)
     found, unit = tuple(verdicts_by_zone(verdicts)), "" if whole is None else whole.unit
     return ZoneBacktest(table, own, coverage, found, unit, whole, tuple(dict.fromkeys(remarks)))

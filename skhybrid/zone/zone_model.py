@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
 from ..exceptions import TooFewDaysError
 from ..hybrid import BuildingPredictor
@@ -23,7 +23,7 @@ from ..study.judgement import of_whole_plant
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS
-from ..study.zone_part import settings_of
+from ..study.zone_part import settings_of_zone
 from .dead_meters import not_learned, without_roles
 from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
 from .training_rows import training_rows
@@ -88,7 +88,7 @@ class ZoneModel:
         """The model of each zone by itself, by its name; of one zone this one, by an empty name."""
         if not self.zones:
             return {"": self}
-        return {zone: ZoneModel(one, settings_of(self.settings, zone)) for zone, one in self._of_zones.items()}
+        return {zone: ZoneModel(one, settings_of_zone(self.settings, zone)) for zone, one in self._of_zones.items()}
 
     def ideal_zones(self, future: pd.DataFrame) -> list[str]:
         """The zones that an ideal thermostat holds at given set-points, as theirs was not learned.
@@ -381,7 +381,7 @@ class ZoneModel:
 
     def _plant(self) -> list[str]:
         """Roles of the plant as the model reads them: meters of heat and cold are one, ``Q_hvac``."""
-        return [role for role in self.covered() if is_plant(role)]
+        return plant_roles(self.covered())
 
 
 def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:

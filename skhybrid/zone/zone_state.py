@@ -6,14 +6,15 @@ from typing import Any
 
 import pandas as pd
 
+from .._table import plant_roles
 from .._warnings import several
 from ..logs.standstills import without_standstills
 from ..study.building_study import worst_first
 from ..study.doubts import drift_days
-from ..study.judgement import load_of, plant_roles
+from ..study.judgement import load_of
 from ..study.settings import Settings
 from ..study.verdict import CARE, Verdict
-from ..study.zone_part import forecast_of, rows_of, settings_of
+from ..study.zone_part import forecast_of, rows_of_zone, settings_of_zone
 from .forecast_archive import BEYOND, ForecastArchive
 from .forecast_scores import errors_of, verdicts_of
 from .outages import like_index
@@ -125,7 +126,9 @@ def measured_rows(
     rows = frame.assign(**moving).loc[:origin]
     heat = {"Q_hvac": _heat(rows, settings)}
     if settings.zones:
-        parts = {zone: (rows_of(rows, settings, zone), settings_of(settings, zone)) for zone in settings.zones}
+        parts = {
+            zone: (rows_of_zone(rows, settings, zone), settings_of_zone(settings, zone)) for zone in settings.zones
+        }
         heat = {f"Q_hvac_{zone}": _heat(*part) for zone, part in parts.items()}
     rows = rows.assign(**{role: values for role, values in heat.items() if values is not None})
     return rows if last is None else rows[rows.index > like_index(last, rows.index) - _CORRECTED]

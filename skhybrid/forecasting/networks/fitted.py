@@ -16,7 +16,7 @@ from .modules import CNNStack, MLPStack, NetworkStack
 from .recurrent import RecurrentStack
 from .spec import NetworkSpec
 from .training import one_thread
-from .windows import Scaler, WindowViews, columns_of, network_inputs, scaled_views
+from .windows import Scaler, WindowViews, network_inputs, scaled_views, window_columns
 
 #: Windows that are forecast at once.
 _WINDOWS_AT_ONCE = 2048
@@ -45,7 +45,7 @@ class FittedNetwork:
         spec, scaler = self.spec, self.scaler
         # beyond the trained horizon its own forecasts become history
         n_rounds = -(-n_leads // spec.n_leads)
-        columns = columns_of(table, self.case, spec.kind, self.encoding)
+        columns = window_columns(table, self.case, spec.kind, self.encoding)
         after = (n_rounds + 1) * spec.n_leads
         views = scaled_views(table, columns, scaler, expected, spec.n_past, spec.n_leads, after)
         scaled = np.zeros((len(origins), n_leads)) if base is None else (base - scaler.zeta_mean) / scaler.zeta_std

@@ -17,7 +17,7 @@ from .callbacks import TrainingResult
 from .fitted import FittedNetwork, make_stack
 from .spec import NetworkSpec
 from .training import TrainingSettings, one_thread, train_stack
-from .windows import Scaler, Windows, WindowTable, columns_of, padded_windows, scaled_views
+from .windows import Scaler, Windows, WindowTable, padded_windows, scaled_views, window_columns
 
 #: Networks of a stack: on a CPU more of them leave its caches; a GPU is busy only with many.
 _LARGEST_STACK = {"cpu": 24, "other": 256}
@@ -158,7 +158,7 @@ def _data(job: TrainingJob) -> _Data:
     """Z-scores of the training block, and all windows in them."""
     settings, split, n_leads = job.settings, job.split, job.n_leads
     case: ModelCase = settings.case_
-    past, future = columns_of(job.table, case, settings.model, settings.time_encoding)
+    past, future = window_columns(job.table, case, settings.model, settings.time_encoding)
     early = slice(0, split.train_end)
     scaler = Scaler.of(job.target[early], past[early], future[early])
     n_past = case.pattern_days * rows_per_day(job.table.step)

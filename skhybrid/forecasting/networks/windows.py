@@ -180,7 +180,7 @@ def padded_windows(values: np.ndarray, before: int, after: int, width: int) -> T
     return torch.from_numpy(np.moveaxis(windows, -2, 0))
 
 
-def columns_of(table: ZoneTable, case: ModelCase, kind: str, encoding: str) -> tuple[np.ndarray, np.ndarray]:
+def window_columns(table: ZoneTable, case: ModelCase, kind: str, encoding: str) -> tuple[np.ndarray, np.ndarray]:
     """Columns of the past and of the future, (n_rows, n_columns) each, without ``zeta``.
 
     A recurrent network reads the same columns in both: one that a part does not name is 0 there.  Further columns of 0

@@ -28,7 +28,7 @@ def rows_of_leads(record: BlendRecord, step: pd.Timedelta) -> np.ndarray:
     return np.unique(rows[(rows >= 1) & (rows <= record.n_leads)])
 
 
-def plant_of(fit: LeadFit, training: ZoneTable) -> tuple[str, float] | None:
+def main_source(fit: LeadFit, training: ZoneTable) -> tuple[str, float] | None:
     """The role that gave most of the known heat, with its capacity [kW]; None without a plant."""
     known = fit.plan.known
     return max(known, key=lambda one: float(np.abs(one[1] * training.inputs[one[0]]).mean())) if known else None
@@ -36,7 +36,7 @@ def plant_of(fit: LeadFit, training: ZoneTable) -> tuple[str, float] | None:
 
 def determined_plant(fit: LeadFit, training: ZoneTable) -> str | None:
     """The role that gave most of the known heat, where the training determines its effect."""
-    plant = plant_of(fit, training)
+    plant = main_source(fit, training)
     return plant[0] if plant and plant[0] not in fit.undetermined else None
 
 

@@ -324,7 +324,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
             without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_
             levels = None if without else quantiles
             given = history, rows, now.get(zone), band, levels
-            return columns_of(model.forecast(*given, weather_error=weather, limits=within))
+            return arrays_by_name(model.forecast(*given, weather_error=weather, limits=within))
 
         return of
 
@@ -387,6 +387,6 @@ class BuildingForecastMixin(BuildingTablesMixin):
         return {f"{name}_{zone}": values for zone, columns in found.items() for name, values in columns.items()}
 
 
-def columns_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
+def arrays_by_name(frame: pd.DataFrame) -> dict[str, np.ndarray]:
     """The columns of a frame by name."""
     return {str(name): values.to_numpy() for name, values in frame.items()}

@@ -15,7 +15,7 @@ from ..._joining import refuse_no_frames
 from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs, read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, columns_of
+from .building_forecast import BuildingForecastMixin, arrays_by_name
 from .building_tables import with_next
 from .coupled_zone import CoupledZone, at_common_origins
 from .zone_columns import held
@@ -117,9 +117,9 @@ class BuildingPlansMixin(BuildingForecastMixin):
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             under, key = with_next(rows, T) if T else rows, (zone, bool(T))
             if not model._plant:
-                free = columns_of(model._held(under, _FREE))
+                free = arrays_by_name(model._held(under, _FREE))
                 return {name: free[name] for name in ("T_za", "zeta")}
-            load = columns_of(model.predict_load(under, wanted.get(zone), limits[key]))
+            load = arrays_by_name(model.predict_load(under, wanted.get(zone), limits[key]))
             heat[key] = load[heat_column(load)]
             return load
 

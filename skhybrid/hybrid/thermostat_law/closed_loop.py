@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import pandas as pd
 
-from ..._table import SETPOINT_ROLES, ZoneTable, is_plant
+from ..._table import SETPOINT_ROLES, ZoneTable, plant_roles
 from ..._time import rows_per_day, rows_per_hour
 from ..._warnings import warn_user
 from ...control import FREE, Band, LoadPaths, WantedPaths
@@ -77,7 +77,7 @@ class PlantCapacity(NamedTuple):
     @classmethod
     def of(cls, scheme: Scheme, training: ZoneTable, heat: np.ndarray) -> Self:
         """By full stages, or by the measured heat (n_rows,) [kW] of a training."""
-        stages, roles = scheme.stages(), [role for role in training.inputs if is_plant(role)]
+        stages, roles = scheme.stages(), plant_roles(training.inputs)
         if set(roles) - set(stages):
             return cls(*cls(0.0, 0.0, False).after(heat), False)
         off = training.rows(slice(0, 1))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...thermal import RCNetwork, Source
-from ..disturbance_models import first_state, measured_rows
+from ..disturbance_models import first_state, measured_states
 from ..experiment import Experiment
 from ..gain_model import VENTILATION_SD, profile_basis, ventilation_series, week_cells
 
@@ -108,7 +108,7 @@ class ChannelLayout:
         """One segment of rows as the filter reads it; ``klass`` (N,) is the class of variance of every row."""
         cells = profile_basis()[0][week_cells(segment)]
         columns = [np.zeros(len(cells)), *(segment.inputs[:, self.columns[role]] for _, role in self.plain)]
-        outputs = list(measured_rows(self.network))
+        outputs = list(measured_states(self.network))
         for node in self.disturbed:
             columns += list(cells.T)
             if self.ventilated:

@@ -12,9 +12,9 @@ from scipy.optimize import minimize
 
 from ...filtering import ChannelAdjoint, ChannelFilter, Discrete, discretize, filter_channels, filter_channels_adjoint
 from ...thermal import Parameter, RCNetwork
-from ..disturbance_models import first_covariance, measured_rows
+from ..disturbance_models import first_covariance, measured_states
 from ..experiment import Experiment
-from ..gain_model import HOUR_CLASSES, HourClasses, VarianceModel, own_parameters, own_priors
+from ..gain_model import HOUR_CLASSES, HourClasses, VarianceModel, gain_parameters, own_priors
 from .gauss_newton import Minimum
 from .inner_solution import GainPriors, Linear, solve_inner
 from .periodic_channels import ChannelLayout, SegmentSeries, physical
@@ -204,7 +204,7 @@ class PeriodicProblem:
             Q[:, i, i] = sigma**2 * (1.0 - phi**2)
         columns = np.zeros((n + m, len(layout.channels) + 1))
         columns[:n, 1:] = heat[:, [c.node for c in layout.channels]]
-        C = np.eye(n + m)[measured_rows(self.network)]
+        C = np.eye(n + m)[measured_states(self.network)]
         return PeriodicMatrices(values, d, heat, phi, sigma, A, columns, Q, C, np.full(len(C), values["sigma_y"] ** 2))
 
     def _filter(self, segment: SegmentSeries, model: PeriodicMatrices) -> tuple[ChannelFilter, np.ndarray]:
@@ -250,7 +250,7 @@ class PeriodicProblem:
 
     def without_gain(self) -> PeriodicProblem:
         """The same likelihood where nothing but the known inputs heats the network."""
-        own = {p.name for p in own_parameters(self.n_days, self.classes)} - {"sigma_y"}
+        own = {p.name for p in gain_parameters(self.n_days, self.classes)} - {"sigma_y"}
         fixed = {**self.fixed, **{name: 0.0 if name.startswith("day_") else 1.0 for name in own}}
         searched = tuple(p for p in self.searched if p.name not in own)
         return replace(self, searched=searched, fixed=fixed, heat_scale=0.0)

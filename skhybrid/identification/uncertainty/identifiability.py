@@ -114,7 +114,9 @@ class Identifiability:
         )
 
 
-def assess(found: ParameterUncertainty, at_bound: tuple[str, ...], not_excited: tuple[str, ...]) -> Identifiability:
+def find_directions(
+    found: ParameterUncertainty, at_bound: tuple[str, ...], not_excited: tuple[str, ...]
+) -> Identifiability:
     """Flat and weak directions in the space of the parameters that the data decide."""
     parameters, n_days = found.parameters, found.n_days
     names = [p.name for p in parameters]

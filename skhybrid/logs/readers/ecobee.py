@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..raw_log import RawLog
 from ..stamp_parts import joined_cells
-from ..stamps import zone_of
+from ..stamps import time_zone_named
 from ..text_files import existing
 from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
@@ -178,7 +178,7 @@ def _stamps(
     text = joined_cells(table, layout.stamps).str.strip()
     if layout.zone is not None:
         utc = stamps_of(text.str.replace(r"\s*(UTC|Z)$", "", regex=True), layout.zone, dayfirst, where)
-        return (utc if timezone is None else utc.tz_convert(zone_of(timezone))), []
+        return (utc if timezone is None else utc.tz_convert(time_zone_named(timezone))), []
     naive = stamps_of(text, None, dayfirst, where)
     if timezone is None:
         return naive, ["the stamps are the thermostat's local time; give timezone= to make daylight saving right."]

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..counters import is_counter
 from ..setpoint_modes import code_of
-from ..stamps import zone_of
+from ..stamps import time_zone_named
 
 #: states that are 1 or 0; any other state that is not a number is missing
 ON_OFF = {"on": 1.0, "off": 0.0, "open": 1.0, "closed": 0.0, "true": 1.0, "false": 0.0, "home": 1.0, "not_home": 0.0}
@@ -110,7 +110,7 @@ def hold(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray
 def utc_index(grid: np.ndarray, timezone: str | None) -> pd.DatetimeIndex:
     """Stamps in UTC, or in the zone that is wanted."""
     index = pd.DatetimeIndex(pd.to_datetime(np.round(grid * 1e3).astype(np.int64), unit="ms", utc=True), name="time")
-    return index if timezone is None else index.tz_convert(zone_of(timezone))
+    return index if timezone is None else index.tz_convert(time_zone_named(timezone))
 
 
 def some_of(names: Iterable[str]) -> str:

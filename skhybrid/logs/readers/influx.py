@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..raw_log import RawLog
-from ..stamps import zone_of
+from ..stamps import time_zone_named
 from ..text_files import existing
 from ..unit_names import unit_or_energy
 from .entity_states import MOST_CELLS, ON_OFF, some_of
@@ -74,7 +74,7 @@ def read(path: Path | str, timezone: str | None = None) -> RawLog:
         )
     frame = pd.DataFrame({name: s.reindex(stamps).to_numpy() for name, s in found.items()})
     index = pd.DatetimeIndex(pd.to_datetime(stamps.to_numpy(), utc=True), name="time")
-    frame.index = index if timezone is None else index.tz_convert(zone_of(timezone))
+    frame.index = index if timezone is None else index.tz_convert(time_zone_named(timezone))
     notes = ["the stamps of aggregateWindow end their window unless it was told timeSrc: '_start'."]
     if text - set(found):
         notes.append(f"left out, because they hold text: {some_of(text - set(found))}.")

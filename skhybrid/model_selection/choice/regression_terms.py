@@ -14,7 +14,7 @@ from ..._warnings import warn_user
 from ...exceptions import SkhybridWarning
 from ...forecasting import ModelCase
 from ...forecasting.cases import NETWORKS, SIZES
-from .results_table import ingredients, refuse_absent
+from .results_table import ingredients, refuse_absent_results
 
 INGREDIENTS = ("framework", "time", "pattern", "past-w", "future-w", "ID")
 _SIZE_COLUMNS = (*dict.fromkeys(name for sizes in SIZES.values() for name in sizes), "dropout")
@@ -42,7 +42,7 @@ def build_terms(
     names = _names(table, terms)
     wants_ingredients = bool(set(names) & set(INGREDIENTS[1:]))  # the first is a column of the table itself
     if wants_ingredients or best_sizes is not None:
-        refuse_absent(("framework", "case", "disturbance"), table)
+        refuse_absent_results(("framework", "case", "disturbance"), table)
     if wants_ingredients:
         table = table[table["case"].notna()]  # baselines have none
         if table.empty:

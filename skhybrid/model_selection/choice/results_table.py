@@ -20,7 +20,7 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
     """
     if not isinstance(results, pd.DataFrame):
         raise TypeError(f"results is a {type(results).__name__}; pass a DataFrame with one row per candidate.")
-    refuse_absent((*columns, "rmse"), results)
+    refuse_absent_results((*columns, "rmse"), results)
     errors = pd.to_numeric(results["rmse"], errors="coerce").astype(float)
     unreadable = errors.isna() & results["rmse"].notna()
     bad = unreadable | np.isinf(errors) | (errors <= 0.0)
@@ -46,7 +46,7 @@ def finished(results: pd.DataFrame, columns: Iterable[str] = ()) -> pd.DataFrame
     return results.assign(rmse=errors)[left]
 
 
-def refuse_absent(columns: Iterable[str], results: pd.DataFrame) -> None:
+def refuse_absent_results(columns: Iterable[str], results: pd.DataFrame) -> None:
     """Refuse a table of results that lacks a column."""
     for column in columns:
         if column not in results:

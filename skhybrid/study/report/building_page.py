@@ -29,7 +29,7 @@ from .figures import (
     weeks_figure,
 )
 from .html import day_energy, html_cards, html_table, results_table, verdict_boxes, write_sections
-from .words import day_words, flat, lead_groups, number, percent, verdict
+from .words import day_words, flat, lead_group_names, number, percent_or_dash, verdict
 
 _SHOWN = {"wide": pd.Timedelta("7D"), "narrow": pd.Timedelta("3D")}
 _MOST_MODELS = 4  # in the figure of errors
@@ -148,13 +148,13 @@ def _neighbours(result: BuildingResult) -> str:
     shares, rows = result.model.shares_, []
     for zone in result.zones.index:
         if zone in shares.index:
-            own = [percent(share) for share in shares.loc[zone]]
+            own = [percent_or_dash(share) for share in shares.loc[zone]]
             errors = [number(result.zones.loc[zone, label], 2) for label in (HYBRID, ALONE)]
             rows.append((str(zone), *own, *errors, ", ".join(result.model.coupled_[zone].neighbours)))
         else:
             alone = number(result.zones.loc[zone, ALONE], 2)
             rows.append((str(zone), *["–"] * len(shares.columns), alone, alone, "none"))
-    spans = (f"share, {span}" for span in lead_groups(result.frames[HYBRID]))
+    spans = (f"share, {span}" for span in lead_group_names(result.frames[HYBRID]))
     heads = ("zone", *spans, "RMSE [K]", "by itself [K]", "neighbours in the forecast")
     return (
         by_zone(heads, rows, n_texts=1)
@@ -195,7 +195,7 @@ def _setpoints_known(result: BuildingResult) -> str:
     table = zones_setpoints_known(held).loc[result.zones.index]
     in_percent = [str(name).endswith("band") for name in table]
     rows = [
-        (str(zone), *(percent(v) if share else number(v, 2) for v, share in zip(row, in_percent, strict=True)))
+        (str(zone), *(percent_or_dash(v) if share else number(v, 2) for v, share in zip(row, in_percent, strict=True)))
         for zone, row in table.iterrows()
     ]
     whole, loaded = held.whole, {zone: one for zone, one in held.zones.items() if one.loads}
@@ -264,7 +264,7 @@ def _zone_table(result: BuildingResult, models: Sequence[str]) -> str:
     rows = []
     for zone, row in table.iterrows():
         cells = [str(zone), *(number(row[label], 2) for label in models)]
-        cells.append(percent(row["coverage"]))
+        cells.append(percent_or_dash(row["coverage"]))
         cells += [number(row[name], 2) for name in ("load_rmse", "load_yesterday")] if has_loads else []
         rows.append((*cells, str(row["level"])))
     heads = ["zone", *(f"{label} [K]" for label in models), "in 80\u00a0% band"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..._warnings import percent as plain_percent
+from ..._warnings import percent
 
 _NOISE = 0.05  # relative differences below this are noise with a few dozen origins
 
@@ -22,9 +22,9 @@ def number(value: Any, digits: int) -> str:
     return f"{number:.{digits}f}" if abs(number) >= 10.0**-digits or number == 0 else f"{number:.2g}"
 
 
-def percent(share: float | None) -> str:
+def percent_or_dash(share: float | None) -> str:
     """A share as a percentage, or a dash."""
-    return "–" if share is None or not np.isfinite(share) else plain_percent(share).replace(" ", "\u00a0")
+    return "–" if share is None or not np.isfinite(share) else percent(share).replace(" ", "\u00a0")
 
 
 def day_words(index: pd.Index) -> str:
@@ -34,7 +34,7 @@ def day_words(index: pd.Index) -> str:
     return f"{index[0]:%A} {index[0].day} {index[0]:%B %Y}"
 
 
-def lead_groups(frame: pd.DataFrame) -> list[str]:
+def lead_group_names(frame: pd.DataFrame) -> list[str]:
     """The groups of leads that a blend has weights for, in hours, of a back-test."""
     hours = frame["lead"].max() / pd.Timedelta("1h")
     ends = [f"{hours * share:.3g}" for share in (0, 1 / 12, 1 / 3, 1)]
@@ -61,7 +61,7 @@ def verdict(table: pd.DataFrame, label: str = "hybrid") -> str:
         return f"The day-ahead temperature error of the {label} model is {own:.2f} K (RMSE)."
     other, best = str(others.idxmin()), float(others.min())
     if own < best * (1 - _NOISE):
-        less = f"{plain_percent(1 - own / best)} less than the next best, {other} ({best:.2f} K)"
+        less = f"{percent(1 - own / best)} less than the next best, {other} ({best:.2f} K)"
         return f"The {label} model forecasts best: its error is {own:.2f} K, {less}."
     if own <= best * (1 + _NOISE):
         return f"The {label} model ({own:.2f} K) and {other} ({best:.2f} K) forecast equally well, within the noise."

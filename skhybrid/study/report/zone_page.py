@@ -18,7 +18,7 @@ from ..tariff import Cost
 from ..verdict import Verdict
 from .figures import backtest_figure, day_figure, held_figure, lead_figure, schedule_figure, week_figure
 from .html import day_energy, html_cards, html_figure, html_table, results_table, verdict_boxes, write_sections
-from .words import day_words, flat, lead_groups, number, percent, verdict
+from .words import day_words, flat, lead_group_names, number, percent_or_dash, verdict
 
 #: below the comparison of a study's models, with what is to be said of stages
 _TABLE_WORDS = (
@@ -152,7 +152,9 @@ def _setpoints_known(held: SetpointsKnown | None) -> str:
     if held is None:
         return ""
     contained = [(held.coverage, "temperatures"), (held.load_coverage, "loads")]
-    shares = " and ".join(f"{percent(share)} of the measured {what}" for share, what in contained if share is not None)
+    shares = " and ".join(
+        f"{percent_or_dash(share)} of the measured {what}" for share, what in contained if share is not None
+    )
     return (
         "<h2>Accuracy in daily use</h2>\n"
         f"<p>Here each forecast was given {held.weather} and the set-points, but neither "
@@ -178,7 +180,7 @@ def _accuracy(
         if coverage is None
         else (
             f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
-            f"{percent(coverage)} of the measurements of the test days.</p>\n"
+            f"{percent_or_dash(coverage)} of the measurements of the test days.</p>\n"
         )
     )
     return (
@@ -206,7 +208,7 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, frame:
     section = f"<h2>Learned schedules</h2>\n{words}{picture}"
     if weights is None:
         return section
-    rows = zip(lead_groups(frame), *(map(percent, weights[name]) for name in weights), strict=True)
+    rows = zip(lead_group_names(frame), *(map(percent_or_dash, weights[name]) for name in weights), strict=True)
     shares = html_table(["hours ahead", *map(str, weights)], rows)
     words = "Share of each model in the forecast after training. The short memory forgets past days faster."
     return f'{section}{shares}<p class="soft">{words}</p>'
