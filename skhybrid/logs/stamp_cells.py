@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from .stamp_numbers import ANY, are_serials, is_digits, is_epoch, stamps_of_numbers, with_signs
+from .stamp_numbers import ANY, are_serials, is_digits, is_epoch, stamps_of_numbers, with_separators
 from .stamp_parts import hour_column, part_columns
 from .stamps import blocks, cell, numbered_dates, parse_stamps
 
@@ -170,7 +170,7 @@ def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
 def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
     """The stamps of a block, None where they need no change; marks those at 24:00 in ``late``."""
     plain = cells.astype(str).str.strip()
-    text = with_signs(plain)
+    text = with_separators(plain)
     if text.iloc[:1000].str.contains(_POINTS, regex=True).any():
         text = text.str.replace(_POINTS, lambda m: m[0].replace(".", ":"), regex=True)
     late[:] = text.str.contains(_LATE, regex=True).to_numpy(dtype=bool)

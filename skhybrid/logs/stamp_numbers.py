@@ -51,8 +51,8 @@ def stamps_of_numbers(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, l
     return _from_excel(cells, where) if are_serials(list(head)) else None
 
 
-def with_signs(text: pd.Series) -> pd.Series:
-    """Stamps of digits alone as dates and times with signs between them; others as they are."""
+def with_separators(text: pd.Series) -> pd.Series:
+    """Stamps of digits alone with separators between their parts; others as they are."""
     if not text.iloc[:_SAMPLE].str.fullmatch(_DIGITS).any():
         return text
     apart = r"(\d{4})(\d{2})(\d{2})[ :T]?(\d{2})(\d{2})?(\d{2})?(Z?)"
