@@ -183,19 +183,11 @@ def fit_quietly(model: object, X: pd.DataFrame, y: pd.Series) -> object:
         return model.fit(X, y)
 
 
-def all_starts(model: OutputDisturbanceID) -> OutputDisturbanceID:
-    """The same model with no early end of the search."""
-    import skhybrid.identification.least_squares as module
-    from skhybrid.identification.fitting.starts import search
+class AllStarts(OutputDisturbanceID):
+    """OD whose search does not end before all starts are made."""
 
-    def search_all(*args: object, **settings: object) -> object:
-        return search(*args, **{**settings, "enough": model.n_starts + 1})
-
-    module.search = search_all
-    try:
-        return fit_quietly(model, *model._rows)
-    finally:
-        module.search = search
+    def _search(self, *args: object, **settings: object) -> object:
+        return super()._search(*args, **{**settings, "enough": self.n_starts + 1})
 
 
 def speed_table(dg_starts: int, scipy_starts: int) -> pd.DataFrame:
@@ -206,13 +198,12 @@ def speed_table(dg_starts: int, scipy_starts: int) -> pd.DataFrame:
     a_pass = predictor_pass(X, y.to_numpy())
     whole = PASSES * a_pass
     rows: list[dict[str, object]] = [{"what": f"{PASSES} plain predictor passes over {WEEK} rows", "seconds": whole}]
-    for name, fit in (
-        ("OD, n_starts=50, all starts made", all_starts),
-        ("OD, n_starts=50, ends when starts agree", lambda m: fit_quietly(m, X, y)),
+    for name, kind in (
+        ("OD, n_starts=50, all starts made", AllStarts),
+        ("OD, n_starts=50, ends when starts agree", OutputDisturbanceID),
     ):
-        model = OutputDisturbanceID(known=KNOWN, n_starts=N_STARTS, random_state=0)
-        model._rows = (X, y)
-        took = best_of(lambda fit=fit, model=model: fit(model))
+        model = kind(known=KNOWN, n_starts=N_STARTS, random_state=0)
+        took = best_of(lambda model=model: fit_quietly(model, X, y))
         made = len(model.starts_)
         rows.append({"what": f"{name} ({made} made)", "seconds": took, "seconds per start": took / made})
     v, rng = X[list(ROLES)].to_numpy(), np.random.default_rng(0)

@@ -133,7 +133,7 @@ def error() -> pd.DataFrame:
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as memory:
         warnings.simplefilter("ignore", SkhybridWarning)
         rows = [row for climate in CLIMATES for row in _errors(climate, memory)]
-    return pd.DataFrame(rows).set_index(["climate", "disturbance", "forecaster"]).fillna("")
+    return pd.DataFrame(rows).set_index(["climate", "disturbance", "forecaster"]).astype(object).fillna("")
 
 
 def main(parts: list[str]) -> None:
@@ -175,7 +175,8 @@ def main(parts: list[str]) -> None:
             "then the lowest and the highest, the one that the validation week chooses (the paper's use of repeats), "
             "and the forecast that is the mean of the networks.  *lstm on ridge*: the same network correcting ridge, "
             "its correction discounted.  *OD alone*: the gray box's own forecast, in which the identified ARMA "
-            "disturbance persists; *OD, no disturbance*: the paper's conventional approach, zeta = 0 after the origin.",
+            "disturbance persists; *OD, no disturbance*: the paper's conventional approach, zeta = 0 after the origin. "
+            " Seconds of the processor, of all seeds; those of the first row contain compilation.",
         )
 
 
