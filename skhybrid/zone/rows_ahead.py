@@ -9,9 +9,11 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant, listed
+from .._time import SHORTEST_GAP
 from ..datasets import weather_on_steps
 from ..logs.even_steps import resample_column
 from ..logs.zone_names import shared_plants
+from ..preprocessing import GapFiller
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
 from ..study.zone_part import columns_of, roles_of
@@ -158,13 +160,14 @@ def _weather(
 
 
 def _over_steps(values: pd.Series, index: pd.DatetimeIndex, settings: Settings) -> pd.Series:
-    """Set-points over the rows ahead, each held to the next of its own rows."""
+    """Set-points over the rows ahead, each held to the next of its own rows, and over a short gap."""
     if len(values) < 2:
         return values.reindex(index)
     stamps, known = pd.DatetimeIndex(values.index), values.to_numpy(dtype=np.float64)
     row = stamps.to_series().diff().median()
-    found = resample_column(str(values.name), known, stamps, index, pd.Timedelta(settings.step), row)
-    return pd.Series(found, index)
+    name = str(values.name)
+    found = {name: resample_column(name, known, stamps, index, pd.Timedelta(settings.step), row)}
+    return GapFiller(SHORTEST_GAP).fit_transform(pd.DataFrame(found, index))[name]
 
 
 def _whole(values: pd.Series, role: str, what: str) -> pd.Series:
