@@ -85,6 +85,18 @@ def test_a_short_gap_of_an_input_is_filled_as_readers_of_logs_do(tmp_path):
     pd.testing.assert_frame_equal(zone_jobs._filled(holed, made.estimator, SHORTEST_GAP), filled)
 
 
+def test_set_points_ahead_stand_for_the_heat(tmp_path):
+    """The heat is a column of the zone, and its cells are empty in the plan."""
+    X = ZONE.assign(Q_hvac=6.0 * (ZONE["u_heat"] - ZONE["u_cool"])).drop(columns=["u_heat", "u_cool"])
+    X = X.assign(T_heat_set=np.where(np.arange(len(X)) % DAY < 6, 18.0, 21.0), T_cool_set=26.0)
+    fleet = ZoneFleet(HybridPredictor(intervals=False), store=tmp_path / "store").fit({"a": X[: 8 * DAY]})
+    rows = X[: 9 * DAY].copy()
+    rows.loc[rows.index[8 * DAY :], ["T_za", "Q_hvac"]] = np.nan
+    found = fleet.tick({"a": rows})
+    assert fleet.errors_ == {}
+    assert found["Q_hvac"].notna().all()
+
+
 def test_a_zone_learns_over_outages_of_days(tmp_path):
     """Inputs are interpolated and set-points held, and no temperature of the outage is known."""
     X = ZONE[: 8 * DAY].assign(T_heat_set=np.where(np.arange(8 * DAY) % DAY < 6, 18.0, 21.0)).rename_axis("time")

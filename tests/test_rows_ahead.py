@@ -15,6 +15,7 @@ from skhybrid.exceptions import SkhybridWarning
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
+from skhybrid.zone.outages import Unread
 from skhybrid.zone.training_rows import training_rows
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
@@ -118,6 +119,64 @@ def test_weather_with_another_clock_is_told_by_its_sun(frame, zone, tmp_path, ho
     assert (
         any("of the sun ahead shines at hours of the day at which the log has none" in text for text in remarks) == told
     )
+
+
+@pytest.mark.parametrize("place", ["weather", "log"])
+def test_sun_in_another_unit_is_told(frame, zone, tmp_path, place):
+    dim = frame.assign(q_sol=frame["q_sol"] / 1000.0)
+    log = frame[:N] if place == "weather" else pd.concat([frame[: N - DAY], dim[N - DAY : N]])
+    path = tomorrow(dim if place == "weather" else frame, tmp_path / "w.csv")
+    what = "ahead" if place == "weather" else "of the last day of the log"
+    remarks = day_ahead(zone, log, path, SCHEDULE).remarks
+    assert [text for text in remarks if text.startswith("the sun")] == [
+        text for text in remarks if f"sun {what}" in text
+    ]
+    assert any("check the unit of its column" in text for text in remarks)
+    plain = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "w.csv"), SCHEDULE)
+    assert not any(text.startswith("the sun") for text in plain.remarks)
+
+
+def test_new_rows_in_watts_are_refused_and_a_spike_is_not(frame, zone):
+    heat = frame["Q_hvac"].where(np.arange(len(frame)) < N, 1000.0 * frame["Q_hvac"])
+    model = deepcopy(zone)
+    with pytest.raises(ValueError, match=r"'heat' reaches \d+ kW from .*: likely W rather than kW; correct the rows"):
+        model.update(frame.assign(Q_hvac=heat)[: N + DAY])
+    assert model.known_until == zone.known_until
+    spike = frame["Q_hvac"].where(np.arange(len(frame)) != N + 9, 3000.0)
+    assert model.update(frame.assign(Q_hvac=spike)[: N + DAY]) == DAY
+
+
+def test_a_model_learns_from_rows_that_it_has_taken_in(frame, zone):
+    model = deepcopy(zone)
+    assert model.update(frame[: N + DAY]) == DAY
+    assert model.learned_until == zone.known_until
+    assert model.update(frame[: N + DAY], relearn=True) == 0
+    assert model.learned_until == frame.index[N + DAY - 1]
+    with pytest.raises(ValueError, match="no row of the log has all inputs"):
+        model.update(frame[: N + DAY].assign(T_oa=np.nan), relearn=True)
+
+
+def test_a_meter_without_values_is_named_by_its_column(frame):
+    columns = {"T_za": "room", "T_oa": "outdoors", "Q_heat": "Heat Meter", "Q_cool": "Cold Meter"}
+    rows = frame[["T_oa", "q_sol", "Q_hvac"]][:DAY].copy()
+    rows.iloc[-3:, 1:] = np.nan
+    found = Unread.of(rows, settings_from({**SETTINGS, "columns": columns, "units": {}}))
+    assert found.inputs == ("Heat Meter", "Cold Meter")
+
+
+@pytest.mark.parametrize(("last", "refused"), [(5, False), (9, True)])
+def test_set_points_ahead_are_held_over_a_short_gap(frame, zone, tmp_path, last, refused):
+    """As on the day on which the clocks of a log without a time zone go forward."""
+    rows = frame[["T_oa", "q_sol"]][N - 1 : N + DAY + 2].rename_axis("time")
+    low = pd.Series(18.0, rows.index).mask(np.arange(len(rows)) > 12, 21.0)
+    low = low.mask((np.arange(len(rows)) > 3) & (np.arange(len(rows)) <= last))
+    rows.assign(low=low, high=26.0).to_csv(tmp_path / "w.csv")
+    if refused:
+        with pytest.raises(ValueError, match=r"T_heat_set \(set-point\) is missing in \d of the rows ahead"):
+            day_ahead(zone, frame[:N], tmp_path / "w.csv")
+    else:
+        found = day_ahead(zone, frame[:N], tmp_path / "w.csv").frame
+        assert found["T_heat_set"].tolist() == [18.0] * 12 + [21.0] * 12
 
 
 def test_limits_of_the_plant_reach_the_room(frame, zone, tmp_path):

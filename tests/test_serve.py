@@ -196,6 +196,14 @@ def test_the_page_shows_forecast_past_and_verdict_and_is_safe(made):
 
 
 # ------------------------------------------------------------------------------------------------------------- posting
+def test_a_refusal_names_keys_of_the_configuration(log, client):
+    rows = until(log, DAYS + 1)[24 * DAYS : 24 * DAYS + 3]
+    answer = client.post("/rows", json=as_json(rows.assign(T_za=1.8 * rows["T_za"] + 32.0)))
+    assert answer.status_code == 422
+    assert "give its unit under [units] of the configuration" in answer.json()["detail"]
+    assert "skhybrid.preprocessing" not in answer.json()["detail"]
+
+
 def test_posted_rows_do_what_a_tick_does(log, folder, cheap, tmp_path):
     shutil.copytree(folder, tmp_path / "ticked")
     ticked, posted = ZoneFolder(tmp_path / "ticked"), ZoneFolder(folder)

@@ -315,12 +315,27 @@ def test_a_changed_configuration(log, zone, cheap, tmp_path):
     zone.config.write_text(text + "\n[thermostat]\nheat = 20\ncool = 25\n")
     assert zone.tick(source).learned == ""
     zone.config.write_text(zone.config.read_text().replace("T_cool_set =", "# T_cool_set ="))
-    done = zone.tick(source)
-    assert done.learned == "zone.toml has changed"
+    done = zone.tick(write(log, tmp_path / "later.csv", DAYS + 1))
+    assert (done.learned, done.n_new) == ("zone.toml has changed", 24)
     assert "T_cool_set" not in zone.load().settings.columns
     zone.config.write_text(text)
     with pytest.raises(ValueError, match=r"zone.toml has changed, so the model must be fitted again, but the log ends"):
         zone.tick(write(log, tmp_path / "short.csv", DAYS, without=slice(0, 24 * (DAYS - 4))))
+
+
+def test_a_log_that_loses_and_gets_its_time_zone(log, zone, cheap, tmp_path):
+    """The archive has one clock, so that later ticks read it and past forecasts are scored."""
+    with_zone = zone.config.read_text()
+    zone.tick(write(log, tmp_path / "log.csv", DAYS))
+    for day, local in ((DAYS + 1, True), (DAYS + 3, False)):
+        zone.config.write_text(with_zone.replace("timezone =", "# timezone =") if local else with_zone)
+        rows = log.tz_localize(None) if local else log
+        assert zone.tick(write(rows, tmp_path / "log.csv", day)).learned == "zone.toml has changed"
+        zone.tick(write(rows, tmp_path / "log.csv", day + 1))
+        with forecast_archive.open_archive(zone.archive) as archive:
+            known = archive.measured(rows.index[0])
+            assert known.index.tolist() == rows.index[: 24 * (day + 1)].tolist()
+            assert archive.finished(rows.index[0])["origin"].nunique() == day + 1 - DAYS
 
 
 def test_a_full_disk_is_named_and_the_archive_stays(tmp_path):

@@ -22,7 +22,7 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
     zone = ZoneModel.load(model)
     frame, _ = read_log(log, zone.settings)
     n_new = zone.update(frame, relearn=relearn)
-    if n_new:
+    if n_new or relearn:
         zone.save(model)
     if (unread := zone.unread(frame)) and not unread.is_step:
         say.warn(str(unread))

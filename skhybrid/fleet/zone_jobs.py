@@ -138,7 +138,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     if not ahead.any():
         warn_user(f"there is no forecast, since no rows follow {now}; give the weather to come.", SkhybridWarning)
     else:
-        future = X[ahead].drop(columns=_measured_column(model), errors="ignore")
+        future = X[ahead].drop(columns=_measured_column(model), errors="ignore").dropna(axis=1, how="all")
         found = _forecast(model, journal, None, future, {"quantiles": INTERVAL})
         journal.ahead = _first_forecasts(journal.ahead, found, now)
     if new.any() or ahead.any():

@@ -17,7 +17,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from .. import __version__
-from .._warnings import warnings_to
+from .._warnings import warnings_to, without_python
 from ..exceptions import ModelFileError, SkhybridWarning
 from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
@@ -152,7 +152,7 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
             "new_steps": done.n_new,
             "fitted_again_because": done.learned or None,
             "forecast_from": None if frame is None else (frame.index[0] - _step_of(frame)).isoformat(),
-            "remarks": [*dict.fromkeys(" ".join(str(warning).split()) for warning in said), *done.remarks],
+            "remarks": list(dict.fromkeys(" ".join(without_python(text).split()) for text in (*said, *done.remarks))),
         }
 
     @app.post("/rows", response_model=Posted, responses=_POST_REFUSALS, openapi_extra={"requestBody": _BODY})
@@ -167,7 +167,7 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
 def _add_refusals(app: FastAPI) -> None:
     def answer(code: int, headers: dict[str, str] | None = None) -> Any:
         def refuse(request: Request, error: Exception) -> JSONResponse:
-            said = " ".join(str(error).split()).replace(f"'{_FILE}'", "the body")
+            said = " ".join(without_python(error).split()).replace(f"'{_FILE}'", "the body")
             return JSONResponse({"detail": said}, code, headers)
 
         return refuse

@@ -25,7 +25,7 @@ from .run import Progress, counted, each_once, is_under_setpoints, refuse_holes
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
 from .settings import Settings, is_scaled
 from .verdict import WORST_FIRST, Verdict
-from .zone_part import data_of, forecast_of, plant_columns, rows_of_zone, settings_of_zone
+from .zone_part import data_of, forecast_of, log_columns, rows_of_zone, settings_of_zone
 
 ALONE = "hybrid, each zone by itself"
 #: models of single zones that a building is compared with
@@ -258,7 +258,7 @@ def under_setpoints(
     if model.shared_plants_:
         has_setpoints = any(role in spans[1] for role in settings.setpoints)
         what = "loads and forecasts with only the set-points known" if has_setpoints else "loads"
-        column = " and ".join(plant_columns(model.shared_plants_[:1], settings))
+        column = " and ".join(log_columns(model.shared_plants_[:1], settings))
         remarks.append(f"{what} are left out: the zones share the plant of the column {column}")
     return ZonesSetpointsKnown.of(model, spans, start, frames[YESTERDAY], settings, remarks)
 

@@ -25,9 +25,10 @@ def rows_of_zone(rows: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFr
     return rows[list(roles.values())].set_axis(list(roles), axis=1)
 
 
-def plant_columns(plant: Iterable[str], settings: Settings) -> list[str]:
-    """The columns of the log with the roles of a plant, of which ``Q_hvac`` may be the sum of two."""
-    roles = [role for one in plant for role in ([one] if one in settings.columns else ["Q_heat", "Q_cool"])]
+def log_columns(wanted: Iterable[str], settings: Settings) -> list[str]:
+    """The columns of the log with some roles, of which ``Q_hvac`` may be the sum of two."""
+    meters = ("Q_hvac", "Q_heat", "Q_cool")
+    roles = dict.fromkeys(one.replace("Q_hvac", meter) for one in wanted for meter in meters)
     return [settings.columns[role] for role in roles if role in settings.columns]
 
 

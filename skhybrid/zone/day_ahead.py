@@ -32,6 +32,7 @@ _LARGEST_JUMP = 12.0  # of T_oa from these to those [K]
 _DARK = 0.01  # irradiance relative to its highest, below which an hour of the log is dark
 _LEAST_SEEN = pd.Timedelta("3D")  # history that shows when it is
 _IN_THE_DARK = 0.03  # share of the irradiance ahead that a change of season may bring to dark hours
+_DAY, _HALF_DAY = pd.Timedelta("1D"), pd.Timedelta("12h")
 _OLD = pd.Timedelta("28D")  # age of what a model knows, from which on it should learn anew
 
 
@@ -206,6 +207,12 @@ def _weather_remarks(history: pd.DataFrame, ahead: pd.DataFrame) -> Iterator[str
     if jump > _LARGEST_JUMP:
         text = f"T_oa jumps by {jump:.0f} K from the end of the log to the weather ahead"
         yield f"{text}; check the unit and the stamps of both"
+    day = history.index > history.index[-1] - _DAY
+    for now, past, what in ((history[day], history[~day], "of the last day of the log"), (ahead, history, "ahead")):
+        usual, most = _sun_of(now, past)
+        if most < _DARK * usual:
+            text = f"the sun {what} reaches {1000 * most:.2g} W/m2, and at these hours {1000 * usual:.0f} W/m2 before"
+            yield f"{text}; check the unit of its column"
     share = _sun_at_night(history, ahead)
     if share > _IN_THE_DARK:
         text = f"{percent(share)} of the sun ahead shines at hours of the day at which the log has none"
@@ -220,6 +227,14 @@ def _sun_at_night(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
     highest = sun.groupby(_hours(sun)).max()
     dark = _hours(coming).isin(highest.index[highest <= _DARK * highest.max()])
     return float(coming[dark].sum() / coming.sum()) if coming.sum() > 0.0 else 0.0
+
+
+def _sun_of(rows: pd.DataFrame, before: pd.DataFrame) -> tuple[float, float]:
+    """Highest irradiance at the hours of some rows [kW/m2]: of the rows before them, and theirs."""
+    if "q_sol" not in rows or "q_sol" not in before or len(rows) < 2 or rows.index[-1] - rows.index[0] < _HALF_DAY:
+        return 0.0, 0.0
+    highest = before["q_sol"].groupby(_hours(before["q_sol"])).max()
+    return float(highest.reindex(_hours(rows["q_sol"])).max()), float(rows["q_sol"].max())
 
 
 def _hours(values: pd.Series) -> pd.Index:

@@ -147,6 +147,27 @@ class ForecastArchive:
         (text,) = _texts(pd.DatetimeIndex([before]))
         self.database.execute("DELETE FROM log WHERE kind = ? AND time < ?", (kind, text))
 
+    def keep_clock(self, tz: Any, former: Any) -> None:
+        """Bring all stamps to the clock of a log, which may have got or lost a time zone.
+
+        Stamps without one are local to ``tz``, that of the log now; where it has none, others become local to the
+        ``former``.  Rows at stamps that do not exist, or exist twice, are forgotten.
+        """
+        other = "LIKE" if tz is None else "NOT LIKE"
+        for table, column in (("forecast", "origin"), ("forecast", "time"), ("measured", "time"), ("log", "time")):
+            found = self.database.execute(f"SELECT DISTINCT {column} FROM {table} WHERE {column} {other} '%Z'")
+            old = [text for (text,) in found]
+            stamps = _stamps(pd.Index(old, dtype=object))
+            if tz is None:
+                stamps = stamps.tz_convert(former or "UTC").tz_localize(None) if old else stamps
+            else:
+                stamps = stamps.tz_localize(tz, ambiguous="NaT", nonexistent="NaT")
+            new = [text if isinstance(text, str) else None for text in _texts(stamps)]
+            gone = [(before,) for before, now in zip(old, new, strict=True) if now is None]
+            moved = [(now, before) for before, now in zip(old, new, strict=True) if now is not None]
+            self.database.executemany(f"DELETE FROM {table} WHERE {column} = ?", gone)
+            self.database.executemany(f"UPDATE OR REPLACE {table} SET {column} = ? WHERE {column} = ?", moved)
+
     def _columns(self, table: str) -> list[str]:
         return [row[1] for row in self.database.execute(f"PRAGMA table_info({table})")]
 

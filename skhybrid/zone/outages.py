@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,8 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, listed
 from ..logs.standstills import room_standstills, without_standstills
 from ..study.data import SETPOINT
+from ..study.settings import Settings
+from ..study.zone_part import log_columns
 
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
 
@@ -24,8 +26,8 @@ class Unread(NamedTuple):
     last: pd.Timestamp
 
     @classmethod
-    def of(cls, rows: pd.DataFrame, columns: Mapping[str, str]) -> Unread | None:
-        """Of rows of inputs up to the last temperature, with the ``columns`` of a log by role; None if all are known.
+    def of(cls, rows: pd.DataFrame, settings: Settings) -> Unread | None:
+        """Of rows of inputs up to the last temperature, with the settings of their log; None if all are known.
 
         Some row must have all inputs.
         """
@@ -34,7 +36,7 @@ class Unread(NamedTuple):
         if not n_rows:
             return None
         absent = [str(role) for role, gone in missing.iloc[-n_rows:].any().items() if gone]
-        names = tuple(columns[role] for role in absent if role in columns) or tuple(absent)
+        names = tuple(log_columns(absent, settings)) or tuple(absent)
         return cls(names, rows.index[-n_rows - 1], rows.index[-n_rows], rows.index[-1])
 
     @property

@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant, listed
+from .._time import SHORTEST_GAP
 from ..datasets import weather_on_steps
 from ..logs.even_steps import resample_column
 from ..logs.zone_names import shared_plants
+from ..preprocessing import GapFiller
 from ..study.settings import Settings
 from ..study.thermostat import Schedule
-from ..study.zone_part import plant_columns, roles_of
+from ..study.zone_part import log_columns, roles_of
 from .dead_meters import not_learned
 
 Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone, with "" for all others
@@ -104,7 +106,7 @@ def _setpoints(
             return pd.DataFrame({role: _whole(values, role, "set-point") for role, values in given.items()})
     found = schedule or Schedule.of_tables(settings.thermostat)
     if settings.zones and (shared := shared_plants(plant, settings.zones)):
-        named = listed(plant_columns(shared[:1], settings))
+        named = listed(log_columns(shared[:1], settings))
         raise ValueError(
             f"the zones share the plant {named}, and one stage cannot hold the set-points of several: give what it "
             "will do, in rows of the log after the last measured one, and no set-points."
@@ -112,7 +114,7 @@ def _setpoints(
     if found is None:
         raise ValueError(
             f"nothing says what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
-            f"configuration, or fill in {listed(plant_columns(plant, settings))} in the rows ahead."
+            f"configuration, or fill in {listed(log_columns(plant, settings))} in the rows ahead."
         )
     if isinstance(found, Schedule) and not settings.zones:
         return found.band(index, settings.holidays)
@@ -158,13 +160,14 @@ def _weather(
 
 
 def _over_steps(values: pd.Series, index: pd.DatetimeIndex, settings: Settings) -> pd.Series:
-    """Set-points over the rows ahead, each held to the next of its own rows."""
+    """Set-points over the rows ahead, each held to the next of its own rows, and over a short gap."""
     if len(values) < 2:
         return values.reindex(index)
     stamps, known = pd.DatetimeIndex(values.index), values.to_numpy(dtype=np.float64)
     row = stamps.to_series().diff().median()
-    found = resample_column(str(values.name), known, stamps, index, pd.Timedelta(settings.step), row)
-    return pd.Series(found, index)
+    name = str(values.name)
+    found = {name: resample_column(name, known, stamps, index, pd.Timedelta(settings.step), row)}
+    return GapFiller(SHORTEST_GAP).fit_transform(pd.DataFrame(found, index))[name]
 
 
 def _whole(values: pd.Series, role: str, what: str) -> pd.Series:

@@ -23,6 +23,7 @@ from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
+from .other_units import refuse_other
 from .outages import BRIDGED, complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .rows_ahead import Schedules
@@ -31,7 +32,6 @@ from .zone_state import measured_rows, status_of
 
 _REFIT_AFTER = pd.Timedelta(days=28)
 _REFIT_DAYS = pd.Timedelta(days=14)  # after a long outage, that a new fit needs; fewer where the model knows fewer
-_OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor is corrected by [K]
 #: settings that a model does not depend on
 _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
@@ -153,8 +153,9 @@ class ZoneFolder:
         """
         with self._at_work() as (archive, zone, settings):
             frame, held = _read_past(log, settings)
+            archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
             if _of_model(settings) == _of_model(zone.settings):
-                _refuse_other(frame, archive, settings)
+                refuse_other(frame, archive, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
@@ -192,6 +193,8 @@ class ZoneFolder:
         """
         with self._at_work() as (archive, zone, settings):
             given, held = read_posted(rows, settings, archive.held(), plain=plain)
+            if settings.timezone is not None:
+                archive.keep_clock(pd.DatetimeIndex(given.index).tz, zone.known_until.tz)
             frame, n_ahead = keep_posted(archive, given, settings, held)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = None
@@ -273,21 +276,6 @@ def _read_past(log: str | PathLike[str], settings: Settings) -> tuple[pd.DataFra
     return frame, held
 
 
-def _refuse_other(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> None:
-    """Refuse a log whose temperatures are others than those that the archive has of the same rows."""
-    known = archive.measured(frame.index[0])
-    clocks = {pd.DatetimeIndex(rows.index).tz is None for rows in (known, frame)}
-    if known.empty or len(clocks) == 2:
-        return
-    for role in settings.roles_of("T_za"):
-        away = float((frame[role] - known[role]).abs().median()) if role in known else 0.0
-        if away > _OTHER:
-            raise ValueError(
-                f"{role} of the log is {away:.0f} K from what the archive has of the same rows: has its column or its "
-                "unit changed? Correct the log, or say in zone.toml how it is read now."
-            )
-
-
 def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     dead = {z: r for z, r in dead_meters(frame, zone.settings).items() if z not in zone.not_learned}
@@ -310,13 +298,15 @@ def _learn(
     zone: ZoneModel, settings: Settings, frame: pd.DataFrame, refit_after: pd.Timedelta
 ) -> tuple[ZoneModel, int, str, list[str]]:
     """A model with the new rows, their number, why it was fitted again, and remarks."""
-    changed = _of_model(settings) != _of_model(zone.settings)
+    changed, known = _of_model(settings) != _of_model(zone.settings), zone.known_until
     zone.settings = settings
     n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after)
     if not why:
         return zone, n_new, "", []
     try:
-        return _fitted_anew(zone, frame), n_new, why, []
+        fitted = _fitted_anew(zone, frame)
+        rows = fitted.complete(frame).index
+        return fitted, int((rows > like_index(known, rows)).sum()) if changed else n_new, why, []
     except ValueError as error:
         if changed:
             raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error

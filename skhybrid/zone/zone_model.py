@@ -25,6 +25,7 @@ from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS
 from ..study.zone_part import settings_of_zone
 from .dead_meters import not_learned, without_roles
+from .other_units import refuse_watts
 from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
 from .training_rows import training_rows
 from .wanted_setpoints import has_plant, wanted_setpoints
@@ -164,25 +165,29 @@ class ZoneModel:
         Parameters
         ----------
         frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
-        relearn : bool, whether to fit anew on the last eight weeks
+        relearn : bool, whether to fit anew on the last eight weeks, also where no row is new
 
         Raises
         ------
         ValueError
             If they follow the known rows only after an outage of more than four days, or after any outage where the
-            log does not reach back to the known rows.
+            log does not reach back to the known rows; if the heat of new rows is in W.
         """
         n_new, why = len(self.new_rows(frame)), self.outage(frame, LONGEST_BRIDGE)
         if why:
             raise ValueError(
                 f"{why}, and it cannot go on from there: fit the model again with skhybrid fit, on rows after that."
             )
-        if n_new:
-            new = self._following(frame)
-            if relearn:
-                self.predictor.partial_fit(new, measured_of(new, self.settings))
-            else:
-                self.predictor.update(new)
+        if not n_new and not relearn:
+            return 0
+        new = self._following(frame) if n_new else self.complete(frame).dropna().iloc[-1:]
+        if new.empty:
+            raise ValueError(NO_ROWS)
+        refuse_watts(new, self.covered(), self.settings)
+        if relearn:
+            self.predictor.partial_fit(new, measured_of(new, self.settings))
+        else:
+            self.predictor.update(new)
         return n_new
 
     def outage(self, frame: pd.DataFrame, longest: pd.Timedelta) -> str:
@@ -264,7 +269,7 @@ class ZoneModel:
         frame : DataFrame, one column per role
         """
         measured = self.settings.roles_of("T_za")
-        return Unread.of(up_to_measured(self._read(frame), measured).drop(columns=measured), self.settings.columns)
+        return Unread.of(up_to_measured(self._read(frame), measured).drop(columns=measured), self.settings)
 
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows.
