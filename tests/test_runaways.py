@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from skhybrid.control.setpoints import Band
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.exceptions import ExcitationWarning
 from skhybrid.hybrid.blending import members
+from skhybrid.hybrid.blending.blend_members import members_beside_network
+from skhybrid.hybrid.blending.without_response import WithoutResponse
 from skhybrid.hybrid.plausible_range import PlausibleRange
 
 ZONES = Path(__file__).parents[2] / "shared" / "data" / "zones"
@@ -97,6 +100,19 @@ def test_the_remedy_depends_on_what_is_known(role, known, remedy):
     X = quiet_office(role)[N_TRAIN - 5 * DAY : N_TRAIN]
     with pytest.warns(ExcitationWarning, match=remedy):
         HybridPredictor(known=known, intervals=False).fit(X, X["T_za"])
+
+
+@pytest.mark.parametrize(("days", "hours", "keeps"), [(8, 20.0, True), (6, 20.0, False), (8, 8.0, False)])
+def test_arx_keeps_the_heat_of_a_plant_that_ran_for_hours_in_a_week(days, hours, keeps):
+    """Where the network cannot tell a gain although the plant ran, the log is not at fault but the network."""
+    X = make_office(8, "chicago", start="2023-10-02", sampling_time="30min", excitation=None, random_state=1).X
+    heat = np.where(np.arange(len(X)) >= len(X) - 2 * hours, 1.0, 0.0)
+    X = X.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=heat)[-days * DAY :]
+    scheme = HybridPredictor(intervals=False).fit(X, X["T_za"])._scheme
+    for undetermined in ((), ("Q_hvac",)):
+        fit = replace(scheme._physics.fit_, undetermined=undetermined)
+        others = members_beside_network(fit, scheme.rows.training, "forecast")
+        assert all(isinstance(member, WithoutResponse) for member in others) == bool(undetermined and not keeps)
 
 
 def test_arx_does_not_believe_a_trace_of_heat():

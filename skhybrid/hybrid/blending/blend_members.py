@@ -16,6 +16,8 @@ from .without_response import WithoutResponse
 
 #: temperatures that the black box regresses on, and those after less than two days, when an hourly log has few rows
 _LAGS, _FEW_LAGS, _TWO_DAYS = 24, 4, pd.Timedelta("2D")
+#: least training, and least hours of a plant at full load, from which ARX may learn its gain
+_A_WEEK, _MANY_HOURS = pd.Timedelta("7D"), 10.0
 _RULE_SHARES = (0.75, 0.1)  # of the simple rule where no error is known, after a day of training and from two weeks on
 
 
@@ -45,7 +47,7 @@ def members_beside_network(
         neighbours = set(fit.plan.network.boundaries) - {"T_oa"}
         roles: Sequence[str] = [role for role in training.inputs if is_plant(role) or role in neighbours]
     else:  # after a day or two nothing is determined, and no error has been seen that would weigh the network
-        roles = fit.undetermined if fit.blocks.any() else ()
+        roles = [role for role in fit.undetermined if fit.blocks.any() and not _tells_gain(training, role)]
     if not roles:
         return others
     response = NetworkResponse.of(fit, roles, training)
@@ -69,6 +71,11 @@ def first_shares(members: Sequence[Member]) -> np.ndarray:
         shares = np.where(is_rule, of_rules / is_rule.sum(), (1.0 - of_rules) / learned.sum() * learned)
         found.append(np.repeat(shares / n_ways, n_ways))
     return np.array(found)
+
+
+def _tells_gain(training: ZoneTable, role: str) -> bool:
+    """Whether ARX learns the gain of a plant that the network cannot tell: then the network fits badly, not the log."""
+    return training.n_rows * training.step >= _A_WEEK and training.hours_run(role) >= _MANY_HOURS
 
 
 def _has_trace(training: ZoneTable) -> bool:
