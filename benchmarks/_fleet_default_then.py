@@ -39,7 +39,7 @@ def errors_at(worktree: Path, cases: list[tuple[pd.DataFrame, pd.DataFrame]]) ->
 
 
 def read() -> pd.DataFrame:
-    """What is kept."""
+    """The errors that are kept, a row per case."""
     return pd.read_csv(PATH, comment="#")
 
 

@@ -104,7 +104,7 @@ def test_the_remedy_depends_on_what_is_known(role, known, remedy):
 
 @pytest.mark.parametrize(("days", "hours", "keeps"), [(8, 20.0, True), (6, 20.0, False), (8, 8.0, False)])
 def test_arx_keeps_the_heat_of_a_plant_that_ran_for_hours_in_a_week(days, hours, keeps):
-    """Where the network cannot tell a gain although the plant ran, the log is not at fault but the network."""
+    """A plant ran and the network cannot tell its gain: the network is at fault, not the log."""
     X = make_office(8, "chicago", start="2023-10-02", sampling_time="30min", excitation=None, random_state=1).X
     heat = np.where(np.arange(len(X)) >= len(X) - 2 * hours, 1.0, 0.0)
     X = X.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=heat)[-days * DAY :]

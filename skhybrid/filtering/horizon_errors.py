@@ -13,7 +13,7 @@ import numpy as np
 
 from ._compile import compiled
 from .covariance import propagate_covariance, update_covariance
-from .rows import load_row, store_row
+from .rows import copy_values, load_row, store_row
 
 
 class FilterGains(NamedTuple):
@@ -56,7 +56,8 @@ def filter_gains(A, Q, c, R, P0, dA, dQ, seen):
     """
     m, p, N = A.shape[0], dA.shape[2], len(seen)
     gains, dgains = np.zeros((N, m)), np.zeros((N, m, p))
-    C, noise, measured = c.copy().reshape(1, m), np.full(1, R), np.ones(1, np.bool_)
+    C, noise, measured = c.copy().reshape(1, m), np.empty(1), np.ones(1, np.bool_)
+    noise[0] = R
     P, dP = P0.copy(), np.zeros((m, m, p))
     gain, dgain, Pc, dPc = np.zeros((1, m)), np.zeros((1, m, p)), np.empty(m), np.empty((m, p))
     AP, AdP, work = np.empty((m, m)), np.empty((m, m, p)), np.empty((m, m, p))
@@ -98,7 +99,8 @@ def _padded(begin):
     """Columns (n, J) with columns of 0 after them: loops over a multiple of 16 numbers have no slow rest."""
     n, J = begin.shape
     wide = np.zeros((n, J + -J % 16))
-    wide[:, :J] = begin
+    for i in range(n):
+        copy_values(begin[i], wide[i])
     return wide
 
 
@@ -114,7 +116,7 @@ def simulate_inputs(A, B, V, node, begin, out):
     x, after = _padded(begin), _padded(begin)
     for k in range(N):
         x, after = after, x
-        out[k] = x[node, :J]
+        copy_values(x[node, :J], out[k])
         _propagate(A, x, after)
         for i in range(n):
             row, effect, given = after[i], B[i], V[k]
@@ -146,7 +148,8 @@ def filter_series(A, gains, node, S, origins, begin):
                 for j in range(len(error)):
                     row[j] += gain * error[j]
         while at < len(origins) and origins[at] == k:
-            states[at] = x[:, :J]
+            for i in range(m):
+                copy_values(x[i, :J], states[at, i])
             at += 1
         _propagate(A, x, after)
     return FilteredSeries(states, x[:, :J].copy(), after[:, :J].copy())

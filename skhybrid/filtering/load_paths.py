@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._compile import compiled, inlined
+from .rows import copy_values
 
 _PASSES = 4  # in which the steps that cool are found, where heating and cooling have different effects
 
@@ -58,17 +59,17 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
         held[:] = 0.0
         for _ in range(ahead):
             _step(A, held, heat, side, heat, side, 0.0, new)
-            held[:] = new
+            copy_values(new, held)
         effect[side] = _output(c, held)
     for k in range(N):
-        held[:] = s  # without any heat
+        copy_values(s, held)  # without any heat
         last = k
         for step in range(ahead):
             last = min(k + step, N - 1)
             _step(A, held, forcing, last, heat, 0, 0.0, new)
             if unforeseen is not None:
                 new += unforeseen[k]
-            held[:] = new
+            copy_values(new, held)
         output = _output(c, held)
         wanted = min(max(output, lowest[last]), highest[last])
         side = 0 if wanted >= output else 1
@@ -78,7 +79,7 @@ def simulate_inverse(A, forcing, heat, c, lowest, highest, lower, upper, s0, ahe
         if unforeseen is not None:
             new += unforeseen[k]
         path[k] = _output(c, new)
-        s[:] = new
+        copy_values(new, s)
     return LoadPath(applied, path)
 
 
@@ -146,12 +147,13 @@ def _feedback_law(A, forcing, heat, sides, c, wanted, penalty, beyond):
     P, p, PF, closed = np.zeros((m, m)), np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
     Pb, Pf, drift = np.zeros(m), np.zeros(m), np.zeros(m)
     F, b = np.zeros((m, m)), np.ones(m)
-    F[:n, :n] = A
+    for i in range(n):
+        copy_values(A[i], F[i])
     for step in range(N + beyond - 1, -1, -1):
         k = min(step, N - 1)
-        b[:n] = heat[sides[k]]
+        copy_values(heat[sides[k]], b)
         change_penalty = penalty if step > 0 else 0.0  # there is no heat before the first step
-        drift[:n] = forcing[k]
+        copy_values(forcing[k], drift)
         for i in range(n):
             p[i] -= c[i] * wanted[k]
             for j in range(n):
@@ -173,10 +175,13 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
     """
     N, n = forcing.shape
     applied, path, sides = np.empty(N), np.empty(N), np.zeros(N, np.int64)
-    s, new = np.empty(n), np.empty(n)
+    s, new, alike = np.empty(n), np.empty(n), True
+    for i in range(n):
+        alike = alike and heat[0, i] == heat[1, i]
     for _ in range(_PASSES):
         gains, offsets = _feedback_law(A, forcing, heat, sides, c, wanted, penalty, beyond)
-        s[:], before, n_moved = s0, 0.0, 0
+        copy_values(s0, s)
+        before, n_moved = 0.0, 0
         for k in range(N):
             best = offsets[k] + gains[k, n] * before
             for i in range(n):
@@ -187,7 +192,7 @@ def solve_lq_path(A, forcing, heat, c, wanted, penalty, lower, upper, s0, beyond
             sides[k] = side
             _step(A, s, forcing, k, heat, side, before, new)
             path[k] = _output(c, new)
-            s[:] = new
-        if n_moved == 0 or np.array_equal(heat[0], heat[1]):
+            copy_values(new, s)
+        if n_moved == 0 or alike:
             break
     return LoadPath(applied, path)

@@ -37,7 +37,9 @@ def _write_known_columns(rows, impulse, every, leads, factors, place, out):
         if a < len(place):
             for i in range(len(leads)):
                 if place[a, i] >= 0:
-                    out[place[a, i], first:] = factors[a, i] * sums[(begin + leads[i]) % size]
+                    total = sums[(begin + leads[i]) % size]
+                    for j in range(m):
+                        out[place[a, i], first + j] = factors[a, i] * total[j]
 
 
 @compiled
@@ -76,9 +78,10 @@ def regression_slopes(T, rows, impulse, every, leads, factors):
     needs later rows has 0.
     """
     n_lags, m = T.shape[1] - leads[-1] + 1, rows.shape[1]
-    place, n = np.full(factors.shape, -1), 0
+    place, n = np.empty(factors.shape, np.int64), 0
     for a in range(len(factors)):
         for i in range(len(leads)):
+            place[a, i] = -1
             if factors[a, i] != 0.0:
                 place[a, i] = n
                 n += 1

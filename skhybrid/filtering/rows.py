@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ._compile import compiled
+from ._compile import compiled, inlined
 
 
 @compiled
@@ -21,3 +21,10 @@ def load_row(table, dtable, k, x, dx):
         x[i] = table[k, i]
         for q in range(dx.shape[1]):
             dx[i, q] = dtable[k, i, q]
+
+
+@inlined
+def copy_values(values, out):
+    """``out[:n] = values``, of shape (n,)."""
+    for i in range(len(values)):
+        out[i] = values[i]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ._compile import compiled
+from .rows import copy_values
 
 
 @compiled
@@ -14,8 +15,9 @@ def simplex_weights(M, pulled):
     The stationary point on every face of the simplex is tried, so K is to be small.
     """
     G, K = M.shape[:2]
-    out, w = np.full((G, K), np.nan), np.empty(K)
+    out, w = np.empty((G, K)), np.empty(K)
     for g in range(G):
+        out[g] = np.nan
         least = np.inf
         for face in range(1, 2**K):
             _stationary(M[g], pulled, face, w)
@@ -28,7 +30,7 @@ def simplex_weights(M, pulled):
                 loss -= 2.0 * pulled[i] * w[i]
             if loss < least:
                 least = loss
-                out[g] = w
+                copy_values(w, out[g])
     return out
 
 

@@ -55,7 +55,9 @@ def iterate_lags(begin, coefs, driven, first, n_leads, lowest, highest):
     n, n_lags = begin.shape
     # a column for each, so that the innermost loop runs on several at once
     values, effects = np.empty((n_lags + n_leads, n)), coefs.T.copy()
-    values[:n_lags] = begin.T
+    for i in range(n):
+        for lag in range(n_lags):
+            values[lag, i] = begin[i, lag]
     for lead in range(n_leads):
         value, last = values[n_lags + lead], values[n_lags + lead - 1]
         for i in range(n):

@@ -51,7 +51,8 @@ class ScoredForecasts(NamedTuple):
 
     def every(self, n: int, leads: np.ndarray | None = None) -> ScoredForecasts:
         """Every n-th origin, at all leads by default."""
-        sample = ForecastSample(self.sample.origins[::n], self.sample.leads if leads is None else leads)
+        chosen = self.sample.origins[::n], self.sample.leads if leads is None else leads
+        sample = ForecastSample(*map(np.ascontiguousarray, chosen))  # kernels are compiled once more for strided arrays
         weight = self.weight if np.ndim(self.weight) == 0 else np.asarray(self.weight)[::n]
         surprise = None if self.surprise is None else self.surprise[::n, : sample.leads[-1]]
         return ScoredForecasts(self.segment, sample, weight, surprise)

@@ -14,7 +14,7 @@ from .forecast_archive import ForecastArchive
 _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor is corrected by [K]
 
 
-def refuse_other(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> None:
+def refuse_other_temperatures(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> None:
     """Refuse a log whose temperatures are others than those that the archive has of the same rows."""
     known = archive.measured(frame.index[0])
     clocks = {pd.DatetimeIndex(rows.index).tz is None for rows in (known, frame)}

@@ -23,7 +23,7 @@ from ..study.settings import Settings
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
-from .other_units import refuse_other
+from .other_units import refuse_other_temperatures
 from .outages import BRIDGED, complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .rows_ahead import Schedules
@@ -155,7 +155,7 @@ class ZoneFolder:
             frame, held = _read_past(log, settings)
             archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
             if _of_model(settings) == _of_model(zone.settings):
-                refuse_other(frame, archive, settings)
+                refuse_other_temperatures(frame, archive, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
