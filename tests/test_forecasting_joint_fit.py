@@ -129,13 +129,13 @@ def test_large_stacks_are_cut_and_networks_stop_one_by_one(stacks, monkeypatch):
 
 def test_what_is_shared_is_computed_once(monkeypatch):
     calls = []
-    for module, name in ((jobs, "columns_of"), (jobs, "scaled_views"), (forecaster, "fit_baseline")):
+    for module, name in ((jobs, "window_columns"), (jobs, "scaled_views"), (forecaster, "fit_baseline")):
         whole = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *a, n=name, f=whole, **k: calls.append(n) or f(*a, **k))
     X, y = hourly()
     sizes = [{"hidden_size": n, "activation": a} for n in (4, 8) for a in ("relu", "selu")]
     fit_many([candidate("mlp", residual_of="ridge", **size) for size in sizes], X, y)
-    assert sorted(calls) == ["columns_of", "fit_baseline", "fit_baseline", "scaled_views"]
+    assert sorted(calls) == ["fit_baseline", "fit_baseline", "scaled_views", "window_columns"]
 
 
 # ------------------------------------------------------------------------------------------------------------ failures

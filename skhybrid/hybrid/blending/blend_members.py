@@ -16,8 +16,9 @@ from .without_response import WithoutResponse
 
 #: temperatures that the black box regresses on, and those after less than two days, when an hourly log has few rows
 _LAGS, _FEW_LAGS, _TWO_DAYS = 24, 4, pd.Timedelta("2D")
-#: least training, and least hours of a plant at full load, from which ARX may learn its gain
-_A_WEEK, _MANY_HOURS = pd.Timedelta("7D"), 10.0
+#: least training, hours of a plant at full load, and spread of what it did to the room by the network [K], from which
+#: ARX learns a gain: a trace of heat runs for hours too
+_A_WEEK, _MANY_HOURS, _MOVES = pd.Timedelta("7D"), 10.0, 0.03
 _RULE_SHARES = (0.75, 0.1)  # of the simple rule where no error is known, after a day of training and from two weeks on
 
 
@@ -47,7 +48,7 @@ def members_beside_network(
         neighbours = set(fit.plan.network.boundaries) - {"T_oa"}
         roles: Sequence[str] = [role for role in training.inputs if is_plant(role) or role in neighbours]
     else:  # after a day or two nothing is determined, and no error has been seen that would weigh the network
-        roles = [role for role in fit.undetermined if fit.blocks.any() and not _tells_gain(training, role)]
+        roles = [role for role in fit.undetermined if fit.blocks.any() and not _tells_gain(fit, training, role)]
     if not roles:
         return others
     response = NetworkResponse.of(fit, roles, training)
@@ -73,9 +74,12 @@ def first_shares(members: Sequence[Member]) -> np.ndarray:
     return np.array(found)
 
 
-def _tells_gain(training: ZoneTable, role: str) -> bool:
+def _tells_gain(fit: LeadFit, training: ZoneTable, role: str) -> bool:
     """Whether ARX learns the gain of a plant that the network cannot tell: then the network fits badly, not the log."""
-    return training.n_rows * training.step >= _A_WEEK and training.hours_run(role) >= _MANY_HOURS
+    if training.n_rows * training.step < _A_WEEK or training.hours_run(role) < _MANY_HOURS:
+        return False
+    response = NetworkResponse.of(fit, (role,), training)
+    return bool(response.output(response.simulate(response.drive(training))).std() > _MOVES)
 
 
 def _has_trace(training: ZoneTable) -> bool:
