@@ -68,6 +68,10 @@ class NetworkResponse:
         effects = np.column_stack([effect, into_heated(self.fit, self.rest), of_boundaries])
         return simulate_path(A, drive @ effects.T, begin)
 
+    def temperature(self, table: ZoneTable) -> np.ndarray:
+        """(N,) temperature [K] that the rows of a table make, from rest."""
+        return self.output(self.simulate(self.drive(table)))[:-1]
+
     def step(self, n_leads: int) -> np.ndarray:
         """(n_leads,) temperature after 1, 2 ... rows of 1 kW of known heat [K/kW]."""
         drive = np.zeros((n_leads, len(self.mean)))

@@ -305,12 +305,14 @@ def _learn(
         return zone, n_new, "", []
     try:
         fitted = _fitted_anew(zone, frame)
-        rows = fitted.complete(frame).index
-        return fitted, int((rows > like_index(known, rows)).sum()) if changed else n_new, why, []
     except ValueError as error:
         if changed:
             raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error
         return zone, n_new, "", [f"the model should be fitted again, because {why}, but {error}"]
+    if changed:
+        rows = fitted.complete(frame).index
+        n_new = int((rows > like_index(known, rows)).sum())
+    return fitted, n_new, why, []
 
 
 def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:

@@ -75,11 +75,10 @@ def first_shares(members: Sequence[Member]) -> np.ndarray:
 
 
 def _tells_gain(fit: LeadFit, training: ZoneTable, role: str) -> bool:
-    """Whether ARX learns the gain of a plant that the network cannot tell: then the network fits badly, not the log."""
+    """True if ARX may learn a gain that the network cannot tell: the network fits badly, the log is fine."""
     if training.n_rows * training.step < _A_WEEK or training.hours_run(role) < _MANY_HOURS:
         return False
-    response = NetworkResponse.of(fit, (role,), training)
-    return bool(response.output(response.simulate(response.drive(training))).std() > _MOVES)
+    return bool(NetworkResponse.of(fit, (role,), training).temperature(training).std() > _MOVES)
 
 
 def _has_trace(training: ZoneTable) -> bool:

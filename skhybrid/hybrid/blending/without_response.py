@@ -37,10 +37,8 @@ class WithoutResponse:
 
     def _reduced(self, training: ZoneTable) -> ZoneTable:
         """The training as the member knows it."""
-        response = self._response
-        s = response.output(response.simulate(response.drive(training)))[:-1]
-        T = training.history["T_za"] - s
-        return response.without_roles(training).replace(history={"T_za": T})
+        T = training.history["T_za"] - self._response.temperature(training)
+        return self._response.without_roles(training).replace(history={"T_za": T})
 
     def left_out(self, training: ZoneTable, sample: ForecastSample, blocks: np.ndarray) -> np.ndarray:
         return self._member.left_out(self._reduced(training), sample, blocks)
