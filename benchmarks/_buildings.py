@@ -45,7 +45,7 @@ class Building:
     seasons: tuple[str, ...] = ("autumn", "winter", "summer")
 
 
-def _floor(name: str, core: str) -> tuple[str, ...]:
+def floor(name: str, core: str) -> tuple[str, ...]:
     return (core, *(f"Perimeter_{name}_ZN_{i}" for i in range(1, 5)))
 
 
@@ -54,7 +54,7 @@ _CLASSROOMS = tuple(
 )
 BUILDINGS = (
     Building(
-        "medium_office_san_francisco", "medium_office", "usa_ca_san_francisco", _floor("mid", "Core_mid"), "office",
+        "medium_office_san_francisco", "medium_office", "usa_ca_san_francisco", floor("mid", "Core_mid"), "office",
         101,
     ),
     Building("retail_colorado_springs", "standalone_retail", "usa_co_colorado_springs", ("Core_Retail",), "shop", 102),
@@ -73,7 +73,7 @@ BUILDINGS = (
     ),
     Building("warehouse_denver", "warehouse", "usa_co_denver", ("FineStorage",), "shop", 203, True),
     Building(
-        "medium_office_2019_oklahoma", "ashrae/office_medium", "usa_ok_oklahoma", _floor("top", "Core_top"), "office",
+        "medium_office_2019_oklahoma", "ashrae/office_medium", "usa_ok_oklahoma", floor("top", "Core_top"), "office",
         204, True,
     ),
     Building(
@@ -89,15 +89,6 @@ SMALL_OFFICE = replace(
 REPLAYABLE = tuple(
     replace(b, seasons=("autumn", "winter"))
     for b in (SMALL_OFFICE, *(b for b in BUILDINGS if not b.held_out and b.use != "school"))
-)
-
-#: offices all of whose rooms are logged: 5, two seeds, and 15
-WITH_ROOMS = (
-    SMALL_OFFICE,
-    replace(SMALL_OFFICE, name="small_office_chicago_2", seed=107),
-    replace(
-        BUILDINGS[0], zones=(*_floor("bot", "Core_bottom"), *_floor("mid", "Core_mid"), *_floor("top", "Core_top"))
-    ),
 )
 
 
@@ -124,36 +115,6 @@ def make_tables(building: Building, controls: tuple[str, ...] = CONTROLS) -> Ite
             heat = {zone: _two_of_three(run[f"heating:{zone}"] - run[f"cooling:{zone}"]) for zone in building.zones}
         run = simulate(document, building.climate, building.zones, gains | setpoints, replay=heat)
         yield control, table_of(run, building, volumes, heat)
-
-
-def make_rooms(building: Building, controls: tuple[str, ...] = CONTROLS) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Tables of all zones of a building, control by control, in the columns of ``../shared/data/zones``."""
-    from pyenergyplus.dataset import weather_files
-
-    document = prepare(load_model(building.model), weather_files[building.climate])
-    names = schedules_of(document, building.zones)
-    reference = read_schedules(document, building.climate, tuple(sorted(set().union(*names.values()))))
-    gains = occupy(building, {kind: names[kind] for kind in GAINS}, reference)
-    for control in controls:
-        setpoints = {}
-        if control == "shifted":
-            setpoints = plan_setpoints(building, names["heat"], names["cool"], reference)
-        yield control, rooms_of(simulate(document, building.climate, building.zones, gains | setpoints), building)
-
-
-def rooms_of(run: pd.DataFrame, building: Building) -> pd.DataFrame:
-    """Temperature at each stamp, and means over the step that begins there, of every zone."""
-    sun = np.sin(np.radians(run["altitude"].to_numpy())).clip(0.0)
-    columns = {"T_out_degC": run["T_out"], "ghi_kW_m2": (run["dni"] * sun + run["dhi"]) / 1000.0}
-    columns |= {"dni_kW_m2": run["dni"] / 1000.0, "dhi_kW_m2": run["dhi"] / 1000.0}
-    for zone in building.zones:
-        room = zone.lower()
-        columns[f"T_{room}_degC"] = run[f"T:{zone}"].shift(1)  # that at the end of the step before
-        columns[f"Q_{room}_kW"] = (run[f"heating:{zone}"] - run[f"cooling:{zone}"]) / 1000.0
-        columns |= {f"set_{side}_{room}_degC": run[f"set_{side}:{zone}"] for side in ("heat", "cool")}
-    offset = f"{site(building.climate)['time_zone']:+03.0f}:00"
-    begins = (run.index - pd.Timedelta("15min")).tz_localize(offset)
-    return pd.DataFrame(columns).set_axis(begins).iloc[1:].round(5)
 
 
 def _two_of_three(values: pd.Series) -> np.ndarray:

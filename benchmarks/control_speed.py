@@ -22,6 +22,7 @@ from skhybrid.datasets import make_house, make_office
 from skhybrid.exceptions import SkhybridWarning
 
 DAY, TRAIN, STEPS = 96, 28 * 96, 40
+FITS = "Processor time of a fit with neighbours, six weeks"
 LEVELS = (0.1, 0.5, 0.9)
 #: call -> what a controller asks for, with the rows ahead and the temperature now
 CALLS: dict[str, Callable[[Any, pd.DataFrame, float], object]] = {
@@ -53,11 +54,11 @@ def measured(model: Any, X: pd.DataFrame, call: Callable[[Any, pd.DataFrame, flo
     return 1e3 * out[1:]
 
 
-def houses(n_zones: int) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str, str]]]:
-    """Inputs, temperatures and neighbours of houses of up to eight zones each, which are alike and in one weather."""
+def houses(n_zones: int, n_days: int = 28) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str, str]]]:
+    """Inputs, temperatures and neighbours of houses of up to eight zones each, as if in one weather."""
     X, y, adjacency = [], [], []
     for k, zones in enumerate(np.array_split(np.arange(n_zones), -(-n_zones // 8))):
-        house = make_house(28, zones=len(zones), random_state=0)
+        house = make_house(n_days, zones=len(zones), random_state=k)
         heated = house.X[[name for name in house.X if not name.startswith("u_heat")]].join(house.heat)
         own = {name: f"{name}_{k}" for name in heated if name != "T_oa"}
         X.append(heated.rename(columns=own))
@@ -67,8 +68,19 @@ def houses(n_zones: int) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str, st
     return whole.loc[:, ~whole.columns.duplicated()], pd.concat(y, axis=1), adjacency
 
 
+def fits(n_zones: int) -> pd.DataFrame:
+    """Processor time of a fit with neighbours to six weeks, of a quarter of the zones, of half and of all."""
+    out = {}
+    for n in (n_zones // 4, n_zones // 2, n_zones):
+        X, y, adjacency = houses(n, 42)
+        begin = time.process_time()
+        BuildingPredictor(adjacency=adjacency).fit(X, y)
+        out[n] = {"fit [s]": time.process_time() - begin}
+    return pd.DataFrame(out).T.rename_axis("zones")
+
+
 def of_zones(n_zones: int) -> None:
-    """Time a building of some zones, with and without neighbours, and its zones one by one, in turn."""
+    """Time fits, then a building of some zones, with and without neighbours, and its zones one by one, in turn."""
     X, y, adjacency = houses(n_zones)
     train, now = 21 * DAY, 26 * DAY
     building = BuildingPredictor(adjacency=adjacency).fit(X[:train], y[:train])
@@ -96,7 +108,7 @@ def of_zones(n_zones: int) -> None:
         "control_speed_zones",
         "Time of one step of a building",
         f"python benchmarks/control_speed.py --zones {n_zones}",
-        {"Processor time per zone, median over 20 steps, and the least": table},
+        {"Processor time per zone, median over 20 steps, and the least": table, FITS: fits(n_zones)},
         f"make_house, {n_zones} zones in houses of up to 8, 15 min, 21 days of training and 5 of history; 24 h ahead.  "
         "With neighbours each zone has two predictors; one by one: the predictors of the zones by themselves, each of "
         "which reads the rows anew.",

@@ -24,19 +24,18 @@ from _buildings import (
     REPLAYABLE,
     REPLAYED,
     SEASONS,
-    WITH_ROOMS,
     Building,
-    make_rooms,
     make_tables,
 )
 from _energyplus import site
+from _office_rooms import OFFICES, Rooms, tables_of_rooms
 
 #: folder -> buildings and their runs
 GROUPS = {
     "dev": ([b for b in BUILDINGS if not b.held_out], CONTROLS),
     "held": ([b for b in BUILDINGS if b.held_out], CONTROLS),
     "replay": (list(REPLAYABLE), REPLAYED),
-    "rooms": (list(WITH_ROOMS), CONTROLS),
+    "rooms": (list(OFFICES), CONTROLS),
 }
 
 
@@ -53,7 +52,7 @@ def _make(building: Building, folder: Path, controls: tuple[str, ...] = CONTROLS
     if not missing:
         return
     begin = time.perf_counter()
-    make = make_rooms if building in WITH_ROOMS and folder.name == "rooms" else make_tables
+    make = tables_of_rooms if isinstance(building, Rooms) else make_tables
     for control, table in make(building, missing):
         write(table, _path(folder, building, control))
         print(f"{building.name}, {control}: {time.perf_counter() - begin:.0f} s since its start", flush=True)

@@ -3,6 +3,7 @@
 Logs: five rooms of the small office (EnergyPlus, Chicago, September to December) with partitions that couple them
 weakly, as two gypsum boards do, and strongly (doors open), under the control of the training and under another one.
 Trained on six weeks, tested on the four that follow from an origin every 25 h (50 h where only set-points are known).
+Then offices with real air systems: as they are, and with doors open or closed, with several seeds of gains.
 
 ``python benchmarks/several_zones.py --buildings FOLDER/rooms`` runs what is missing and writes
 ``results/several_zones.md`` (an hour on one core); ``make_buildings.py --group rooms`` makes the folder.  Finished rows
@@ -22,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from _office_rooms import OFFICES, on_floors
 from _reference_data import reference
 from _report import write_table
 
@@ -45,6 +47,8 @@ TRAIN, TEST, END = "2018-10-01", "2018-11-12", "2018-12-10"
 N_LEADS, EVERY = 96, 100
 LEADS = {"1 h": 4, "6 h": 24, "12 h": 48, "24 h": 96}
 N_SAMPLES, N_BOOTSTRAP = 100, 2000
+OFFICES_AS_THEY_ARE = "Offices as they are, heat known"
+ROOMS_APART = "Offices with people and set-points of each room's own, heat known"
 HEAT_AND_T = {"T_za": "T_{}_degC", "Q_hvac": "Q_{}_kW"}
 CONTROLS = {"irregular": "same", "shifted": "new"}  # runs of an office, and how the control of the test is
 
@@ -228,15 +232,6 @@ def _rooms_of(path: Path, about: pd.Series) -> pd.DataFrame:
     return pd.concat([X, pd.DataFrame(given)], axis=1)
 
 
-def on_floors(rooms: list[str]) -> list[tuple[str, str]]:
-    """Pairs of a core and its four perimeter rooms, in a ring, floor by floor."""
-    out = []
-    for k in range(0, len(rooms), 5):
-        core, *ring = rooms[k : k + 5]
-        out += [(core, room) for room in ring] + list(zip(ring, [*ring[1:], ring[0]], strict=True))
-    return out
-
-
 TASKS = {"heat known": heat_known, "set-points known": set_points_known, "by the hour": by_the_hour}
 
 
@@ -257,9 +252,9 @@ def kept(name: str, run: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def offices(folder: Path) -> pd.DataFrame:
-    """Errors in the offices of a folder."""
-    rows = {}
+def offices(folder: Path) -> dict[str, pd.DataFrame]:
+    """Tables of errors in the offices of a folder: as they are, and with rooms that are lived in apart."""
+    rows: dict[str, dict[str, Any]] = {}
     for name in dict.fromkeys(pd.read_csv(folder / "meta.csv")["name"]):
         found = kept(f"office_{name}", lambda name=name: office(folder / name))
         for control, how in CONTROLS.items():
@@ -269,7 +264,9 @@ def offices(folder: Path) -> pd.DataFrame:
             row |= {f"{what} [K]": float(values.mean()) for what, values in both.items()}
             row["ratio"] = row["with neighbours [K]"] / row["by itself [K]"]
             rows[f"{name}, {how} control"] = row | {"ratios of rooms": f"{ratios.min():.2f} to {ratios.max():.2f}"}
-    return pd.DataFrame(rows).T.rename_axis("office").infer_objects()
+    table = pd.DataFrame(rows).T.rename_axis("office").infer_objects()
+    apart = table.index.str.startswith(tuple(one.name for one in OFFICES if one.doors is not None))
+    return {OFFICES_AS_THEY_ARE: table[~apart], ROOMS_APART: table[apart]}
 
 
 def tables(couplings: list[str]) -> dict[str, pd.DataFrame]:
@@ -319,7 +316,7 @@ def main() -> None:
     warnings.simplefilter("ignore", SkhybridWarning)
     found = tables(couplings)
     if options.buildings is not None:
-        found["Offices as they are, heat known"] = offices(options.buildings)
+        found |= offices(options.buildings)
     seconds = [row_of("heat known", coupling)["fit [s]"] for coupling in couplings]
     write_table(
         "several_zones",
@@ -331,8 +328,10 @@ def main() -> None:
         "set-points are known).  A room reads the irradiance of the facade that bears its name.  Root-mean-square "
         "errors, mean over rooms; rooms: lowest to highest ratio of one room.  Neighbours by the floor plan, or found "
         "in the data (ratio, found).  'neighbours / outdoors': sum of the conductances to neighbours relative to that "
-        "outdoors.  The prior shares of the blend were chosen on these rooms and on the first office.  One seed of "
-        "weather and gains.  Energy scores compare joint samples of a day with the same paths of each "
+        "outdoors.  The prior shares of the blend were chosen on these rooms, of one seed of gains, and on the first "
+        "office.  Offices with people and set-points of each room's own were looked at once: open: 0.25 m3/s of air "
+        "(0.3 kW/K) between the core and each other room and a fifth of it in the ring; closed: partitions of the "
+        "model alone.  Energy scores compare joint samples of a day with the same paths of each "
         "room in any order (independent).  A fit with floor plan and intervals took "
         f"{min(seconds):.0f} to {max(seconds):.0f} s of processor time.",
     )

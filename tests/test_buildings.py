@@ -13,13 +13,14 @@ BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 if not BENCHMARKS.is_dir():
     pytest.skip("benchmarks/ is not beside the tests", allow_module_level=True)
 DAYS = 365
+MODULES = ("_buildings", "_energyplus", "make_buildings", "_office_rooms")
 
 
 @pytest.fixture
 def makers(monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    yield tuple(importlib.import_module(name) for name in ("_buildings", "_energyplus", "make_buildings"))
-    for name in ("_buildings", "_energyplus", "make_buildings"):
+    yield tuple(importlib.import_module(name) for name in MODULES)
+    for name in MODULES:
         sys.modules.pop(name, None)
 
 
@@ -136,7 +137,7 @@ def test_area_of_floors(makers):
 
 
 def test_a_file_is_whole_or_absent_and_made_once(makers, tmp_path, monkeypatch):
-    _, _, make = makers
+    make = makers[2]
     asked = []
     table = pd.DataFrame({"T_in_degC": [1.0]}, index=pd.DatetimeIndex(["2018-01-01 00:15"]).tz_localize("-06:00"))
 
@@ -334,3 +335,65 @@ def test_a_replay_follows_other_people_and_leaves_a_day_to_the_thermostat(makers
     np.testing.assert_allclose(table["truth_gains_kW"], gains, atol=1e-5)
     expected = np.where(day % 3 > 0, 3.0 + others.mean(), 0.0)
     np.testing.assert_allclose(table["q_hvac_kW"], expected, atol=1e-5)
+
+
+def _two_rooms():
+    """Two zones with a thermostat plan and people in common, and an attic that has neither."""
+    where = "zone_or_zonelist_or_space_or_spacelist_name"
+    duals = {f"{zone} dual": {f"{side}_setpoint_temperature_schedule_name": side for side in ("heating", "cooling")}
+             for zone in ("A", "B")}  # fmt: skip
+    control = "ThermostatSetpoint:DualSetpoint"
+    return {
+        "Schedule:Compact": {name: {"data": [name]} for name in ("occ", "light", "heating", "cooling")},
+        "People": {f"{z} people": {where: z, "number_of_people_schedule_name": "occ"} for z in ("A", "B")},
+        "Lights": {f"{zone} light": {where: zone, "schedule_name": "light"} for zone in ("A", "B", "Attic")},
+        "ThermostatSetpoint:DualSetpoint": duals,
+        "ZoneControl:Thermostat": {
+            f"{zone} thermostat": {
+                "zone_or_zonelist_name": zone, "control_1_object_type": control, "control_1_name": f"{zone} dual",
+            }
+            for zone in ("A", "B")
+        },
+    }  # fmt: skip
+
+
+def test_rooms_get_schedules_of_their_own(makers):
+    energyplus, office_rooms = makers[1], makers[3]
+    document = _two_rooms()
+    before = repr(document)
+    apart = office_rooms.with_schedules_apart(document, ("A", "B"))
+    assert repr(document) == before
+    for zone in ("A", "B"):
+        used = energyplus.schedules_of(apart, (zone,))
+        assert used["People"] == {f"{zone} occ"}
+        assert used["Lights"] == {f"{zone} light"}
+        assert used["heat"] == {f"{zone} heating"}
+        assert used["cool"] == {f"{zone} cooling"}
+        assert apart["Schedule:Compact"][f"{zone} heating"] == {"data": ["heating"]}
+    assert apart["Lights"]["Attic light"]["schedule_name"] == "light"
+
+
+def test_air_mixes_through_doors_both_ways_and_less_in_the_ring(makers):
+    office_rooms = makers[3]
+    rooms = ("Core", "S", "E", "N", "W")
+    office = office_rooms.Rooms("b", "m", "c", rooms, "office", 1, doors=0.25)
+    mixing = office_rooms.with_doors({}, office)["ZoneMixing"].values()
+    flows = {(m["source_zone_or_space_name"], m["zone_or_space_name"]): m["design_flow_rate"] for m in mixing}
+    assert len(flows) == 16
+    assert flows["Core", "N"] == flows["N", "Core"] == 0.25
+    assert flows["S", "E"] == flows["E", "S"] == pytest.approx(0.05)
+    assert ("S", "N") not in flows
+    closed = office_rooms.Rooms("b", "m", "c", rooms, "office", 1, doors=0.0)
+    assert office_rooms.with_doors({}, closed) == {}
+
+
+def test_a_room_keeps_its_own_level(makers):
+    office_rooms = makers[3]
+    reference = {"h": _workday(15.6, 21.0), "c": _workday(26.7, 24.0)}
+    levels = []
+    for seed in (1, 2):
+        plans = office_rooms.own_level(_building(makers, seed=seed), {"h", "c"}, reference)
+        (level,) = {*(plans["h"] - reference["h"]).round(9), *(plans["c"] - reference["c"]).round(9)}
+        levels.append(level)
+    assert abs(levels[0] - levels[1]) > 0.05
+    assert np.abs(levels).max() <= 2.0
