@@ -168,6 +168,29 @@ def test_a_log_in_another_unit_or_of_a_stuck_sensor_is_refused(change, words, lo
     assert (tables(zone), zone.model.read_bytes()) == before
 
 
+def _without_heat(rows):
+    return rows.assign(Q_hvac=0.0)
+
+
+def _silent(rows):
+    return rows.assign(T_za=np.nan)
+
+
+@pytest.mark.parametrize(
+    ("mistake", "hours", "learns"), [(_without_heat, 12, True), (_silent, 5, True), (_without_heat, 2, False)]
+)
+def test_rows_that_the_log_corrects_are_learned_anew_once(mistake, hours, learns, log, zone, cheap, tmp_path):
+    wrong, corrected = log.copy(), log.index[24 * (DAYS + 1) - 14]
+    mistaken = slice(corrected, corrected + pd.Timedelta(hours=hours - 1))
+    assert (log.loc[mistaken, "Q_hvac"].abs() > 0.3).all()
+    wrong.loc[mistaken] = mistake(wrong.loc[mistaken])
+    assert zone.tick(write(wrong, tmp_path / "log.csv", DAYS + 1), schedule=SCHEDULE).learned == ""
+    found = zone.tick(write(log, tmp_path / "log.csv", DAYS + 2), schedule=SCHEDULE)
+    assert found.n_new == 24
+    assert found.learned == (f"rows from {corrected} on were corrected in the log" if learns else "")
+    assert zone.tick(write(log, tmp_path / "log.csv", DAYS + 2), schedule=SCHEDULE).learned == ""
+
+
 # --------------------------------------------------------------------------------------------------------------- kills
 def _die(*_, **__):
     os.kill(os.getpid(), signal.SIGKILL)

@@ -20,6 +20,7 @@ from ..study import propose_settings, read_settings
 from ..study.data import read_even_log
 from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.settings import Settings
+from .corrected_rows import corrected_since
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
@@ -135,8 +136,8 @@ class ZoneFolder:
         """Take in the new rows of a log, forecast from its end, and archive both; a tick that fails changes nothing.
 
         The model is fitted again where its errors have drifted, where it is old, where an outage of more than twelve
-        hours follows what it knows (once there are two weeks of rows after one of more than four days), and where the
-        configuration has changed.
+        hours follows what it knows (once there are two weeks of rows after one of more than four days), where three
+        hours or more of its last week were corrected in the log, and where the configuration has changed.
 
         Parameters
         ----------
@@ -156,7 +157,8 @@ class ZoneFolder:
             archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
             if _of_model(settings) == _of_model(zone.settings):
                 refuse_other_temperatures(frame, archive, settings)
-            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
+            corrected = corrected_since(frame, archive, settings)
+            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
             keep_log(archive, frame, origin, held)
@@ -196,7 +198,8 @@ class ZoneFolder:
             if settings.timezone is not None:
                 archive.keep_clock(pd.DatetimeIndex(given.index).tz, zone.known_until.tz)
             frame, n_ahead = keep_posted(archive, given, settings, held)
-            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after)
+            corrected = corrected_since(frame, archive, settings)
+            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
             found = None
             try:
                 if n_new or n_ahead or why:
@@ -276,7 +279,9 @@ def _read_past(log: str | PathLike[str], settings: Settings) -> tuple[pd.DataFra
     return frame, held
 
 
-def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) -> tuple[int, str]:
+def _take_in(
+    zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta, corrected: pd.Timestamp | None
+) -> tuple[int, str]:
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     dead = {z: r for z, r in dead_meters(frame, zone.settings).items() if z not in zone.not_learned}
     if dead:
@@ -287,6 +292,8 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
         zone.update(frame)
     if why:
         return len(new), why
+    if corrected is not None:
+        return len(new), f"rows from {corrected} on were corrected in the log"
     age = zone.history(frame).index[-1] - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
         return len(new), f"it last learned {age.days} days ago"
@@ -295,12 +302,16 @@ def _take_in(zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta) ->
 
 
 def _learn(
-    zone: ZoneModel, settings: Settings, frame: pd.DataFrame, refit_after: pd.Timedelta
+    zone: ZoneModel,
+    settings: Settings,
+    frame: pd.DataFrame,
+    refit_after: pd.Timedelta,
+    corrected: pd.Timestamp | None,
 ) -> tuple[ZoneModel, int, str, list[str]]:
     """A model with the new rows, their number, why it was fitted again, and remarks."""
     changed, known = _of_model(settings) != _of_model(zone.settings), zone.known_until
     zone.settings = settings
-    n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after)
+    n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after, corrected)
     if not why:
         return zone, n_new, "", []
     try:

@@ -1,0 +1,44 @@
+"""Rows that a log has corrected since a model took them in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ..study.settings import Settings
+from .forecast_archive import ForecastArchive
+from .outages import like_index
+from .zone_state import measured_rows
+
+_ENOUGH = pd.Timedelta("3h")  # corrected rows that are worth a new fit
+_CORRECTED_BY = 0.5  # of a temperature [K]
+_SHARE = 0.1  # of a heat, relative to the largest of the week
+
+
+def corrected_since(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> pd.Timestamp | None:
+    """The first of the rows of the last week that are not as they were archived; None where they come to less than 3 h.
+
+    A temperature that the archive lacks counts, as one that came late does.
+
+    Parameters
+    ----------
+    frame : DataFrame, one column per role
+    archive : ForecastArchive, with measurements on the clock of the log
+    settings : Settings
+    """
+    last = archive.last_measured()
+    if last is None:
+        return None
+    rows = measured_rows(frame, settings, like_index(last, pd.DatetimeIndex(frame.index)), last)
+    if rows.empty:
+        return None
+    known = archive.measured(rows.index[0])
+    if (pd.DatetimeIndex(known.index).tz is None) != (pd.DatetimeIndex(rows.index).tz is None):
+        return None
+    roles = [role for role in map(str, known) if role in rows and role.startswith(("T_za", "Q_hvac"))]
+    before, now = known[roles].align(rows[roles], join="inner", axis=0)
+    wide = np.array([_CORRECTED_BY if role.startswith("T_za") else _SHARE * before[role].abs().max() for role in roles])
+    differs = ((before - now).abs() > wide) | (before.isna() & now.notna())
+    found = before.index[differs.any(axis=1)]
+    enough = len(found) * pd.Timedelta(settings.step) >= _ENOUGH
+    return like_index(found[0], rows.index) if enough else None
