@@ -418,6 +418,15 @@ def test_a_typical_year_goes_on_into_the_next_one(tmp_path):
     assert np.allclose(weather_on_steps(weather, ahead)["T_oa"], 5.1)
 
 
+def test_weather_by_a_clock_that_was_put_back_has_each_hour_once(tmp_path):
+    hours = ["2024-10-27 01:00", "2024-10-27 02:00", "2024-10-27 02:00", "2024-10-27 03:00"]
+    rows = pd.DataFrame({"T_oa": [8.0, 7.5, 7.0, 6.5], "q_sol": 0.0}, pd.Index(hours, name="time"))
+    rows.to_csv(tmp_path / "weather.csv")
+    found = read_ahead(tmp_path / "weather.csv", Settings(name="room", columns=COLUMNS), None, [2024])
+    assert found.index.tolist() == pd.to_datetime(hours[:2] + hours[3:]).tolist()
+    assert found["T_oa"].tolist() == [8.0, 7.5, 6.5]
+
+
 def test_a_log_without_sun_reaches_tomorrow(folder, tmp_path, capsys):
     log = pd.read_csv(folder / "log.csv", sep=";", decimal=",").drop(columns="Globalstrahlung [W/m²]")
     log.to_csv(tmp_path / "dark.csv", index=False)

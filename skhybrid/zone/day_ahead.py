@@ -150,6 +150,8 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, years: It
         if settings.label == "right" if own else raw.label == "right":
             frame = to_left_label(frame, [role for role, column in own.items() if column in raw.held])
     index = pd.DatetimeIndex(frame.index)
+    if index.tz is None:  # the hour that a clock without a time zone shows twice when it is put back, as in a log
+        frame = frame.groupby(level=0).first()
     if tz is None and index.tz is not None:
         raise ValueError("the weather has a time zone and the log has none; give timezone = in the configuration.")
     return frame if tz is None or index.tz is None else frame.tz_convert(tz)
