@@ -752,6 +752,12 @@ def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
     FleetFolder(folder).fit()
     assert "bad" in set(FleetFolder(folder).status()["zone"])
     assert "failed" not in FleetFolder(folder).status().set_index("zone").loc["bad", "reasons"]
+    new = folder / "data" / "zone=new"
+    new.mkdir()
+    ZONES["a"][TRAIN].to_parquet(new / "first.parquet")
+    row = FleetFolder(folder).status().set_index("zone").loc["new"]
+    assert row["verdict"] == "not usable"
+    assert row["reasons"] == "the store has no model of it; fit it first."
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ class FleetFolder:
         fleet, _ = self.read()
         if not fleet.zones_:
             raise FileNotFoundError(f"{self.path} holds no model yet; make them with skhybrid fleet fit {self.path}.")
-        return fleet.status(page=self.page)
+        return fleet.status(page=self.page, data=self.data if self.data.is_dir() else None)
 
     def read(self) -> tuple[ZoneFleet, pd.Timedelta]:
         """The fleet of the configuration, and how many days its models learn from.

@@ -241,13 +241,15 @@ class ZoneFleet(BaseEstimator):
         """
         return self._table(backtest_stored, X, y, settings).reset_index(drop=True)
 
-    def status(self, page: str | PathLike[str] | None = None) -> pd.DataFrame:
+    def status(self, page: str | PathLike[str] | None = None, data: Any = None) -> pd.DataFrame:
         """Say how each zone is doing, the worst first.
 
         Parameters
         ----------
         page : path-like, optional
             HTML file to write, with a small chart per zone.
+        data : as X in :meth:`fit`, optional
+            Its zones are listed even where they have no model.
 
         Returns
         -------
@@ -261,6 +263,9 @@ class ZoneFleet(BaseEstimator):
         outcomes = self._run(zone_status, dict.fromkeys(zones, ()), files)
         found = {o.zone: o.value for o in outcomes if o.error is None}
         failed = self._models.failures() | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
+        if data is not None:
+            with zone_files(data, None, self.key) as given:
+                failed = {zone: _UNFITTED for zone in given.paths if zone not in zones} | failed
         table = status_table(found, failed, self.key)
         if page is not None:
             write_fleet_page(page, table, {zone: one.recent for zone, one in found.items()}, self.key)
