@@ -440,6 +440,14 @@ def test_names_of_zones(rooms):
     np.testing.assert_array_equal(mapped.fit(other[:200], y[:200]).predict(other[200:248]), by_role.predict(X[200:248]))
 
 
+@pytest.mark.parametrize("hours", [24, 30])
+def test_a_day_of_training_is_enough(rooms, hours):
+    X, y = rooms
+    model = BuildingPredictor(adjacency=DOORS).fit(X[:hours], y[:hours])
+    found = model.forecast(None, X[hours : hours + 24])
+    assert found[[f"T_za_{zone}" for zone in ZONES]].notna().all(axis=None)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -455,6 +463,7 @@ def test_names_of_zones(rooms):
         (lambda X, y, m: (X, y, m.set_params(adjacency="hall")), "adjacency has 'hall'; give pairs of zones"),
         (lambda X, y, m: (X, y, m.set_params(n_jobs="a")), "n_jobs='a' must be a number of workers"),
         (lambda X, y, m: (X, y.assign(hall=np.nan), m), "zone 'hall': Input y contains NaN"),
+        (lambda X, y, m: (X.drop(columns="T_oa"), y, m), "role 'T_oa' is missing: X has [^;]*'T_za_study'; name a"),
         (lambda X, y, m: (X.assign(Q_hvac_hall=np.nan), y, m), "zone 'hall'.*Q_hvac_hall.*NaN"),
         (lambda X, y, m: (X, y[:-1], m), "inconsistent numbers of samples"),
         (lambda X, y, m: (X, y.to_numpy()[:, :2], m), "y has 2 columns, X 3"),

@@ -37,8 +37,9 @@ def corrected_since(frame: pd.DataFrame, archive: ForecastArchive, settings: Set
         return None
     roles = [role for role in map(str, known) if role in rows and role.startswith(("T_za", "Q_hvac"))]
     before, now = known[roles].align(rows[roles], join="inner", axis=0)
-    wide = np.array([_CORRECTED_BY if role.startswith("T_za") else _SHARE * before[role].abs().max() for role in roles])
-    differs = ((before - now).abs() > wide) | (before.isna() & now.notna())
+    is_T = np.array([role.startswith("T_za") for role in roles])
+    wide = np.where(is_T, _CORRECTED_BY, _SHARE * before.abs().max())
+    differs = ((before - now).abs() > wide) | (before.isna() & now.notna() & is_T)
     found = before.index[differs.any(axis=1)]
     enough = len(found) * pd.Timedelta(settings.step) >= _ENOUGH
     return like_index(found[0], rows.index) if enough else None

@@ -130,11 +130,10 @@ class BuildingPredictor(
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
         self._last = dict.fromkeys(self.zones_, np.nan)
-        X = self._with_measured(X, T) if any(neighbours.values()) else X
-        fits = {zone: (self._fit_zone, template, X, T[zone]) for zone in self.zones_}
-        self.own_ = self._work_by_zone(fits)
+        self.own_ = self._work_by_zone({zone: (self._fit_zone, template, X, T[zone]) for zone in self.zones_})
         coupled = {zone: others for zone, others in neighbours.items() if others}
-        among = {zone: (*fits[zone], others, self.own_[zone]) for zone, others in coupled.items()}
+        X = self._with_measured(X, T) if coupled else X
+        among = {z: (self._fit_zone, template, X, T[z], others, self.own_[z]) for z, others in coupled.items()}
         self._couple(X, self._work_by_zone(among), neighbours)
         self._learn_usual()
         self._take_in(T)
@@ -198,6 +197,8 @@ class BuildingPredictor(
     def _response(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str], own: LeftOut) -> np.ndarray:
         """(n_leads, n_leads, n_neighbours) gain of a zone's forecast by its neighbours, on the last day of training."""
         n_leads = own.errors.shape[1]
+        if len(X) <= n_leads:  # too short for errors that it would act on
+            return np.zeros((n_leads, n_leads, len(neighbours)))
         n_known = min(len(X) - n_leads, rows_of(f"{_SETTLED}D", model.sampling_time_))
         history, future = X[-n_leads - n_known : -n_leads], X[-n_leads:]
         return model.affine_forecast(history, future, [NEXT + other for other in neighbours]).gain
