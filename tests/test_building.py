@@ -325,6 +325,8 @@ def test_rooms_that_cannot_be_identified_apart(house):
         identify_rooms(InputDisturbanceID(house.network), X, y.iloc[:, :3])
     with pytest.raises(ValueError, match="X must be a DataFrame"):
         identify_rooms(InputDisturbanceID(house.network), X.to_numpy(), y)
+    with pytest.raises(ValueError, match="the columns of X have 2 levels; give each column one name"):
+        identify_rooms(InputDisturbanceID(house.network), pd.concat({"house": X}, axis=1), y)
     for other in (y.tz_localize("UTC"), y[:-1]):
         with pytest.raises(ValueError, match=r"X and y have different time stamps \(X from .* to .*, y from .* to "):
             identify_rooms(InputDisturbanceID(house.network), X, other)

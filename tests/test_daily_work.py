@@ -240,8 +240,9 @@ def test_empty_heat_ahead_is_not_yesterday(folder, tmp_path):
     settings = read_settings(folder / "zone.toml")
     frame, _ = read_log(folder / "whole.csv", settings)
     frame.iloc[-96:, frame.columns.get_indexer(["T_za", "Q_hvac"])] = np.nan
-    with pytest.raises(ValueError, match="Q_hvac is empty in the rows ahead"):
-        split_log(frame.drop(columns=["T_heat_set", "T_cool_set"], errors="ignore"), settings)
+    for absent in ([], ["T_oa"]):
+        with pytest.raises(ValueError, match="Q_hvac is empty in the rows ahead"):
+            split_log(frame.drop(columns=["T_heat_set", "T_cool_set", *absent], errors="ignore"), settings)
     frame = frame.assign(T_heat_set=20.0)
     data = split_log(frame, settings)
     assert data.unplanned == ["Q_hvac"]
@@ -251,6 +252,16 @@ def test_empty_heat_ahead_is_not_yesterday(folder, tmp_path):
         refuse_unplanned(data, "no thermostat was learned")
     frame.iloc[-50, frame.columns.get_loc("Q_hvac")] = 1.0  # planned in part: the next day is that with a plan
     assert not split_log(frame, settings).unplanned
+
+
+def test_numbers_in_a_split_log_are_read_as_text_too_and_words_are_refused(folder):
+    settings = read_settings(folder / "zone.toml")
+    frame, _ = read_log(folder / "whole.csv", settings)
+    as_text = frame.assign(T_oa=frame["T_oa"].astype(str), Q_hvac=frame["Q_hvac"].astype("float16"))
+    found, expected = (split_log(one, settings).train["T_oa"] for one in (as_text, frame))
+    pd.testing.assert_series_equal(found, expected)
+    with pytest.raises(ValueError, match=r"column 'q_sol' is not numeric .*could not convert string to float: 'fine'"):
+        split_log(frame.assign(q_sol="fine"), settings)
 
 
 @pytest.mark.parametrize(("back", "says"), [(40, "T_oa is missing at"), (97, "an input is missing before it")])

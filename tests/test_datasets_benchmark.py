@@ -28,7 +28,10 @@ FROZEN = {
     "dutch home 1": (1976, 1824),
     "dutch home 2": (3548, 2976),
     "dutch home 3": (3548, 2976),
+    "make_office oakland": (2688, 17472),
+    "make_office chicago": (2688, 17472),
 }
+SITES = {"office": (41.98, -87.92), "dutch": (52.1, 5.2)}
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the reference data are not beside the checkout")
@@ -51,10 +54,20 @@ def test_the_splits_are_frozen(name):
     assert (np.diff(log.later.index.asi8) == np.diff(log.later.index.asi8)[0]).all()
     assert log.start >= log.later.index[0]
     assert log.start == log.start.normalize()
+    assert log.site == SITES[name.split()[0]]
     assert log.truth is None
     shared = data_sets()[name](0)  # the rows of benchmarks/forecast.py are the same
     pd.testing.assert_frame_equal(shared.train, log.train)
     assert (shared.start, shared.origin_step, shared.known) == (log.start, log.origin_step, log.known)
+
+
+@pytest.mark.parametrize("climate", ["oakland", "chicago"])
+def test_the_office_of_the_paper_has_four_weeks_and_half_a_year(climate):
+    name = f"make_office {climate}"
+    log = load_benchmark([name])[name]
+    assert (len(log.train), len(log.later)) == FROZEN[name]
+    assert log.start == log.later.index[0]
+    assert log.site is None
 
 
 def test_unknown_logs_are_refused():

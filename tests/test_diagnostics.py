@@ -434,6 +434,8 @@ def test_too_little_is_refused(fitted, gappy):
         autocorrelation([1.0, 2.0, np.nan], 1)
     with pytest.raises(ValueError, match="the rows have no time stamps"):
         diagnose_residuals(_white().reset_index(drop=True))
+    with pytest.raises(ValueError, match="most rows are at the stamp of the row before or earlier"):
+        diagnose_residuals(_white().set_axis(_white().index[:1].repeat(len(_white()))))
     with pytest.raises(ValueError, match=r"lags=\[0\] must be row numbers of at least 1"):
         ljung_box(np.arange(9.0), [0])
     with pytest.raises(ValueError, match="errors has 9 rows and series 8"):

@@ -72,6 +72,8 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
         raise ValueError(f"the network {network.name} has no zones; make it by thermal.building_network.")
     if not isinstance(X, pd.DataFrame):
         raise ValueError("X must be a DataFrame; a room's columns are found by name.")
+    if X.columns.nlevels > 1:
+        raise ValueError(f"the columns of X have {X.columns.nlevels} levels; give each column one name (X.set_axis).")
     roles = {column: role for role, column in checked_columns(estimator.columns).items()}
     read = {column: roles.get(column, column) for column in X.columns}
     _refuse_what_rooms_cannot_tell(network, read.values())

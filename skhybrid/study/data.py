@@ -303,14 +303,14 @@ def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
 
 
 def _checked(frame: Any, temperatures: Sequence[str]) -> pd.DataFrame:
-    """A log with the temperatures of zones as numbers, refused where it cannot be split."""
+    """A log of numbers, refused where it cannot be split."""
     for role in temperatures:
         if not isinstance(frame, pd.DataFrame) or role not in frame:
             raise ValueError(f"the log must be a DataFrame with a column {role}; read_log returns one.")
     if not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("the log has no time stamps as its index; read_log gives it one.")
     refuse_shape(frame, 1)
-    frame = frame.assign(**{role: numeric(frame[role]) for role in temperatures})
+    frame = pd.DataFrame({name: numeric(frame[name]) for name in frame}, frame.index)
     refuse_infinite_columns(frame)
     return frame
 
@@ -339,11 +339,11 @@ def unplanned(ahead: pd.DataFrame) -> list[str]:
 
 def _refuse_empty_ahead(measured: pd.DataFrame, inputs: pd.DataFrame) -> None:
     """Refuse rows ahead with weather but no heat: they would be dropped, and a past day would be forecast instead."""
-    known = np.flatnonzero(measured.notna().any(axis=1).to_numpy())
-    ahead = inputs.iloc[known[-1] + 1 :] if len(known) else inputs.iloc[:0]
+    ahead = inputs.loc[measured.last_valid_index() :].iloc[1:]
+    weather = ahead.drop(columns=[*plant_roles(ahead), *filter(is_set_point, ahead)])
     for role in plant_roles(ahead.columns.difference(unplanned(ahead), sort=False)):
         step = ahead.index[1] - ahead.index[0] if len(ahead) > 1 else pd.Timedelta(0)
-        if ahead[role].isna().all() and ahead["T_oa"].count() * step >= _SHORTEST_FUTURE:
+        if ahead[role].isna().all() and weather.notna().any(axis=1).sum() * step >= _SHORTEST_FUTURE:
             raise ValueError(
                 f"{role} is empty in the rows ahead, from {ahead.index[0]}: fill in what is planned, or the set-points "
                 "that the thermostat is to hold."

@@ -147,9 +147,9 @@ class Call(_Shown):
         roles = ("T_oa", "q_sol")
         if not forecaster and not arx and entry.method not in ("forecast", "affine_forecast", "to_state_space"):
             roles += ("T_za",)
-        if self.table.lies(roles):
-            return "a value, a type or a mask that T_oa, q_sol or T_za cannot have"
         arguments = dict(self.arguments)
+        if arguments.get("future") != "one row" and self.table.lies(roles):  # the rows after it are not given
+            return "a value, a type or a mask that T_oa, q_sol or T_za cannot have"
         setpoint = arguments.get("setpoint")
         fits = self.table.n_rows == 3 and setpoint == "three"  # one value per row
         if "setpoint" in entry.parameters and setpoint in _NO_SETPOINT and self.table.n_rows > 1 and not fits:

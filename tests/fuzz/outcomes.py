@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import sklearn
 from sklearn.base import BaseEstimator
-from sklearn.exceptions import UndefinedMetricWarning
+from sklearn.exceptions import FitFailedWarning, UndefinedMetricWarning
 
 import skhybrid
 from skhybrid.hybrid import AffineForecast, ControlModel
@@ -57,6 +57,7 @@ def observe(call: Callable[[], Any], judge: Callable[[Any, bool], str | None], s
         with warnings.catch_warnings(record=True) as seen, _limit(seconds):
             warnings.simplefilter("always")
             warnings.simplefilter("error", RuntimeWarning)
+            warnings.simplefilter("always", FitFailedWarning)  # a RuntimeWarning that a search gives on purpose
             result = call()
             warned = any(issubclass(w.category, skhybrid.exceptions.UnitWarning) for w in seen)
             wrong = judge(result, warned)

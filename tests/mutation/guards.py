@@ -36,6 +36,7 @@ GUARDS = {
     "filtering/load_paths.py": ["test_filtering", "test_load"],
     "filtering/*.py": _FILTERS,
     "thermal/*.py": ["test_thermal", "test_thermal_networks", "test_identification_gradients", "test_two_zones"],
+    "control/affine.py": ["test_affine"],
     "control/*.py": ["test_load", "test_schedule_scheme"],
     "schedule/schedule_loads.py": ["test_schedule_scheme -k load and not default or each_origin"],
     "schedule/*.py": _SCHEDULE,

@@ -168,8 +168,8 @@ def diagnose_residuals(
     Raises
     ------
     ValueError
-        If a column is missing, the step is unknown, a row is no whole number of steps after the first, or fewer than
-        three rows have an error.
+        If a column is missing, the step is unknown or not positive, a row is no whole number of steps after the first,
+        or fewer than three rows have an error.
     """
     check_level(level)
     innovations = float_columns(innovations, ("innovation", "std"), "innovations")
@@ -203,7 +203,10 @@ def _step_of(index: pd.Index, given: Any) -> pd.Timedelta:
         return positive_duration(given, "sampling_time")
     if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
         raise ValueError("the rows have no time stamps: say how far apart they are, such as sampling_time='15min'.")
-    return pd.Timedelta(np.median(np.diff(index.as_unit("ns").asi8)), unit="ns")
+    step = pd.Timedelta(np.median(np.diff(index.as_unit("ns").asi8)), unit="ns")
+    if step <= pd.Timedelta(0):
+        raise ValueError("most rows are at the stamp of the row before or earlier; sort them and drop duplicates.")
+    return step
 
 
 def _cross_table(z: np.ndarray, inputs: pd.DataFrame | None, n_lags: int) -> pd.DataFrame:
