@@ -48,11 +48,11 @@ from skhybrid.study import (
     split_log,
     write_outputs,
 )
-from skhybrid.study.data import TRAINING_DAYS
 from skhybrid.study.outputs import format_table, metrics_text
 from skhybrid.study.report import verdict
 from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import as_toml, settings_from
+from skhybrid.study.spans import TRAINING_DAYS
 from skhybrid.zone.building import describe_rooms, identify_building
 from skhybrid.zone.zone_backtest import backtest_building
 

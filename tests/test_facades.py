@@ -13,9 +13,9 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from skhybrid import GrayBoxRC, persistence
 from skhybrid.datasets import load_small_office
 from skhybrid.preprocessing import FacadeIrradiance, UnitConverter
-from skhybrid.study import data
+from skhybrid.study import log_split
 
-FACADES = list(data.FACADES)  # a study knows them by name
+FACADES = list(log_split.FACADES)  # a study knows them by name
 CHICAGO = {"latitude": 41.98, "longitude": -87.92}
 ROWS_ARE_TIME_STEPS = "without time stamps, the position of the sun follows from the position of the row in the table"
 

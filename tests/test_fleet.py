@@ -38,7 +38,7 @@ from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.fleet.zone_rows import read_rows
 from skhybrid.model_selection import backtest
-from skhybrid.study.data import TRAINING_DAYS
+from skhybrid.study.spans import TRAINING_DAYS
 
 DAY = 24
 ZONES = {

@@ -15,7 +15,7 @@ from skhybrid.logs.naming import guess_role, unit_in_name
 from skhybrid.logs.sun_clock import clock_jumps
 from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_zone_log
-from skhybrid.study.data import metered_heat
+from skhybrid.study.log_reading import metered_heat
 from skhybrid.study.settings import settings_from
 from skhybrid.zone.day_ahead import read_ahead
 
@@ -508,6 +508,11 @@ def test_two_values_of_a_point_at_a_stamp_are_refused(write):
     with pytest.raises(ValueError, match="two or more values of 'temperature' at 60 stamps"):
         read_log(path)
     assert list(read_log(path, point_column="room").frame) == ["0", "1"]
+
+
+def test_a_table_with_fewer_names_than_cells_is_refused_in_a_sentence(write):
+    with pytest.raises(ValueError, match="has no column of numbers beside its time stamps"):
+        read_log(write('ol",\n"24-10-19 11:00:00","",'))
 
 
 @pytest.mark.parametrize("header", ["id,time,Room,Outdoor", ",time,Room,Outdoor"])

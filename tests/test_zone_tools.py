@@ -12,7 +12,7 @@ from skhybrid import GrayBoxRC
 from skhybrid.cli.zone import _errors
 from skhybrid.datasets import make_office
 from skhybrid.study import identified_building, scores
-from skhybrid.study.data import StudyData
+from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import zone_backtest, zone_search
 from skhybrid.zone.forecast_scores import _verdict, errors_of

@@ -46,7 +46,7 @@ def command(
     from ..logs import LogReport
     from ..logs import read_log as read_any_log
     from ..study import propose_settings, read_settings
-    from ..study.data import read_raw_log
+    from ..study.log_reading import read_raw_log
 
     if config is not None and config.exists() and not overwrite:
         settings = read_settings(config)

@@ -12,7 +12,7 @@ import pandas as pd
 from .._files import atomic_path, write_text
 from ..forecasting import ARXRegressor
 from ..hybrid import HybridPredictor
-from ..study.data import TRAINING_DAYS
+from ..study.spans import TRAINING_DAYS
 from .zone_fleet import ZoneFleet
 
 _KEYS = {"key", "days", "fallback", "estimator"}

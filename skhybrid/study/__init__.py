@@ -1,7 +1,8 @@
 """A whole study: from a log and its settings to fitted models, a comparison, a forecast and a report."""
 
 from .compared_models import StudyModel, Yesterday, make_models
-from .data import StudyData, read_log, split_log
+from .log_reading import read_log
+from .log_split import StudyData, split_log
 from .outputs import write_outputs
 from .proposal import propose_settings
 from .report import write_report

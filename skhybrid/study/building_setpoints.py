@@ -9,7 +9,7 @@ import pandas as pd
 from .._table import plant_roles
 from ..hybrid import BuildingPredictor
 from .compared_models import HYBRID, YESTERDAY
-from .data import setpoints_of
+from .log_split import setpoints_of
 from .setpoints_known import SetpointsKnown, backtest_under_setpoints, unusable_setpoints
 from .settings import Settings
 from .zone_part import rows_of_zone, settings_of_zone

@@ -17,10 +17,10 @@ from ..hybrid import BuildingPredictor
 from ..model_selection import backtest
 from .building_setpoints import ZonesSetpointsKnown, unusable_day, zone_of
 from .compared_models import HYBRID, YESTERDAY, make_models
-from .data import StudyData, setpoints_of, without_setpoints
 from .identified_rooms import IdentifiedRooms, identify_zones
 from .judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
+from .log_split import StudyData, setpoints_of, without_setpoints
 from .run import Progress, counted, each_once, is_under_setpoints, refuse_holes
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
 from .settings import Settings, is_scaled

@@ -18,8 +18,8 @@ from ..forecasting.named_models import check_parameters
 from ..hybrid import HybridPredictor, TwoStagePredictor
 from ..hybrid.schedule_predictor import DEFAULT_NETWORK
 from ..thermal import RCNetwork, get_network
-from .data import FACADES
 from .keys import check_keys
+from .log_split import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
 
 HYBRID = "hybrid"  # label of the model whose forecast is shown

@@ -9,9 +9,9 @@ import pandas as pd
 
 from .._table import plant_roles
 from ..thermal.declaration import capacity_name
-from .data import StudyData, inputs_of, without_setpoints
 from .doubts import at_ends, day_beyond, drift_days, drifted, ranges_of
 from .load_rules import rule_loads
+from .log_split import StudyData, inputs_of, without_setpoints
 from .settings import Settings
 from .verdict import Verdict, compare_errors, judge
 

@@ -18,9 +18,9 @@ from ..exceptions import PlanWarning
 from ..model_selection import backtest
 from ..model_selection.single_reading import read_once, takes_tables
 from .compared_models import HYBRID, YESTERDAY, StudyModel, identified_by, make_models
-from .data import StudyData, inputs_of, setpoints_of, without_setpoints
 from .identified_building import describe, parameter_table
 from .judgement import Doubts, judge_load, judge_temperature, loads_by_rule, of_whole_plant
+from .log_split import StudyData, inputs_of, setpoints_of, without_setpoints
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, interval_asked
 from .setpoints_known import LOAD_INTERVAL, NOT_LEARNED, SetpointsKnown, unusable_setpoints
 from .settings import Settings, is_scaled

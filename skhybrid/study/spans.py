@@ -11,6 +11,7 @@ from .._time import LONGEST_BRIDGE, even_step
 from ..logs.bridges import bridged, stretches
 from .settings import Settings
 
+TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
 NO_ROWS = "no row of the log has all inputs and a temperature; skhybrid check shows which are missing."
 
 

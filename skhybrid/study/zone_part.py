@@ -8,7 +8,7 @@ from dataclasses import replace
 import pandas as pd
 
 from ..hybrid.building.zone_columns import ZoneColumns
-from .data import StudyData
+from .log_split import StudyData
 from .settings import Settings
 
 

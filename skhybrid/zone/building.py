@@ -7,11 +7,11 @@ from typing import Any
 import pandas as pd
 
 from ..study.compared_models import make_gray_box
-from ..study.data import FACADES, TRAINING_DAYS
 from ..study.identified_building import describe
 from ..study.identified_rooms import IdentifiedRooms, identify_zones
+from ..study.log_split import FACADES
 from ..study.settings import Settings
-from ..study.spans import NO_ROWS
+from ..study.spans import NO_ROWS, TRAINING_DAYS
 from .dead_meters import without_dead_meters
 from .outages import complete_rows
 

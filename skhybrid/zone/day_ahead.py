@@ -18,8 +18,9 @@ from ..logs import read_log as read_any_log
 from ..logs.naming import UNPLACED, plain
 from ..logs.open_meteo import is_open_meteo_csv
 from ..logs.zone_csv import to_left_label
-from ..study.data import inputs_of, read_log
 from ..study.doubts import day_beyond
+from ..study.log_reading import read_log
+from ..study.log_split import inputs_of
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost

@@ -10,7 +10,7 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, listed
 from ..logs.standstills import room_standstills, without_standstills
-from ..study.data import SETPOINT
+from ..study.log_reading import SETPOINT
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
 

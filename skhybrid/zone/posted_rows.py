@@ -18,7 +18,7 @@ from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.raw_log import RawLog
 from ..logs.zone_csv import to_left_label
-from ..study.data import by_role, metered_heat, on_even_steps, read_raw_log, refuse_mixed_units
+from ..study.log_reading import by_role, metered_heat, on_even_steps, read_raw_log, refuse_mixed_units
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 

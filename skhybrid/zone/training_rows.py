@@ -10,7 +10,7 @@ from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
 from ..logs.bridges import bridged, stretches
 from ..logs.log_findings import doubts_on_log
-from ..study.data import with_facades
+from ..study.log_split import with_facades
 from ..study.settings import Settings
 from .dead_meters import without_dead_meters
 from .outages import complete_rows

@@ -19,8 +19,8 @@ from ..study.building_study import (
     zone_table,
 )
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
-from ..study.data import StudyData, with_facades, without_setpoints
 from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule
+from ..study.log_split import StudyData, with_facades, without_setpoints
 from ..study.run import Progress, counted
 from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
 from ..study.setpoints_known import SetpointsKnown

@@ -17,8 +17,8 @@ from .._time import LONGEST_BRIDGE
 from ..exceptions import ModelFileError
 from ..logs.bridges import stretches
 from ..study import propose_settings, read_settings
-from ..study.data import read_even_log
 from ..study.doubts import beyond_training, drift_days, drifted
+from ..study.log_reading import read_even_log
 from ..study.settings import Settings
 from .corrected_rows import corrected_since
 from .day_ahead import DayAhead, day_ahead

@@ -18,11 +18,11 @@ from ..hybrid import BuildingPredictor
 from ..logs.bridges import bridged, stretches
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.data import TRAINING_DAYS, with_facades
 from ..study.judgement import of_whole_plant
+from ..study.log_split import with_facades
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
-from ..study.spans import NO_ROWS
+from ..study.spans import NO_ROWS, TRAINING_DAYS
 from ..study.zone_part import settings_of_zone
 from .dead_meters import not_learned, without_roles
 from .other_units import refuse_watts

@@ -12,7 +12,7 @@ from ..forecasting import DisturbanceForecaster
 from ..hybrid import HybridPredictor
 from ..model_selection import DesignMatrixSearchCV, design_matrix
 from ..study.compared_models import make_gray_box
-from ..study.data import StudyData
+from ..study.log_split import StudyData
 from ..study.settings import Settings
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -71,9 +72,8 @@ class TextTable(NamedTuple):
 def _refuse_shifted(rows: Sequence[Sequence[str]], layout: Layout, where: str) -> None:
     """Refuse names that lie one column to the right of their cells, as the name of the stamps shows."""
     stamps = [is_stamp(cell) for cell in rows[layout.first]]
-    for place in range(len(stamps) - 1):
-        name, following = layout.names[place : place + 2]
-        if stamps[place] and not stamps[place + 1] and not is_stamp_name(name) and is_stamp_name(following):
+    for (name, following), (here, after) in zip(pairwise(layout.names), pairwise(stamps), strict=False):
+        if here and not after and not is_stamp_name(name) and is_stamp_name(following):
             raise ValueError(
                 f"{where} names the column after its time stamps {following!r}, as where a header has a name more than "
                 "its rows have cells; name every column once."

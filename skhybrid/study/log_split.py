@@ -1,11 +1,9 @@
-"""Reading a log, and splitting it into training rows, test rows and the next day."""
+"""Splitting a log into training rows, test rows and the next day."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from os import PathLike
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,27 +17,17 @@ from .._table import (
     refuse_infinite_columns,
     refuse_shape,
 )
-from .._time import SHORTEST_GAP, even_step, rows_per_day, spell
-from ..logs import RawLog, regularize
-from ..logs import read_log as read_any_log
-from ..logs.blank_setpoints import filled_setpoints
+from .._time import even_step, rows_per_day
 from ..logs.column_spans import one_after_the_other
-from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
-from ..logs.even_steps import RegularizeReport
-from ..logs.log_findings import clash, doubts_on_log, has_both_signs, unit_switch
-from ..logs.setpoint_modes import with_actions
+from ..logs.log_findings import doubts_on_log
 from ..logs.standstills import without_standstills
-from ..logs.zone_csv import to_left_label
 from ..preprocessing import FacadeIrradiance
-from .plant import Performance
+from .log_reading import SETPOINT
 from .settings import Settings
 from .spans import cut_spans, over_outages, train_and_test
 
-SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
 FACADES = ("q_sol_east", "q_sol_south", "q_sol_west", "q_sol_north")  # columns of the facades of a site
-TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
 _HISTORY = pd.Timedelta("14D")  # least history for a forecast of the next day: the longest lag of any forecaster
-_FAHRENHEIT, _KELVIN = 45.0, 200.0  # set-points without a unit are in degF, or in K, if their median is above
 _SHORTEST_FUTURE = pd.Timedelta("1h")  # T_za missing at the end for less is a failed sensor, else the next day
 
 
@@ -83,136 +71,6 @@ class StudyData(NamedTuple):
             "test": f"{self.test_start} to {self.later.index[-1]}",
             "forecasts compared": frame["origin"].nunique(),
         }
-
-
-def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str]:
-    """Read a log by its settings: one column per role at an even step, and a report of what was filled or dropped.
-
-    Parameters
-    ----------
-    path : path-like, a file in any format of :func:`skhybrid.logs.read_log`, or the URL of a database
-    settings : Settings
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file does not exist or cannot be read with these settings.
-    """
-    return read_even_log(path, settings)[:2]
-
-
-def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str, list[str]]:
-    """As :func:`read_log`, and the roles that are logged by change."""
-    log = by_role(read_raw_log(path, settings), settings)
-    frame = log.frame
-    if (text := clash(frame)) is not None:
-        raise ValueError(text)
-    if settings.label == "right":
-        frame = to_left_label(frame, log.without_label)
-    frame, report = on_even_steps(frame, settings, log.held)
-    if 2 * report.step < report.source_step:  # then T_za is missing in most rows
-        given, logged = spell(report.step), spell(report.source_step)
-        raise ValueError(
-            f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
-        )
-    frame, remarks = filled_setpoints(metered_heat(frame, settings))
-    return frame, "\n".join([str(report), *log.remarks, *remarks]), log.held
-
-
-class LogByRole(NamedTuple):
-    """A log with one column per role, at its own stamps."""
-
-    frame: pd.DataFrame
-    channels: list[Channel]
-    held: list[str]  # roles that were logged by change
-    without_label: list[str]  # roles whose values begin at their stamps, whatever the label
-    remarks: list[str]  # on values that were taken as missing
-
-
-def by_role(raw: RawLog, settings: Settings) -> LogByRole:
-    """One column per role at the stamps of the log.
-
-    :func:`plant_heat` comes after the even steps: meters that are logged by change share no stamps.
-    """
-    columns = dict(settings.columns)
-    wanted = settings.load.get("setpoint", "measured")
-    if isinstance(wanted, str) and wanted != "measured":
-        columns[SETPOINT] = wanted
-    channels = channels_of(raw, columns, settings.units, settings.scale)
-    frame = to_roles(raw, _with_setpoint_units(channels, raw))
-    refuse_mixed_units(frame)
-    if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
-        frame = frame.tz_convert(settings.timezone)
-    held = [c.role for c in channels if c.name in raw.held]
-    remarks = [f"{name}: {text}" for name, text in fill_remarks(raw, channels).items()]
-    return LogByRole(frame, channels, held, roles_without_label(raw, channels), remarks)
-
-
-def read_raw_log(path: str | PathLike[str], settings: Settings) -> RawLog:
-    """The channels of a log as its source has them, in the format that the settings name or its content shows."""
-    given = {name: getattr(settings, name) for name in ("timezone", "time_column", "dayfirst", "sep", "decimal")}
-    options = {name: value for name, value in given.items() if value is not None} | dict(settings.log)
-    options.pop("max_hold", None)
-    raw = read_any_log(path, settings.format, **options)
-    return replace(raw, frame=with_actions(raw.frame, settings.columns.values()))
-
-
-def refuse_mixed_units(frame: pd.DataFrame) -> None:
-    """Refuse a temperature that is in degC on one side of a stamp and in degF on the other."""
-    for role in frame:
-        switch = unit_switch(frame[role].dropna()) if str(role).startswith("T_") else None
-        if switch is not None:
-            raise ValueError(
-                f"{role} changes its unit at {switch}, degC on one side and degF on the other; split the log there, or "
-                "correct the column."
-            )
-
-
-def on_even_steps(
-    frame: pd.DataFrame, settings: Settings, held: Sequence[str] = ()
-) -> tuple[pd.DataFrame, RegularizeReport]:
-    """The rows at the step of the settings, with values that are logged by change held until the next.
-
-    Gaps of inputs are filled up to the length from which an identification begins a new stretch.
-    """
-    held = [role for role in held if role in frame]
-    longest = settings.log.get("max_hold", "1D")
-    made = regularize(frame, settings.step, SHORTEST_GAP, return_report=True, held=held, max_hold=longest)
-    return cast("tuple[pd.DataFrame, RegularizeReport]", made)
-
-
-def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
-    """The channels with the unit of set-points that have none of their own, by their values."""
-    found = []
-    for channel in channels:
-        if channel.unit is None and channel.scale == 1.0 and channel.role.startswith((*SETPOINT_ROLES, SETPOINT)):
-            median = raw.frame[channel.name].median()
-            unit = "K" if median > _KELVIN else "degF" if median > _FAHRENHEIT else None
-            channel = channel._replace(unit=unit)
-        found.append(channel)
-    return found
-
-
-def metered_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
-    """The heat of the plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
-    meters = ["Q_hvac"] if "Q_hvac" in frame else [role for role in ("Q_heat", "Q_cool") if role in frame]
-    performance = Performance.of(settings.plant)
-    if not meters:
-        return frame
-    powers = frame[meters]
-    if "Q_cool" in meters:
-        if has_both_signs(powers["Q_cool"].dropna()):
-            raise ValueError(
-                f"{settings.columns.get('Q_cool', 'Q_cool')} (Q_cool) is often positive and often negative; if it "
-                "heats and cools, give it as Q_hvac, positive where it heats."
-            )
-        powers = powers.assign(Q_cool=-powers["Q_cool"].abs())
-    if performance is not None and settings.plant.get("electricity"):  # each by itself: both may run within a step
-        T_oa = frame["T_oa"].interpolate(limit_direction="both").to_numpy()
-        powers = powers.apply(lambda power: performance.heat(power.to_numpy(), T_oa))
-    return frame.drop(columns=[role for role in meters if role != "Q_hvac"]).assign(
-        Q_hvac=powers.sum(axis=1, skipna=False)
-    )
 
 
 def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
