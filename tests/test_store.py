@@ -200,6 +200,15 @@ def test_a_store_that_breaks_while_it_is_used_is_named(path):
                 use()
 
 
+@pytest.mark.parametrize("text", ['{"test_score": "b"}', "[1.0]", '{"test_score": null}', "{"])
+def test_scores_that_are_none_are_named(path, text):
+    _filled(path)
+    with ResultStore(path, {}) as store:
+        store._db.execute("UPDATE result SET scores = ?", (text,))
+        with pytest.raises(OSError, match=r"results\.sqlite cannot be used \(scores are '.*'\); give the path of another"):
+            store.results()
+
+
 @pytest.mark.parametrize("kind", ["folder", "below a file", "null"])
 def test_a_path_that_is_no_file_is_named(tmp_path, kind):
     (tmp_path / "file").write_text("")

@@ -211,12 +211,11 @@ class ResultStore:
         wanted = None if candidates is None else set(candidates)
         query = "SELECT candidate, split, scores, rmse, fit_time, score_time, n_epochs, error FROM result"
         with self._lock, self._explained():
-            rows = self._db.execute(query).fetchall()
-        return {  # SQLite stores NaN as NULL
-            Task(candidate, split): Result(_scores_of(scores), float("nan") if rmse is None else rmse, *rest)
-            for candidate, split, scores, rmse, *rest in rows
-            if wanted is None or candidate in wanted
-        }
+            return {  # SQLite stores NaN as NULL
+                Task(candidate, split): Result(_scores_of(scores), float("nan") if rmse is None else rmse, *rest)
+                for candidate, split, scores, rmse, *rest in self._db.execute(query).fetchall()
+                if wanted is None or candidate in wanted
+            }
 
     def forget_failed(self) -> int:
         """Delete results that are errors, so that they are computed again; return how many there were."""
@@ -230,7 +229,10 @@ def _as_json(scores: Mapping[str, float]) -> str:
 
 
 def _scores_of(text: str) -> dict[str, float]:
-    return {name: float(one) for name, one in json.loads(text).items()}
+    try:
+        return {name: float(one) for name, one in json.loads(text).items()}
+    except (ValueError, TypeError, AttributeError):
+        raise sqlite3.DataError(f"scores are {text!r:.40}") from None
 
 
 def _refuse_other_kinds(path: str) -> None:
