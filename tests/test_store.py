@@ -205,7 +205,9 @@ def test_scores_that_are_none_are_named(path, text):
     _filled(path)
     with ResultStore(path, {}) as store:
         store._db.execute("UPDATE result SET scores = ?", (text,))
-        with pytest.raises(OSError, match=r"results\.sqlite cannot be used \(scores are '.*'\); give the path of another"):
+        with pytest.raises(
+            OSError, match=r"results\.sqlite cannot be used \(scores are '.*'\); give the path of another"
+        ):
             store.results()
 
 

@@ -84,6 +84,12 @@ GUARDS = {
     "hybrid/blending/daily_profile.py": ["test_schedule_scheme -k daily_profile"],
     "hybrid/thermostat_law/law_refits.py": [_CLOSED_LOOP],
     "hybrid/affine_frames.py": ["test_affine"],
+    "hybrid/frames_forecast.py": [
+        "test_daily_work -k never_cooled",
+        "test_hybrid",
+        "test_load",
+        "test_set_points_known",
+    ],
     "hybrid/blending/numbered_table.py": [_CLOSED_LOOP],
     "hybrid/*.py": ["test_schedule_scheme", "test_hybrid", "test_online_updating", "test_intervals"],
     "model_selection/splitters.py": ["test_model_selection -k not processes"],
