@@ -1,7 +1,7 @@
 """Offices all of whose rooms are logged: as they are, or with people, thermostats and doors of each room's own.
 
-An office as it is has one thermostat plan and one draw of people for all rooms, so that its rooms hardly differ.  Where
-rooms are ``lived_in_apart``, each has people and set-points of its own, and air mixes through its doors.
+An office as it is has one thermostat plan and one draw of people for all rooms, so that its rooms hardly differ.  In
+one with ``doors`` each room has people and set-points of its own, and air mixes through the doors that are open.
 """
 
 from __future__ import annotations
@@ -115,6 +115,8 @@ def with_schedules_apart(document: dict, zones: tuple[str, ...]) -> dict:
 
 def with_doors(document: dict, office: Rooms) -> dict:
     """Let air mix between rooms: all of ``doors`` with a core, a fifth of it in the ring."""
+    if not office.doors:
+        return document
     always = {"doors open": {"hourly_value": 1.0}}
     mixing = {}
     for one, other in on_floors(list(office.zones)):
@@ -128,8 +130,6 @@ def with_doors(document: dict, office: Rooms) -> dict:
                 "source_zone_or_space_name": source,
                 "delta_temperature": 0.0,
             }
-    if not office.doors:
-        return document
     return document | {
         "Schedule:Constant": document.get("Schedule:Constant", {}) | always,
         "ZoneMixing": document.get("ZoneMixing", {}) | mixing,

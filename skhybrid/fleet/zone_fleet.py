@@ -265,7 +265,7 @@ class ZoneFleet(BaseEstimator):
         failed = self._models.failures() | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
         if data is not None:
             with zone_files(data, None, self.key) as given:
-                failed = {zone: _UNFITTED for zone in given.paths if zone not in zones} | failed
+                failed = dict.fromkeys(given.paths.keys() - zones, _UNFITTED) | failed
         table = status_table(found, failed, self.key)
         if page is not None:
             write_fleet_page(page, table, {zone: one.recent for zone, one in found.items()}, self.key)
