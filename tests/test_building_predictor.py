@@ -531,6 +531,15 @@ def test_a_score_needs_a_measured_row_and_a_weight_for_each(two_stages, rooms, l
         two_stages.score(X, y, weight[1:])
 
 
+def test_tables_and_targets_of_no_shape_are_refused(two_stages, later):
+    with pytest.raises(ValueError, match=r"y=21\.0 is a single value; give a temperature for each row"):
+        two_stages.update(later, 21.0)
+    with pytest.raises(ValueError, match=r"X is not numeric .*convert it to float first"):
+        two_stages.predict_load("X", 21.0)
+    with pytest.raises(ValueError, match="Expected a 2-dimensional container"):
+        two_stages.predict_load(later.iloc[:, 0], 21.0)
+
+
 def test_a_failed_update_changes_nothing(building, later):
     model = copy.deepcopy(building)
     before = model.predict(later[:30])

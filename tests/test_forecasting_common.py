@@ -378,6 +378,15 @@ def test_baselines_ignore_the_settings_of_networks():
             DisturbanceForecaster(model, **{name: value}).fit(X, y)
 
 
+def test_boosting_without_a_lead_to_learn_from_repeats_what_it_adds_to():
+    """Rows of ten seconds in a few minutes: of the leads up to a day, half of the rows hold none."""
+    X = zone()[0].iloc[:48]
+    X = X.set_axis(pd.date_range("2024-01-01", periods=len(X), freq="10s"))
+    model = BoostedRegressor(max_iter=3).fit(X, X["T_za"])
+    assert model.booster_ is None
+    np.testing.assert_allclose(model.predict_from(X, [23], "1min"), X["T_za"].iloc[23])
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

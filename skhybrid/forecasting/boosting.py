@@ -178,9 +178,8 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             for first in (targets - 1, origins[:, None], np.maximum(targets - _RECENT_HOURS * per_hour, 0)):
                 since = np.maximum(np.minimum(first, targets - 1), 0)  # an input acts over the step after its stamp
                 columns.append(span_means(table.inputs[role], since, targets))
-        return np.stack([np.broadcast_to(column, targets.shape) for column in columns], axis=-1).reshape(
-            targets.size, -1
-        )
+        stacked = np.stack([np.broadcast_to(column, targets.shape) for column in columns], axis=-1)
+        return stacked.reshape(targets.size, len(columns))
 
     def _read_X(self, X: Any) -> ZoneTable:
         return read_zone(self, X, reset=False)

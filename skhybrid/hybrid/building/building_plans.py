@@ -90,7 +90,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         """
         self._refuse_shared_plants()
         wanted = self._setpoints_by_zone(setpoint)
-        X = self._prepared(X)
+        X = self._prepared(self._read(X))
         rows = self._with_measured(X, self._known(X))
         if limits is None or isinstance(limits, Mapping):
             own = self._by_zone(limits or {}, "limits")

@@ -128,6 +128,8 @@ def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
     if isinstance(y, pd.Series):
         return y.to_frame("zone" if y.name in (None, "T_za") else str(y.name).removeprefix(MEASURED))
     values = as_numbers(np.asanyarray(y), "y")
+    if not values.ndim:
+        raise ValueError(f"y={y!r} is a single value; give a temperature for each row.")
     values = values.reshape(len(values), -1)
     here = [c for c in X.columns if str(c).startswith(MEASURED)] if isinstance(X, pd.DataFrame) else []
     if here and len(here) != values.shape[1]:
