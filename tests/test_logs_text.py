@@ -5,6 +5,7 @@ import gzip
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import constants
 
 from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import read_log
@@ -12,6 +13,7 @@ from skhybrid.logs.cell_numbers import NumberColumn
 from skhybrid.logs.conversion import channels_of, to_roles
 from skhybrid.logs.readers.change_of_value import chosen_columns
 from skhybrid.logs.stamp_cells import _day_first_by_order
+from skhybrid.logs.unit_names import ENERGY, IRRADIATION
 
 GERMAN = (
     "Datum;Uhrzeit;Raumtemperatur [°C];Heizung;Zähler [Wh]\r\n"
@@ -530,3 +532,12 @@ def test_names_that_occur_twice_follow_those_of_the_rooms_above_them(write):
     assert set(log.units.values()) == {"degC"}
     plain = read_log(write("Site;A;B;C\nTime;Outdoor;Office;Meeting room\n" + rows))
     assert list(plain.frame) == ["Outdoor", "Office", "Meeting room"]  # no name occurs twice
+
+
+def test_units_of_energy_are_those_of_physics():
+    kWh, Btu = constants.kilo * constants.hour, constants.Btu_IT
+    joules = {"kWh": kWh, "Wh": constants.hour, "MWh": 1e3 * kWh, "J": 1.0, "MJ": 1e6, "GJ": 1e9, "Btu": Btu}
+    joules |= {"kcal": 1e3 * constants.calorie_IT, "kBtu": 1e3 * Btu, "therm": 1e5 * Btu, "ton-h": 12e3 * Btu}
+    assert pytest.approx({unit: joules[unit] / kWh for unit in ENERGY}, rel=1e-9) == ENERGY
+    per_m2 = {"Wh/m2": constants.hour, "kWh/m2": kWh, "J/cm2": 1e4, "kJ/m2": 1e3, "MJ/m2": 1e6}
+    assert pytest.approx({unit: per_m2[unit] / kWh for unit in IRRADIATION}, rel=1e-9) == IRRADIATION

@@ -93,6 +93,12 @@ def test_epochs_count_before_a_local_clock_and_may_have_blanks(write):
     assert list(log.frame) == ["Temperature"]
 
 
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_epochs_in_parts_of_a_second(write, unit):
+    log = read_log(write(f"time,Room\n{rows_of(STAMPS.as_unit(unit).asi8)}"))
+    assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
+
+
 def test_digits_with_the_sign_of_utc(write):
     log = read_log(write(f"time,Room\n{rows_of(STAMPS.strftime('%Y%m%dT%H%M%SZ'))}"))
     assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
