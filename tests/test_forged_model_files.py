@@ -509,3 +509,12 @@ def test_what_could_not_be_read_again_is_not_saved(tmp_path):
         save_model(model, tmp_path / "m")
     assert (tmp_path / "m").read_text() == "old"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_refusal_does_not_quote_the_file(tmp_path):
+    """A name in a member's own header that is longer than that of the directory, and holds the data."""
+    body = bytearray(archive([("schema.json", bytes(range(256)) * 40)], zipfile.ZIP_STORED))
+    body[26:28] = (8000).to_bytes(2, "little")
+    message = refused(tmp_path / "long.skops", bytes(body))
+    assert "cannot be read as a model" in message
+    assert len(message) < 300 + len(str(tmp_path))

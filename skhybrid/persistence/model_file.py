@@ -21,6 +21,7 @@ from .folding import fold, unfold
 from .plain_objects import from_data, to_data
 from .skops_import import import_skops
 
+_LONGEST = 200  # characters of a cause: a forged archive can let Python quote all of a file
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [
@@ -165,7 +166,7 @@ def _decode(body: bytes, path: object) -> Any:
     except io.exceptions.UntrustedTypesFoundException as error:
         raise ModelFileError(f"{path} contains types that are not allowed in a model file: {error}") from error
     except Exception as error:  # a forged file can let any part of the reading fail
-        cause = first_sentence(str(error)) or type(error).__name__
+        cause = first_sentence(str(error))[:_LONGEST] or type(error).__name__
         if isinstance(error, ModuleNotFoundError) and error.name in ("torch", "skorch"):
             cause = f'the neural network in it needs {error.name}; install it with pip install "skhybrid[networks]"'
         raise ModelFileError(f"{path} cannot be read as a model: {cause}.") from error
