@@ -18,6 +18,7 @@ from _buildings import Building, floor_areas, occupy, programme_home
 from _energyplus import (
     GAINS,
     N_STEPS,
+    SPACE,
     STEPS_PER_HOUR,
     YEAR,
     _engine,
@@ -39,7 +40,6 @@ _SERVICES = (
     "Controller:", "CoolingTower", "Curve:", "Fan:", "OutdoorAir:", "Pipe:", "Plant", "Pump:", "Refrigeration:",
     "SetpointManager:", "Sizing:Plant", "Sizing:System", "WaterHeater", "WaterUse:", "ZoneHVAC:", "NodeList",
 )  # fmt: skip
-_SPACE = "zone_or_zonelist_or_space_or_spacelist_name"
 #: set-points [degC] of a step, from its number in the year, the present temperature [degC] and the heat of the step
 #: before [kW]
 Policy = Callable[[int, float, float], tuple[float, float]]
@@ -87,7 +87,7 @@ def with_ideal_plants(document: dict, power: dict[str, float]) -> dict:
     source = {"fuel_type": "None", "design_level": 1.0}
     kept["Schedule:Constant"] = document.get("Schedule:Constant", {}) | constant
     kept["OtherEquipment"] = document.get("OtherEquipment", {}) | {
-        f"{zone} source": source | {_SPACE: zone, "schedule_name": named["added", zone]} for zone in names
+        f"{zone} source": source | {SPACE: zone, "schedule_name": named["added", zone]} for zone in names
     }
     control = document["SimulationControl"]["control"]
     sizing = {"do_system_sizing_calculation": "No", "do_plant_sizing_calculation": "No"}

@@ -22,6 +22,9 @@ N_STEPS = 365 * 24 * STEPS_PER_HOUR
 YEAR = 2018
 #: kinds of internal gain whose schedules an occupancy may replace.
 GAINS = ("People", "Lights", "ElectricEquipment", "GasEquipment")
+#: kind of gain -> field of its schedule; and the field of its zone.
+SCHEDULE_OF = dict.fromkeys(GAINS, "schedule_name") | {"People": "number_of_people_schedule_name"}
+SPACE = "zone_or_zonelist_or_space_or_spacelist_name"
 
 #: variables of a zone that are held over a zone time step, and of the system steps within it.
 _HELD = {
@@ -37,7 +40,6 @@ _HELD = {
 _MAY_BE_ABSENT = ("Zone People Occupant Count", "Zone Lights Return Air Heating Rate")
 _AVERAGED = {"heating": "Zone Air System Sensible Heating Rate", "cooling": "Zone Air System Sensible Cooling Rate"}
 #: an equipment without radiation that an actuator gives its power, and what switches an air loop off.
-_SPACE = "zone_or_zonelist_or_space_or_spacelist_name"
 _SOURCE = {"fuel_type": "None", "schedule_name": "replay", "design_level": 0.0}
 _FORCE_OFF = 1.0
 _SITE = {
@@ -153,9 +155,8 @@ def schedules_of(document: dict, zones: tuple[str, ...]) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {kind: set() for kind in GAINS}
     for kind in GAINS:
         for gain in document.get(kind, {}).values():
-            space = gain["zone_or_zonelist_or_space_or_spacelist_name"]
-            if space in zones:
-                found[kind].add(gain["number_of_people_schedule_name" if kind == "People" else "schedule_name"])
+            if gain[SPACE] in zones:
+                found[kind].add(gain[SCHEDULE_OF[kind]])
     found |= {"heat": set(), "cool": set()}
     controls = [c for c in document["ZoneControl:Thermostat"].values() if c["zone_or_zonelist_name"] in zones]
     for control in controls:
@@ -219,7 +220,7 @@ def simulate(
         document = document | {"RunPeriod": {"year": document["RunPeriod"]["year"] | span}}
     if replay is not None:
         always = {"replay": {"hourly_value": 1.0}}
-        sources = {f"replay {zone}": _SOURCE | {_SPACE: zone} for zone in replay}
+        sources = {f"replay {zone}": _SOURCE | {SPACE: zone} for zone in replay}
         document = document | {
             "Schedule:Constant": document.get("Schedule:Constant", {}) | always,
             "OtherEquipment": document.get("OtherEquipment", {}) | sources,

@@ -12,9 +12,19 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pandas as pd
 from _buildings import BUILDINGS, CONTROLS, SMALL_OFFICE, Building, floor, occupy, plan_setpoints
-from _energyplus import GAINS, load_model, prepare, read_schedules, schedules_of, simulate, site
+from _energyplus import (
+    GAINS,
+    SCHEDULE_OF,
+    SPACE,
+    load_model,
+    prepare,
+    read_schedules,
+    schedules_of,
+    simulate,
+    site,
+)
 
-#: air through the door of a core, relative to that between neighbours in the ring
+#: air through a door of the ring, relative to that between its rooms and their core
 CORNER = 0.2
 
 
@@ -33,7 +43,7 @@ def _rooms(building: Building, **changes: object) -> Rooms:
 
 
 _FRESNO = BUILDINGS[4]
-#: 5 rooms with two seeds, and 15; then 5 rooms that are lived in apart, doors open and closed
+#: 5 rooms with two seeds, and 15; then 5 rooms with people and set-points of their own, doors open and closed
 OFFICES = (
     _rooms(SMALL_OFFICE),
     _rooms(SMALL_OFFICE, name="small_office_chicago_2", seed=107),
@@ -96,19 +106,16 @@ def with_schedules_apart(document: dict, zones: tuple[str, ...]) -> dict:
         return item | {key: own}
 
     for kind in GAINS:
-        key = "number_of_people_schedule_name" if kind == "People" else "schedule_name"
         out[kind] = {
-            name: copied(gain, key, zone)
-            if (zone := gain["zone_or_zonelist_or_space_or_spacelist_name"]) in zones
-            else gain
+            name: copied(gain, SCHEDULE_OF[kind], gain[SPACE]) if gain[SPACE] in zones else gain
             for name, gain in document.get(kind, {}).items()
         }
     dual = "ThermostatSetpoint:DualSetpoint"
     out[dual] = dict(document[dual])
     for control in document["ZoneControl:Thermostat"].values():
         if (zone := control["zone_or_zonelist_name"]) in zones:
+            name = control["control_1_name"]
             for side in ("heating", "cooling"):
-                name = control["control_1_name"]
                 out[dual][name] = copied(out[dual][name], f"{side}_setpoint_temperature_schedule_name", zone)
     return out
 

@@ -11,7 +11,17 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from _buildings import BUILDINGS, DAY, SEASONS, SMALL_OFFICE, Building, floor_areas, occupy, programme_home
-from _energyplus import GAINS, N_STEPS, STEPS_PER_HOUR, load_model, prepare, read_schedules, schedules_of, simulate
+from _energyplus import (
+    GAINS,
+    N_STEPS,
+    SPACE,
+    STEPS_PER_HOUR,
+    load_model,
+    prepare,
+    read_schedules,
+    schedules_of,
+    simulate,
+)
 
 #: leads at which the response is read [h], begins of a step [h of the day], and days of steps after the season's first
 #: test day; a week of the thermostat between them lets the step before be forgotten.
@@ -21,7 +31,6 @@ TEST_DAYS = (1, 10, 19)
 #: days before the first step from which a run goes, and power of a step per floor area [W/m2]
 _BEFORE = 21
 _STEP = 10.0
-_SPACE = "zone_or_zonelist_or_space_or_spacelist_name"
 
 
 def _tested(name: str, *zones: str) -> Building:
@@ -77,7 +86,7 @@ class Plant:
         forced = np.isfinite(heat.to_numpy())
         name, shut = f"replay {zone}", f"open {zone}"
         constant = {name: {"hourly_value": 0.0}, shut: {"hourly_value": 1.0}}
-        source = {"fuel_type": "None", "schedule_name": name, "design_level": 1.0, _SPACE: zone}
+        source = {"fuel_type": "None", "schedule_name": name, "design_level": 1.0, SPACE: zone}
         document = _with_schedule_of_terminal(self.document, zone, shut)
         document["Schedule:Constant"] = document.get("Schedule:Constant", {}) | constant
         document["OtherEquipment"] = document.get("OtherEquipment", {}) | {name: source}

@@ -253,7 +253,7 @@ def kept(name: str, run: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 
 def offices(folder: Path) -> dict[str, pd.DataFrame]:
-    """Tables of errors in the offices of a folder: as they are, and with rooms that are lived in apart."""
+    """Tables of errors in the offices of a folder: as they are, and with people and set-points of each room's own."""
     rows: dict[str, dict[str, Any]] = {}
     for name in dict.fromkeys(pd.read_csv(folder / "meta.csv")["name"]):
         found = kept(f"office_{name}", lambda name=name: office(folder / name))
