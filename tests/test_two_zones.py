@@ -69,6 +69,8 @@ def test_gains_of_a_frame_are_found_by_name(rooms):
     for frame in (gain.set_axis(OUTPUTS, axis=1), gain.assign(zeta_south=0.0), gain[["north"]]):
         with pytest.raises(ValueError, match=r"heat_gain has the columns .* give one for each of 'north', 'south'"):
             model.simulate(X, frame)
+    with pytest.raises(ValueError, match=r"heat_gain has shape \(\), but X has 96 rows; .* for each of north, south"):
+        model.simulate(X, 1.0)
 
 
 def test_predictions_have_a_column_a_room(rooms):

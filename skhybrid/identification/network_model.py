@@ -293,7 +293,7 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         table, n_tail = self._with_history(X)
         rows = checked_origins(origins, table.n_rows - n_tail, n_tail) + n_tail
         if not len(rows) or (np.diff(rows) <= 0).any():
-            raise ValueError(f"origins={origins!r} must increase.")
+            raise ValueError(f"origins={origins!r} must increase; give one row number or more.")
         start = self.filtered_network_.under(table, rows, _checked_disturbance(disturbance), kind)
         given, needed = start.heat.shape[1], int(np.diff(rows, append=table.n_rows).max())
         if given < needed:
@@ -315,11 +315,11 @@ def _checked_heat(heat_gain: Any, here: ZoneTable, network: RCNetwork) -> np.nda
         refuse_other_stamps(heat_gain, here.index, "heat_gain")
     if d > 1 and isinstance(heat_gain, pd.DataFrame) and any(isinstance(column, str) for column in heat_gain):
         heat_gain = _by_node(heat_gain, network.disturbed_names)
-    heat = np.zeros((n, d)) if heat_gain is None else as_numbers(heat_gain, "heat_gain")
-    heat = heat.reshape(-1, 1) if d == 1 else heat
+    given = np.zeros((n, d)) if heat_gain is None else as_numbers(heat_gain, "heat_gain")
+    heat = given[:, None] if d == 1 and given.ndim == 1 else given
     if heat.shape != (n, d):
         each = f" for each of {', '.join(network.disturbed_names)}" if d > 1 else ""
-        raise ValueError(f"heat_gain has {len(heat)} values, but X has {n} rows; give one [kW] per row{each}.")
+        raise ValueError(f"heat_gain has shape {given.shape}, but X has {n} rows; give one value [kW] per row{each}.")
     _refuse_missing("heat_gain", heat)
     for column in heat.T:
         check_range(column, "zeta", "heat_gain", here.index)
