@@ -521,6 +521,15 @@ def test_a_warm_up_of_more_than_half_of_the_rows_is_told(office):
         GrayBoxRC(known=office.theta, warmup="3D").fit(X, y)
 
 
+def test_a_log_that_ends_with_the_warm_up_identifies_nothing(office):
+    """A random start was given for the fit, with a loss of 0."""
+    X, y = office.X.iloc[:192].drop(columns="T_za"), office.y.iloc[:192].where(np.arange(192) < 96)
+    with pytest.raises(ValueError, match=r"GrayBoxRC: y has no measurement after the rows .*warmup='1D'"):
+        GrayBoxRC(known=KNOWN, n_starts=2).fit(X, y)
+    GrayBoxRC(known=office.theta).fit(X, y)
+    GrayBoxRC(known=KNOWN, n_starts=2, warmup="18h").fit(X, y)
+
+
 def test_missing_role_names_what_was_there(office):
     with pytest.raises(ValueError, match="role 'T_oa' is missing: X has 'q_sol', 'u_heat', 'u_cool', 'T_za'"):
         GrayBoxRC().fit(office.X.drop(columns="T_oa"), office.y)

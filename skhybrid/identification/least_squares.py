@@ -68,6 +68,12 @@ class LeastSquaresIdentifier(NetworkIdentifier):
     def _minima(self, problem: PredictionErrorProblem, begin: Mapping[str, float] | None) -> list[Minimum]:
         if not problem.searched:
             return problem.minimise(np.zeros((1, 0)))
+        if not problem.n_counted:  # of CONV only, for the others count every measurement
+            raise ValueError(
+                f"{type(self).__name__}: y has no measurement after the rows that set the first state "
+                f"(warmup={self.warmup!r}, at most half of the rows), so nothing can be identified; give a shorter "
+                "warmup, or rows with measurements."
+            )
         starts = random_starts(problem.searched, self.n_starts, self._start_draws())
         starts = starts if begin is None else start_at(problem.searched, begin, starts[0])
         rough = partial(problem.minimise, max_evaluations=ROUGH[0], tolerance=ROUGH[1])
