@@ -135,6 +135,20 @@ def test_a_parameter_may_be_what_a_fit_holds_it_at_and_watts_are_warned_of():
         step_response(3)
 
 
+def test_rows_ahead_have_no_response_of_their_own():
+    office = make_office(n_days=3, random_state=0)
+    model = GrayBoxRC(known=office.theta).fit(office.X[:200], office.y[:200])
+    ahead = model.to_state_space(None, office.X[200:210].drop(columns="T_za"))
+    for response in (frequency_response, step_response):
+        with pytest.raises(ValueError, match="ControlModel is neither a StateSpace nor"):
+            response(ahead)
+
+
+def test_one_role_is_a_name_or_a_sequence():
+    shed = {"C_za": 2.0, "R_zo": 5.0}
+    assert make_state_space("1R1C", shed, roles="T_oa").input_names == ("T_oa", "heat_gain")
+
+
 # ------------------------------------------------------------------------------------------------------ the pictures
 def _lines(ax):
     return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}

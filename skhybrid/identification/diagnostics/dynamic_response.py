@@ -12,6 +12,7 @@ from ..._arguments import check_integer
 from ..._time import positive_duration, read_duration, rows_covering, spell
 from ...filtering import simulate_path
 from ...thermal import RCNetwork, get_network
+from ...thermal.declaration import as_names
 from ..state_space import StateSpace, checked_theta, state_space_of
 
 _ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")  # inputs of the paper's network
@@ -53,7 +54,7 @@ def make_state_space(
     >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
     0.632
     """
-    network, roles = get_network(network), tuple(roles)
+    network, roles = get_network(network), as_names(roles)
     step = positive_duration(sampling_time, "sampling_time")
     return state_space_of(network, checked_theta(network, theta, roles), roles, step)
 
@@ -62,7 +63,7 @@ def as_state_space(model: Any) -> StateSpace:
     """A state-space model: given as such, or that of a fitted identification."""
     if isinstance(model, StateSpace):
         return model
-    if hasattr(model, "simulate"):
+    if hasattr(model, "simulate_states"):
         return model.to_state_space()
     raise ValueError(f"{type(model).__name__} is neither a StateSpace nor a fitted identification of a network.")
 
