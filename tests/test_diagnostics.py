@@ -413,6 +413,26 @@ def test_absent_stamps_are_rows_without_a_measurement():
     assert diagnose_residuals(frame.drop(index=frame.index[1])).sampling_time == frame.index[1] - frame.index[0]
     with pytest.raises(ValueError, match="is not a whole number of steps of 10 min after the first"):
         diagnose_residuals(frame, sampling_time="10min")
+    with pytest.raises(ValueError, match=r"the row 2023-07-01 00:30:00.* comes twice or is not"):
+        diagnose_residuals(frame.iloc[[0, 1, 2, 2, *range(3, len(frame))]])
+
+
+def test_inputs_of_other_rows_are_refused():
+    """Nothing would be left of them, and so no test of them."""
+    frame = _white()
+    inputs = pd.DataFrame({"T_oa": np.arange(len(frame), dtype=float) ** 2}, frame.index)
+    assert "independent of T_oa" in diagnose_residuals(frame.drop(index=frame.index[5]), inputs).tests.index
+    for other in (inputs.shift(freq="1D"), inputs.tz_localize(None), inputs.reset_index(drop=True)):
+        with pytest.raises(ValueError, match="inputs has no row 2023-07-01 00:00:00"):
+            diagnose_residuals(frame, other)
+    with pytest.raises(ValueError, match="inputs is a ndarray; give a DataFrame"):
+        diagnose_residuals(frame, inputs.to_numpy())
+
+
+def test_a_lag_longer_than_the_series_has_no_correlation():
+    rng = np.random.default_rng(0)
+    found = cross_correlation(rng.normal(size=30), rng.normal(size=30), [-40, 0, 40])
+    assert found["ccf"].notna().tolist() == [False, True, False]
 
 
 def test_diagnostics_print_one_screen_and_html(fitted, gappy):

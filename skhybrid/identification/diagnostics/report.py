@@ -168,21 +168,23 @@ def diagnose_residuals(
     Raises
     ------
     ValueError
-        If a column is missing, the step is unknown or not positive, a row is no whole number of steps after the first,
-        or fewer than three rows have an error.
+        If a column is missing, the step is unknown or not positive, a row comes twice or is no whole number of steps
+        after the first, the inputs lack a row, or fewer than three rows have an error.
     """
     check_level(level)
     innovations = float_columns(innovations, ("innovation", "std"), "innovations")
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):
-        grid = pd.date_range(innovations.index[0], innovations.index[-1], freq=step)
-        if not (on_grid := innovations.index.isin(grid)).all():
-            raise ValueError(
-                f"the row {innovations.index[int(np.argmin(on_grid))]} is not a whole number of steps of {spell(step)} "
-                "after the first; sort the rows, or give their step as sampling_time=."
-            )
+        grid = _grid(innovations.index, step)
+        if inputs is not None:
+            inputs = float_columns(inputs, getattr(inputs, "columns", ()), "inputs")
+            if not (found := innovations.index.isin(inputs.index)).all():
+                raise ValueError(
+                    f"inputs has no row {innovations.index[int(np.argmin(found))]}; give those of the same rows, with "
+                    "the same time stamps."
+                )
+            inputs = inputs.reindex(grid)
         innovations = innovations.reindex(grid)
-        inputs = None if inputs is None else inputs.reindex(grid)
     hours = step / pd.Timedelta("1h")
     z = (innovations["innovation"] / innovations["std"]).to_numpy(dtype=np.float64)
     n_lags = min(rows_covering(max_lag, step, "max_lag"), max(2, len(z) // 4))
@@ -207,6 +209,17 @@ def _step_of(index: pd.Index, given: Any) -> pd.Timedelta:
     if step <= pd.Timedelta(0):
         raise ValueError("most rows are at the stamp of the row before or earlier; sort them and drop duplicates.")
     return step
+
+
+def _grid(stamps: pd.DatetimeIndex, step: pd.Timedelta) -> pd.DatetimeIndex:
+    """Every step from the first stamp to the last; stamps between the steps, and those that come twice, are refused."""
+    grid = pd.date_range(stamps[0], stamps[-1], freq=step)
+    if not (once := stamps.isin(grid) & ~stamps.duplicated()).all():
+        raise ValueError(
+            f"the row {stamps[int(np.argmin(once))]} comes twice or is not a whole number of steps of {spell(step)} "
+            "after the first; sort the rows, drop duplicates, or give their step as sampling_time=."
+        )
+    return grid
 
 
 def _cross_table(z: np.ndarray, inputs: pd.DataFrame | None, n_lags: int) -> pd.DataFrame:

@@ -168,7 +168,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
     rows = []
     for lag in lags:
         late = slice(lag, None) if lag >= 0 else slice(None, lag)
-        early = slice(None, len(x) - lag) if lag >= 0 else slice(-lag, None)
+        early = slice(None, max(len(x) - lag, 0)) if lag >= 0 else slice(-lag, None)
         n, product = int((seen[late] & known[early]).sum()), z[late] * x[early]
         spread = float(np.sqrt(np.sum(product**2)))
         total = float(np.sum(product))
