@@ -18,7 +18,7 @@ from skhybrid.identification.disturbance_models import HIDDEN_SD, MEASURED_SD
 from skhybrid.identification.experiment_design.information import FilterInformation, relative_errors, walk_root
 from skhybrid.identification.experiment_design.plan import _Case, _fitted_gain, _make_plan
 from skhybrid.identification.experiment_design.zone import Calendar, Zone, draw_gain, run_thermostat
-from skhybrid.thermal import get_network
+from skhybrid.thermal import building_network, get_network
 
 THETA = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -5.0}
 ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")
@@ -355,6 +355,21 @@ def test_an_identification_without_a_gain_state_brings_its_network():
     settings = {k: v for k, v in SETTINGS.items() if k != "known"}
     by_fit = plan_experiment(fit, hours=[12], **settings)
     pd.testing.assert_frame_equal(by_fit.table, plan_experiment("2R2C", dict(fit.theta_), hours=[12], **SETTINGS).table)
+
+
+def test_several_zones_that_were_identified_are_refused_by_their_network():
+    pair = building_network(["north", "south"], [("north", "south")])
+    own = {"tau": 3.0, "sigma_weekday_day": 0.4, "sigma_weekday_night": 0.1, "sigma_weekend": 0.2, "sigma_y": 0.04}
+    own |= {"sigma_profile_weekday": 0.3, "sigma_profile_weekend": 0.1}
+    fit = SimpleNamespace(
+        theta_=pd.Series({"R_zo_north": 1.0}),
+        known=None,
+        network_=pair,
+        disturbance_=pd.Series(own),
+        profile_=pd.DataFrame(np.zeros((24, 4))),
+    )
+    with pytest.raises(ValueError, match="network building has several measured or disturbed nodes"):
+        plan_experiment(fit, **SETTINGS)
 
 
 BAD = {

@@ -207,14 +207,13 @@ def _zone(
     if hasattr(network, "theta_"):
         theta = dict(network.theta_) if theta is None else theta
         known = {*(network.known or ())} & {*network.theta_.index} if known is None else known
-        gain = _fitted_gain(network) if gain is None else gain
-        network = network.network_
-    net: RCNetwork = get_network(network)
+    net: RCNetwork = get_network(getattr(network, "network_", network))
     if len(net.measured_nodes) > 1 or len(net.disturbed_nodes) > 1:
         raise ValueError(f"network {net.name} has several measured or disturbed nodes; plan for one zone at a time.")
     if theta is None:
         raise ValueError("theta is missing: give a prior guess of every parameter, or a fitted identification.")
     known = {known} if isinstance(known, str) else set(known or ())
+    gain = _fitted_gain(network) if gain is None else gain
     if not isinstance(gain, GainStatistics | None):
         raise ValueError(f"gain={gain!r} must be a GainStatistics, or None for that of the synthetic office.")
     solar = [c for c in getattr(weather, "columns", ()) if str(c).startswith("q_sol")]
