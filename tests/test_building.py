@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,7 @@ from skhybrid import (
     persistence,
 )
 from skhybrid.datasets import make_house
+from skhybrid.exceptions import ExcitationWarning
 from skhybrid.identification import find_adjacency, identify_rooms
 from skhybrid.identification.rooms import _combined
 from skhybrid.thermal import building_network, room_network
@@ -330,6 +332,17 @@ def test_rooms_that_cannot_be_identified_apart(house):
     for other in (y.tz_localize("UTC"), y[:-1]):
         with pytest.raises(ValueError, match=r"X and y have different time stamps \(X from .* to .*, y from .* to "):
             identify_rooms(InputDisturbanceID(house.network), X, other)
+    with pytest.raises(ValueError, match=f"X has {len(X)} rows, but y has {len(y) - 1}"):
+        identify_rooms(InputDisturbanceID(house.network), X, y[:-1].reset_index(drop=True))
+
+
+def test_measurements_without_stamps_belong_to_the_rows_in_their_order(house):
+    X, y = with_heat(house)[: 2 * 96], house.y[: 2 * 96]
+    model = InputDisturbanceID(house.network, n_starts=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ExcitationWarning)
+        found = [identify_rooms(model, X, given).theta for given in (y, y.reset_index(drop=True))]
+    pd.testing.assert_series_equal(*found)
 
 
 # ----------------------------------------------------------------------------------------------------------- adjacency

@@ -81,7 +81,9 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
     if not isinstance(y, pd.DataFrame):
         raise ValueError(f"y must be a DataFrame; give one with the columns {listed(names.values())}.")
     refuse_order(y.index, X.index)
-    measured = temperatures_by_role(y, names)
+    if len(y) != len(X):
+        raise ValueError(f"X has {len(X)} rows, but y has {len(y)}; give the same rows of both.")
+    measured = temperatures_by_role(y, names).set_axis(X.index)
     between = measured.interpolate(limit_direction="both")
     jobs = [
         delayed(_fit_room)(estimator, room_network(network, zone), X, read, measured[f"T_za_{zone}"], between)
