@@ -301,6 +301,7 @@ def test_the_ends_of_a_profile_do_not_depend_on_the_first_step(bounded, office):
         ("C_w", {"level": 2}, "level=2 is not between"),
         ("C_w", {"level": 0.0}, "level=0.0 is not between"),
         ("Q_c", {"values": [1.0]}, "values= gives Q_c the value 1.0; it must be < 0"),
+        ("C_za", {"values": ["1.0"]}, "values= gives C_za the value '1.0'; it must be a number"),
     ],
 )
 def test_profiles_that_cannot_be(parameter, settings, message, office, output):

@@ -14,6 +14,7 @@ from scipy.stats import t as student
 from ..._arguments import check_integer, check_level
 from ..._warnings import percent
 from ...thermal import Parameter
+from ...thermal.parameters import check_known
 from .constrained_problem import ConstrainedProblem, free_point
 
 _STEPS, _GROWTH = 8, 1.6  # most steps outward to an end of the interval, and the ratio of each to the last
@@ -181,9 +182,7 @@ def _checked(fitted: Any, parameter: str, values: Sequence[float]) -> Parameter:
         raise ValueError(f"{parameter} has no effect on any row of the table, so there is nothing to profile.")
     (found,) = (p for p in fitted.parameters_ if p.name == parameter)
     for value in values:
-        if found.transform == "log" and not value * found.sign > 0:
-            side = "<" if found.sign < 0 else ">"
-            raise ValueError(f"values= gives {parameter} the value {value}; it must be {side} 0.")
+        check_known([found], {parameter: value}, "values=")
     return found
 
 
