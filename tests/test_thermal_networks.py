@@ -205,6 +205,12 @@ def test_a_network_keeps_what_was_declared():
     assert (network.equations(), network.parameters()) == before
 
 
+@pytest.mark.parametrize("dt", [0.0, -0.25, np.nan, pd.Timedelta("15min")])
+def test_a_step_that_is_no_number_of_hours_is_refused(dt):
+    with pytest.raises(ValueError, match=r"dt=.* is outside"):
+        RCNetwork("lone", *LONE).discrete({"C_za": 2.0, "R_zo": 3.0}, ["T_oa"], dt)
+
+
 def test_a_missing_value_is_named():
     with pytest.raises(ValueError, match="theta has no value for R_zo"):
         RCNetwork("lone", *LONE).matrices({"C_za": 1.0}, ["T_oa"])
@@ -351,6 +357,10 @@ def test_two_stages_are_told_apart():
         ),
         ((*LONE, {}, "za", "za", "za", {"Q_c": (1.0, 2.0)}), r"bounds of Q_c are \(1, 2\); both must be < 0"),
         ((*WALLED, {"za": "f", "w": None}, "za", "za", "za", {"f": (0.1, 1.5)}), "bounds of f are .* at most 1"),
+        (
+            (*LONE, {}, "za", "za", "za", {}, "", "", {"hall": ("za", "wall")}),
+            "zones names the node 'wall', which has no capacitance",
+        ),
     ],
 )
 def test_unclear_networks_are_refused(declared, message):

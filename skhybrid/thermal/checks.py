@@ -177,6 +177,9 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
 
 def _zone_problems(network: Declaration) -> Iterator[str]:
     zone = Counter(node for inside in network.zones.values() for node in inside)
+    for node in zone:
+        if node not in network.capacitances:
+            yield f"zones names the node {node!r}, which has no capacitance; leave it out."
     for node in network.capacitances if network.zones else ():
         if zone[node] != 1:
             yield f"the node {node!r} is in {zone[node]} of its zones; name it in one."

@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from .._arguments import check_rate
 from ..filtering import Discrete, discretize
 from .checks import check
 from .declaration import Declaration
@@ -138,6 +139,7 @@ class RCNetwork(Declaration):
         roles : iterable of str
         dt : float; step [h]
         """
+        check_rate("dt", dt)
         c = self.matrices(theta, tuple(roles))
         return discretize(c.A, c.B, c.dA, c.dB, c.capacitance, dt)
 
