@@ -52,7 +52,10 @@ def read_inputs(
             raise ValueError(
                 f"inputs names {name!r}, which {what}; the training had heating and cooling {listed(plant)}."
             )
-    return tuple(by_name[name] for name in names)
+    roles = tuple(by_name[name] for name in names)
+    if len(set(roles)) < len(roles):
+        raise ValueError(f"inputs={inputs!r} names a role and its column, which are one input; give one of them.")
+    return roles
 
 
 def refuse_boundary(boundary: Mapping[str, Any], allowed: Sequence[str], shape: tuple[int, int]) -> None:
