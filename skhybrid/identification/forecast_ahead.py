@@ -21,7 +21,7 @@ from .._joining import (
     warn_if_unmeasured,
     with_measured,
 )
-from .._table import UNLIMITED, ZoneTable, append_tables, is_plant, refuse_gap
+from .._table import UNLIMITED, ZoneTable, append_tables, plant_roles, refuse_gap
 from .._threads import one_blas_thread
 from .._time import rows_covering
 from .._transaction import unchanged_on_failure
@@ -144,7 +144,7 @@ class ForecastingNetwork(NetworkModel):
         """
         check_is_fitted(self)
         ahead, _ = self._planned(history, future, (), T_za)
-        roles = self._plant_roles()
+        roles = plant_roles(self.filtered_network_.roles)
         warn_uncovered(Plan.of(ahead.table, roles, ahead.n_rows), roles, self._ranges())
         T, zeta, _ = self._expected(ahead)
         frame = pd.DataFrame(T, future.index, list(self.network_.history_roles))
@@ -225,7 +225,7 @@ class ForecastingNetwork(NetworkModel):
             if history is not None or T_za is not None:
                 raise ValueError("history and T_za need rows ahead; give future too.")
             return self.state_space_
-        known, roles = self.filtered_network_, decided_on(self._plant_roles())
+        known, roles = self.filtered_network_, decided_on(self.filtered_network_.roles)
         acting = self.network_.inputs(known.roles)
         ahead, _ = self._planned(history, future, roles, T_za)
         _, _, start = self._expected(ahead)
@@ -252,11 +252,6 @@ class ForecastingNetwork(NetworkModel):
         nothing = np.zeros((1, 1, known.kalman.n_gains if kind == "input" else len(known.kalman.measured)))
         state = known.under(table, row, nothing, kind).states[0]
         return state, known.experiment(table).inputs[row[0] :]
-
-    def _plant_roles(self) -> tuple[str, ...]:
-        """The heating and cooling of the training table that the network reads."""
-        acting = self.network_.inputs(self.filtered_network_.roles)
-        return tuple(role for role in self.filtered_network_.roles if role in acting and is_plant(role))
 
     def _ranges(self) -> dict[str, np.ndarray]:
         """Least and most of each training input."""

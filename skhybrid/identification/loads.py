@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant, listed
-from ..control import HeatedZone, Limits, Plant, load_frame, make_plant, read_limits, read_setpoint, required_heat
+from ..control import FREE, HeatedZone, Limits, Plant, load_frame, make_plant, read_limits, read_setpoint, required_heat
 from ..thermal import RCNetwork
 from .filtered_network import FilteredNetwork, ForecastStart
 
@@ -49,10 +49,9 @@ def network_load(
     forcing = _without_plant(filtered, table)[origins[0] :] @ kalman.B.T + heat @ kalman.heat.T
     zone = HeatedZone(kalman.A, _unit_heat(filtered, plant), np.eye(kalman.n)[kalman.measured[0]])
     band, within = read_setpoint(setpoint, here), plant.within(read_limits(limits, here))
-    unlimited = Limits(np.full(here.n_rows, -np.inf), np.full(here.n_rows, np.inf))
     (clipped, path), (unclipped, _) = (
         required_heat(zone, band, chosen, forcing, offset, origins - origins[0], start.states)
-        for chosen in (within, unlimited)
+        for chosen in (within, Limits.constant(*FREE, here.n_rows))
     )
     measured = np.ravel(filtered.measurements(here))[:1]
     first = np.where(np.isfinite(measured), measured, zone.output @ start.states[0] + start.offset_now[0])
