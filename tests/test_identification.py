@@ -368,6 +368,7 @@ def test_a_known_capacity_of_a_plant_that_never_ran_does_not_fix_the_scale(offic
         (InputDisturbanceID(known={"C_w": None}), "known= gives C_w no value"),
         (InputDisturbanceID(measurement_sd=0.0), "measurement_sd=0.0 must be a positive number"),
         (InputDisturbanceID(measurement_sd=np.nan), "measurement_sd=nan must be a positive number"),
+        (OutputDisturbanceID(known={"rho_1": False}), "known= gives rho_1 the value False; it must lie between"),
         (OutputDisturbanceID(known={"rho_1": 2.0}), "known= gives rho_1 the value 2.0; it must lie between -1 and 1"),
         (PeriodicDisturbanceID(known={"tau": -1.0}), "known= gives tau the value -1.0; it must be > 0"),
         (PeriodicDisturbanceID(known=KNOWN, bounds={"tau": (9, 2)}), r"bounds of tau are \(9, 2\); the lower must be"),

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from .._arguments import store_arguments
+from .._arguments import is_number, store_arguments
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
 from .base import SearchResult
@@ -61,7 +61,7 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         if self.rho_box not in ("stable", "paper"):
             raise ValueError(f"rho_box={self.rho_box!r} is neither 'stable' nor 'paper'.")
         for name in {p.name for p in self._own_parameters()} & {*(self.known or {})}:
-            if not isinstance(value := self.known[name], int | float | np.number) or not -1.0 < value < 1.0:
+            if not is_number(value := self.known[name]) or not -1.0 < value < 1.0:
                 raise ValueError(f"known= gives {name} the value {value!r}; it must lie between -1 and 1.")
         hidden = tuple(node for node in network.nodes if node not in network.measured_nodes)
         firsts = tuple(float(segment.firsts.mean()) for segment in experiment.segments)
