@@ -454,3 +454,7 @@ def test_a_network_with_names_of_its_own_is_planned_by_their_units():
 def test_impossible_gain_is_refused(field, value):
     with pytest.raises(ValueError, match=field):
         GainStatistics(**{field: value})
+
+
+def test_a_profile_may_be_a_list():
+    np.testing.assert_array_equal(GainStatistics(profile=[[0.5, 0.1]] * 24).profile, np.tile([0.5, 0.1], (24, 1)))

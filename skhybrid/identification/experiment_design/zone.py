@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
+from ..._arguments import is_number
 from ..._calendar import profile_cell
+from ..._table import as_numbers
 from ...filtering import Discrete
 from ...thermal import RCNetwork
 from ..gain_model import HOUR_CLASSES
@@ -57,13 +59,15 @@ class GainStatistics:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if name != "profile" and (not np.isfinite(value) or value <= 0):
+            if name != "profile" and not (is_number(value) and value > 0):
                 raise ValueError(f"GainStatistics: {name}={value!r} must be a positive number.")
-        if np.shape(self.profile) != (_HOURS, 2) or not np.isfinite(self.profile).all():
+        profile = as_numbers(self.profile, "profile of GainStatistics")
+        if profile.shape != (_HOURS, 2) or not np.isfinite(profile).all():
             raise ValueError(
-                f"GainStatistics: profile has shape {np.shape(self.profile)}; give (24, 2) finite numbers [kW], by "
-                "hour on weekdays and on weekends."
+                f"GainStatistics: profile has shape {profile.shape}; give (24, 2) finite numbers [kW], by hour on "
+                "weekdays and on weekends."
             )
+        object.__setattr__(self, "profile", profile)
 
     @property
     def sigma(self) -> np.ndarray:
