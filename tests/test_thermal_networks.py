@@ -357,6 +357,7 @@ def test_two_stages_are_told_apart():
         ),
         ((*LONE, {}, "za", "za", "za", {"Q_c": (1.0, 2.0)}), r"bounds of Q_c are \(1, 2\); both must be < 0"),
         ((*WALLED, {"za": "f", "w": None}, "za", "za", "za", {"f": (0.1, 1.5)}), "bounds of f are .* at most 1"),
+        ((*LONE, {}, "za", "za", "za", {}, "", "", {"hall": "za"}), "the zone 'hall' is 'za'; give a tuple"),
         (
             (*LONE, {}, "za", "za", "za", {}, "", "", {"hall": ("za", "wall")}),
             "zones names the node 'wall', which has no capacitance",

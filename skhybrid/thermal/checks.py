@@ -176,6 +176,9 @@ def _bound_problems(network: Declaration) -> Iterator[str]:
 
 
 def _zone_problems(network: Declaration) -> Iterator[str]:
+    for name, inside in network.zones.items():
+        if not isinstance(inside, tuple | list):
+            yield f"the zone {name!r} is {inside!r}; give a tuple of its nodes, such as ('za_hall', 'w_hall')."
     zone = Counter(node for inside in network.zones.values() for node in inside)
     for node in zone:
         if node not in network.capacitances:
