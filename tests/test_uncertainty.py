@@ -14,7 +14,7 @@ import pytest
 from scipy import stats
 from sklearn.base import clone
 
-from skhybrid import InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
+from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
 from skhybrid.datasets import make_office
 from skhybrid.identification import profile_likelihood, sample_posterior
 from skhybrid.identification.base import NetworkIdentifier
@@ -419,6 +419,13 @@ def test_posterior_is_about_normal_on_an_easy_problem(office):
         laplace = model.theta_std_[name] / model._growth[name]
         assert drawn.summary.loc[name, "mean"] == pytest.approx(model.theta_[name], abs=0.3 * laplace)
         assert drawn.summary.loc[name, "std"] == pytest.approx(laplace, rel=0.2)
+
+
+def test_where_everything_is_known_there_is_nothing_to_sample(office, monkeypatch):
+    monkeypatch.setattr(posterior, "import_pymc", lambda: None)
+    model = GrayBoxRC(known=office.theta).fit(office.X, office.y)
+    with pytest.raises(ValueError, match="searches no parameter, so nothing can be sampled"):
+        sample_posterior(model, office.X, office.y)
 
 
 def test_without_pymc_nothing_is_searched_for_a_posterior(office, output, monkeypatch):

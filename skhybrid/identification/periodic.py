@@ -12,7 +12,7 @@ import pandas as pd
 from .._arguments import store_arguments
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
-from ..thermal.parameters import as_bounds
+from ..thermal.parameters import as_bounds, search_bounds
 from .base import NetworkIdentifier, SearchResult
 from .experiment import Experiment
 from .fitting.gauss_newton import Minimum
@@ -295,4 +295,4 @@ def _prior_starts(problem: PeriodicProblem, n_starts: int, rng: np.random.Random
     spread = [0.0 if p.transform != "log" else 0.3 if p.name in guess else 1.0 for p in problem.searched]
     draws = rng.normal(size=(n_starts, len(centre))) * np.array(spread)
     draws[0] = 0.0
-    return np.clip(np.array(centre) + draws, *np.array([p.free_bounds for p in problem.searched]).T)
+    return np.clip(np.array(centre) + draws, *search_bounds(problem.searched))

@@ -125,6 +125,12 @@ class Parameter:
         return replace(self, lower=lower, upper=upper)
 
 
+def search_bounds(parameters: Iterable[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds (p,) of some parameters on the search scale."""
+    lower, upper = np.array([p.free_bounds for p in parameters]).reshape(-1, 2).T
+    return lower, upper
+
+
 def as_bounds(name: str, given: Any) -> tuple[float, float]:
     """Bounds of a parameter as two floats; those of a negative one may begin with the smaller magnitude."""
     ends = tuple(given) if isinstance(given, Sequence | np.ndarray) else ()

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 
 from ...filtering import ChannelAdjoint, ChannelFilter, Discrete, discretize, filter_channels, filter_channels_adjoint
 from ...thermal import Parameter, RCNetwork
+from ...thermal.parameters import search_bounds
 from ..disturbance_models import first_covariance, measured_states
 from ..experiment import Experiment
 from ..gain_model import HOUR_CLASSES, HourClasses, VarianceModel, gain_parameters, own_priors
@@ -23,6 +24,7 @@ PRIOR_LOG_SD = 1.2  # standard deviation of a log parameter's prior; the data do
 _NO_PRIOR = ("-", "m2", "kW")  # units of what enters linearly: a weak prior in the middle of its bounds would pull it
 #: typical uncertainty of a parameter on the searched scale, the unit of the search's steps
 _TYPICAL = {"kWh/K": 0.01, "K/kW": 0.02, "K": 0.03}
+_STEP = 1e-4  # of the searched parameters, for differences of gradients
 
 
 class PeriodicMatrices(NamedTuple):
@@ -265,7 +267,7 @@ class PeriodicProblem:
             loss, gradient, _ = self.evaluate(x * scale)
             return loss, gradient * scale
 
-        bounds = np.array([p.free_bounds for p in self.searched]) / scale[:, None]
+        bounds = np.column_stack(search_bounds(self.searched)) / scale[:, None]
         options = {"maxiter": 400, "maxcor": 40, "ftol": 1e-9, "gtol": 1e-3}
         found = minimize(objective, start / scale, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return Minimum(found.x * scale, float(found.fun), int(found.nfev), bool(found.success))
@@ -279,13 +281,13 @@ class PeriodicProblem:
         """By how much the log-likelihood of one loss lies below that of the best."""
         return loss - best
 
-    def hessian(self, free: np.ndarray, step: float = 1e-4) -> tuple[np.ndarray, np.ndarray]:
+    def hessian(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Hessian of the objective and derivative of the inner coefficients, by central differences of exact ones."""
         p = len(free)
         H, dbeta = np.empty((p, p)), np.empty((len(self.layout.channels), p))
-        for q, shift in enumerate(step * np.eye(p)):
+        for q, shift in enumerate(_STEP * np.eye(p)):
             _, up, above = self.evaluate(free + shift)
             _, down, below = self.evaluate(free - shift)
-            H[:, q] = (up - down) / (2.0 * step)
-            dbeta[:, q] = (above.beta - below.beta) / (2.0 * step)
+            H[:, q] = (up - down) / (2.0 * _STEP)
+            dbeta[:, q] = (above.beta - below.beta) / (2.0 * _STEP)
         return 0.5 * (H + H.T), dbeta

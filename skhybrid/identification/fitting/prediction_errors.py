@@ -11,6 +11,7 @@ import numpy as np
 
 from ...filtering import Model, Sensitivity, discretize, one_step_sensitivities
 from ...thermal import MatrixBuilder, Parameter, RCNetwork
+from ...thermal.parameters import search_bounds
 from ..experiment import Experiment
 from .gauss_newton import Minimum, minimise_together
 
@@ -45,12 +46,6 @@ class PredictionErrorProblem:
         return {**self.fixed, **{p.name: p.from_free(x) for p, x in zip(self.searched, free, strict=True)}}
 
     all_values = values  # nothing is solved inside
-
-    @cached_property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper ends of the search, (p,) each."""
-        low, high = np.array([p.free_bounds for p in self.searched]).reshape(-1, 2).T
-        return low, high
 
     @cached_property
     def _matrix_builder(self) -> MatrixBuilder:
@@ -215,7 +210,8 @@ class PredictionErrorProblem:
         """Bounded Gauss-Newton from every start (S, p), together as far as memory allows."""
         one = 8 * self.n_entries * (len(self.searched) + 1) * (1 + self.weighted)
         together = max(1, _MEMORY // one)
+        low, high = search_bounds(self.searched)
         out: list[Minimum] = []
         for i in range(0, len(starts), together):
-            out += minimise_together(self.evaluate, starts[i : i + together], *self.bounds, max_evaluations, tolerance)
+            out += minimise_together(self.evaluate, starts[i : i + together], low, high, max_evaluations, tolerance)
         return out

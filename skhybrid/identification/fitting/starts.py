@@ -12,6 +12,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 
 from ..._arguments import as_mapping
 from ...thermal import Parameter
+from ...thermal.parameters import search_bounds
 from .gauss_newton import Minimum
 
 ENOUGH = 5  # starts that have to end at the best minimum before the search ends
@@ -23,7 +24,7 @@ Minimise = Callable[[np.ndarray], list[Minimum]]
 
 def random_starts(searched: Sequence[Parameter], n_starts: int, rng: np.random.RandomState) -> np.ndarray:
     """(n_starts, p) uniform on the searched scale, which is log-uniform for the physical parameters."""
-    low, high = np.array([p.free_bounds for p in searched]).reshape(-1, 2).T
+    low, high = search_bounds(searched)
     return low + (high - low) * rng.uniform(size=(n_starts, len(searched)))
 
 
@@ -42,7 +43,7 @@ def start_at(searched: Sequence[Parameter], begin: Mapping[str, float], others: 
         if not isinstance(value, Real) or not np.isfinite(value) or (p.transform == "log" and value * p.sign <= 0):
             raise ValueError(f"theta_init gives {p.name} the value {value!r}; it lies in [{p.lower:g}, {p.upper:g}].")
     start = [p.to_free(begin[p.name]) if p.name in begin else x for p, x in zip(searched, others, strict=True)]
-    return np.clip([start], *np.array([p.free_bounds for p in searched]).T)
+    return np.clip([start], *search_bounds(searched))
 
 
 def search(

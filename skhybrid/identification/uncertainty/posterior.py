@@ -14,10 +14,12 @@ from scipy.special import expit, logit
 
 from ..._arguments import check_integer, draw_seed
 from ..._threads import one_blas_thread
+from ...thermal.parameters import search_bounds
 from .constrained_problem import ConstrainedProblem, free_point
 
 WORST_R_HAT, FEWEST_EFFECTIVE = 1.05, 100.0  # a chain is refused above this R-hat, or below this many effective draws
 _MARGIN = 1e-3  # how near a bound the search for the starting point may come, as a share of the range
+_STEP = 1e-4  # of the sampler's coordinates, for differences of gradients
 _WIDEST = 3.0  # largest standard deviation that the scaling of the sampler assumes along any direction
 
 
@@ -48,7 +50,7 @@ class _Density:
 
     def __init__(self, problem: Any, start: np.ndarray) -> None:
         self.problem = problem
-        self.low, self.high = np.array([p.free_bounds for p in problem.searched]).T
+        self.low, self.high = search_bounds(problem.searched)
         share = np.clip((start - self.low) / (self.high - self.low), _MARGIN, 1.0 - _MARGIN)
         self.centre, self.root = logit(share), np.eye(len(start))
         self.root = self._scaling()
@@ -66,12 +68,12 @@ class _Density:
         volume = float(np.log(np.maximum(slope, 1e-300)).sum())
         return value + volume, self.root.T @ (gradient * slope + 1.0 - 2.0 * share)
 
-    def _scaling(self, step: float = 1e-4) -> np.ndarray:
+    def _scaling(self) -> np.ndarray:
         """(p, p) root of the inverse Hessian at the start, by differences of exact gradients."""
         p = len(self.centre)
         hessian = np.empty((p, p))
-        for q, shift in enumerate(step * np.eye(p)):
-            hessian[q] = (self(-shift)[1] - self(shift)[1]) / (2.0 * step)
+        for q, shift in enumerate(_STEP * np.eye(p)):
+            hessian[q] = (self(-shift)[1] - self(shift)[1]) / (2.0 * _STEP)
         values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
         return vectors / np.sqrt(np.maximum(values, _WIDEST**-2))
 
@@ -111,8 +113,8 @@ def sample_posterior(
     Raises
     ------
     ValueError
-        If a number of draws is impossible, there is one chain only, or the estimator has no likelihood
-        (``objective="multi_step"``).
+        If a number of draws is impossible, there is one chain only, or the estimator searches no parameter or has no
+        likelihood (``objective="multi_step"``).
     RuntimeError
         If the chains disagree (R-hat above 1.05) or amount to fewer than 100 independent draws.
 
@@ -126,6 +128,8 @@ def sample_posterior(
     import_pymc()  # before a search that may take minutes
     constrained = ConstrainedProblem.of(estimator, X, y)
     problem = constrained.problem(search_all=True)
+    if not problem.searched:
+        raise ValueError("the estimator searches no parameter, so nothing can be sampled; leave some out of known=.")
     start, _ = problem.minimum_near(free_point(problem, constrained.estimator._searched_values()))
     density = _Density(problem, start)
     settings = {"draws": draws, "tune": tune, "chains": chains, "progressbar": progressbar}

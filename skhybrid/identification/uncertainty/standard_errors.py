@@ -12,6 +12,7 @@ from scipy.stats import t as student
 from ..._arguments import check_level
 from ..._time import rows_per_day
 from ...thermal import Parameter
+from ...thermal.parameters import search_bounds
 
 _MOST = 1e3  # largest standard error of a logarithm that is computed; beyond it a direction is as good as free
 _BEYOND = 50.0  # an interval of more than this many e-foldings is that of all values
@@ -100,7 +101,7 @@ def _ends(p: Parameter, value: float, reach: float) -> tuple[float, float]:
 
 def open_places(problem: Any, free: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """Places of the searched parameters that no bound holds, where the negative log-likelihood has a ``slope`` (p,)."""
-    low, high = np.array([p.free_bounds for p in problem.searched]).reshape(-1, 2).T
+    low, high = search_bounds(problem.searched)
     near = _AT_BOUND * (high - low)
     outward = np.where(free - low <= near, slope, np.where(high - free <= near, -slope, 0.0))
     return np.flatnonzero(outward * (high - low) <= _PULL)
