@@ -346,6 +346,8 @@ def test_priors_are_normal_on_the_searched_scale():
         ({"C_w": stats.uniform(0, 1)}, "which the search cannot use"),
         ({"C_w": (4.0, 0.5)}, "the median 4 and the factor 0.5"),
         ({"Q_c": (6.0, 1.5)}, "the median must be < 0"),
+        ({"rho_1": stats.norm(0.9, np.inf)}, "rho_1 the mean .* and the standard deviation inf; both must be finite"),
+        ({"rho_1": stats.norm(0.9, 0.0)}, "rho_1 the mean .* and the standard deviation nan; both must be finite"),
     ],
 )
 def test_priors_that_cannot_be(priors, message, office):

@@ -33,7 +33,13 @@ def normal_priors(
 def _normal(p: Parameter, prior: Any) -> tuple[float, float]:
     kind = getattr(getattr(prior, "dist", None), "name", None)
     if kind == "norm" and p.transform == "identity":
-        return float(prior.mean()), float(prior.std())
+        mean, sd = float(prior.mean()), float(prior.std())
+        if not (np.isfinite(mean) and 0.0 < sd < np.inf):
+            raise ValueError(
+                f"priors= gives {p.name} the mean {mean:g} and the standard deviation {sd:g}; both must be finite and "
+                "the second > 0."
+            )
+        return mean, sd
     if kind == "lognorm" and p.transform == "log" and prior.support()[0] == 0.0:
         median = float(prior.median()) * p.sign
         factor = float(prior.ppf(0.95) / prior.median())
