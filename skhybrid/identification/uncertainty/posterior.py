@@ -235,7 +235,10 @@ def _make_op(density: _Density) -> Any:
 def draw_without_divergence(
     model: Any, start: Mapping[str, Any], *, accept: Sequence[float] = (0.8, 0.99), **settings: Any
 ) -> tuple[Any, int]:
-    """As :func:`draw_chains`, anew with the next share of ``accept`` while draws diverge; and how many did at last."""
+    """Run :func:`draw_chains` with each ``target_accept`` of ``accept`` until no draw diverges.
+
+    Returns the draws of the last run, and how many of them diverged.
+    """
     for target in accept:
         data = draw_chains(model, start, target_accept=target, **settings)
         n_divergent = int(data.sample_stats["diverging"].sum())
