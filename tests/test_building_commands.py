@@ -19,12 +19,13 @@ from skhybrid.cli._study import read_study
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
-from skhybrid.study import read_settings, split_log
+from skhybrid.study import read_log, read_settings, split_log
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _summary
 from skhybrid.zone.rows_ahead import rows_ahead, schedules_of
+from skhybrid.zone.training_rows import refuse_empty
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import make_rooms
@@ -470,6 +471,31 @@ def test_a_dead_heat_meter_costs_its_room_alone(log, tmp_path):
     assert (done.learned, done.n_new) == ("", 24)
     _ahead(log, now + 24).to_csv(tmp_path / "log.csv")  # the meter is back
     assert house.tick(tmp_path / "log.csv", schedule=schedule).learned == ""
+
+
+def test_a_room_with_meters_of_heat_and_of_cold_has_their_difference(folder, log, tmp_path):
+    """Cold that is logged as positive cools; the model, its remarks and its messages know it as one heat."""
+    heat = log["Q_hall_kW"] - 0.5 * log["Q_hall_kW"].max()
+    meters = log.assign(heat_kW=heat.clip(lower=0.0), cold_kW=-heat.clip(upper=0.0))
+    assert (meters["cold_kW"] > 0.0).any()
+    meters[:N_KNOWN].to_csv(tmp_path / "log.csv")
+    config = CONFIG.replace('Q_hvac_hall = "Q_hall_kW"', 'Q_heat_hall = "heat_kW"\nQ_cool_hall = "cold_kW"')
+    settings = settings_from(tomllib.loads(config))
+    frame, _ = read_log(tmp_path / "log.csv", settings)
+    np.testing.assert_allclose(frame["Q_hvac_hall"], heat[:N_KNOWN], atol=1e-9)
+    model = ZoneModel.fit(settings, frame)
+    assert {"Q_hvac_kitchen", "Q_hvac_hall"} <= set(model.covered())
+    assert model.not_learned == {}
+    with pytest.raises(ValueError, match="'heat_kW', 'cold_kW' \\(Q_hvac_hall\\) has no values in the log"):
+        refuse_empty(frame.assign(Q_hvac_hall=np.nan), settings)
+
+
+def test_the_heat_of_a_room_may_be_named_by_the_room_alone(log):
+    settings = settings_from(tomllib.loads(CONFIG.replace("Q_hvac_hall", "Q_hall")))
+    frame = log[:N_KNOWN].rename(columns={column: role for role, column in settings.columns.items()})
+    model = ZoneModel.fit(settings, frame)
+    assert {"Q_hvac_kitchen", "Q_hall"} <= set(model.covered())
+    assert model.not_learned == {}
 
 
 def test_a_room_without_values_of_its_heat_is_studied_without_it(folder, log, tmp_path, capsys):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import NamedTuple, cast
@@ -23,6 +23,7 @@ from .plant import Performance
 from .settings import Settings
 
 SETPOINT = "setpoint"  # column of the set-point in a log, which has no role
+_HEAT, _COLD = "Q_heat", "Q_cool"  # roles of meters that a model reads as one, Q_hvac
 _FAHRENHEIT, _KELVIN = 45.0, 200.0  # set-points without a unit are in degF, or in K, if their median is above
 
 
@@ -73,7 +74,7 @@ class LogByRole(NamedTuple):
 def by_role(raw: RawLog, settings: Settings) -> LogByRole:
     """One column per role at the stamps of the log.
 
-    :func:`plant_heat` comes after the even steps: meters that are logged by change share no stamps.
+    :func:`metered_heat` comes after the even steps: meters that are logged by change share no stamps.
     """
     columns = dict(settings.columns)
     wanted = settings.load.get("setpoint", "measured")
@@ -135,22 +136,36 @@ def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
 
 
 def metered_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
-    """The heat of the plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
-    meters = ["Q_hvac"] if "Q_hvac" in frame else [role for role in ("Q_heat", "Q_cool") if role in frame]
+    """The heat of each plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
+    meters = meters_of(list(map(str, frame)), settings.zones)
+    heat = {whole: _net_heat(frame, parts, settings) for whole, parts in meters.items()}
+    if "Q_hvac" in frame:
+        heat["Q_hvac"] = _net_heat(frame, ["Q_hvac"], settings)
+    return frame.drop(columns=[role for parts in meters.values() for role in parts]).assign(**heat)
+
+
+def meters_of(roles: Collection[str], zones: Sequence[str]) -> dict[str, list[str]]:
+    """The meters of heat and of cold among some roles, by the role of their sum, such as ``Q_hvac_<zone>``."""
+    found = {}
+    for end in ("", *(f"_{zone}" for zone in zones)):
+        parts = [meter + end for meter in (_HEAT, _COLD) if meter + end in roles]
+        if parts and f"Q_hvac{end}" not in roles:
+            found[f"Q_hvac{end}"] = parts
+    return found
+
+
+def _net_heat(frame: pd.DataFrame, meters: Sequence[str], settings: Settings) -> pd.Series:
+    """The heat [kW] of some meters, of which cold counts as negative."""
+    powers = frame[list(meters)]
     performance = Performance.of(settings.plant)
-    if not meters:
-        return frame
-    powers = frame[meters]
-    if "Q_cool" in meters:
-        if has_both_signs(powers["Q_cool"].dropna()):
+    for role in (role for role in meters if role.startswith(_COLD)):
+        if has_both_signs(powers[role].dropna()):
             raise ValueError(
-                f"{settings.columns.get('Q_cool', 'Q_cool')} (Q_cool) is often positive and often negative; if it "
-                "heats and cools, give it as Q_hvac, positive where it heats."
+                f"{settings.columns.get(role, role)} ({role}) is often positive and often negative; if it heats and "
+                f"cools, give it as {role.replace(_COLD, 'Q_hvac')}, positive where it heats."
             )
-        powers = powers.assign(Q_cool=-powers["Q_cool"].abs())
+        powers = powers.assign(**{role: -powers[role].abs()})
     if performance is not None and settings.plant.get("electricity"):  # each by itself: both may run within a step
         T_oa = frame["T_oa"].interpolate(limit_direction="both").to_numpy()
         powers = powers.apply(lambda power: performance.heat(power.to_numpy(), T_oa))
-    return frame.drop(columns=[role for role in meters if role != "Q_hvac"]).assign(
-        Q_hvac=powers.sum(axis=1, skipna=False)
-    )
+    return powers.sum(axis=1, skipna=False)

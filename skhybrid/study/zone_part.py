@@ -8,6 +8,7 @@ from dataclasses import replace
 import pandas as pd
 
 from ..hybrid.building.zone_columns import ZoneColumns
+from .log_reading import meters_of
 from .log_split import StudyData
 from .settings import Settings
 
@@ -27,9 +28,16 @@ def rows_of_zone(rows: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFr
 
 def log_columns(wanted: Iterable[str], settings: Settings) -> list[str]:
     """The columns of the log with some roles, of which ``Q_hvac`` may be the sum of two."""
-    meters = ("Q_hvac", "Q_heat", "Q_cool")
-    roles = dict.fromkeys(one.replace("Q_hvac", meter) for one in wanted for meter in meters)
+    meters = meters_of(settings.columns, settings.zones)
+    roles = [role for one in wanted for role in meters.get(one, [one])]
     return [settings.columns[role] for role in roles if role in settings.columns]
+
+
+def read_roles(settings: Settings) -> list[str]:
+    """The roles of the settings as a model reads them: meters of heat and of cold are one, ``Q_hvac``."""
+    meters = meters_of(settings.columns, settings.zones)
+    parts = [role for one in meters.values() for role in one]
+    return [*(role for role in settings.columns if role not in parts), *meters]
 
 
 def data_of(data: StudyData, settings: Settings, zone: str) -> StudyData:

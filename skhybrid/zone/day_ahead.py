@@ -24,6 +24,7 @@ from ..study.log_split import inputs_of
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
+from ..study.zone_part import log_columns
 from .outages import BRIDGED, like_index, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
 from .zone_model import ZoneModel
@@ -249,7 +250,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
     """Remarks on this forecast for its user."""
     out = []
     for one, roles in zone.not_learned.items():
-        names = listed(zone.settings.columns[role] for role in roles)
+        names = listed(log_columns(roles, zone.settings))
         out.append(f"{one} was learned without its heat, since {names} had no values: its load is not known")
     if not planned and (ideal := zone.ideal_zones(ahead)):
         of = f" of {', '.join(ideal)}" if any(ideal) else ""

@@ -11,7 +11,7 @@ from .._table import is_plant, listed
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..study.settings import Settings
-from ..study.zone_part import roles_of
+from ..study.zone_part import log_columns, read_roles, roles_of
 from .outages import BRIDGED, up_to_measured
 
 
@@ -26,7 +26,7 @@ def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame
 def part_without_dead_meters(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
     """A log without the heat of rooms that ends more than twelve hours before the temperatures, and remarks on it."""
     dead = dead_meters(frame, settings)
-    named = {zone: listed(settings.columns.get(role, role) for role in roles) for zone, roles in dead.items()}
+    named = {zone: listed(log_columns(roles, settings) or roles) for zone, roles in dead.items()}
     remarks = [
         f"zone {zone!r} is learned without its heat, since {names} had no values at the end: its "
         "temperature is forecast as if it were heated and cooled as usual, and its load is not known."
@@ -51,8 +51,8 @@ def dead_meters(frame: pd.DataFrame, settings: Settings) -> dict[str, list[str]]
 
 
 def not_learned(settings: Settings, learned: Any) -> dict[str, list[str]]:
-    """Roles of heat in the settings that are not among those ``learned``, by zone."""
-    own = {zone: _own_plant(settings.columns, settings, zone) for zone in settings.zones}
+    """Roles of heat by the settings that are not among those ``learned``, by zone."""
+    own = {zone: _own_plant(read_roles(settings), settings, zone) for zone in settings.zones}
     found = {zone: [role for role in roles if role not in learned] for zone, roles in own.items()}
     return {zone: roles for zone, roles in found.items() if roles}
 

@@ -18,11 +18,10 @@ from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.raw_log import RawLog
 from ..logs.zone_csv import to_left_label
-from ..study.log_reading import by_role, metered_heat, on_even_steps, read_raw_log, refuse_mixed_units
+from ..study.log_reading import by_role, metered_heat, meters_of, on_even_steps, read_raw_log, refuse_mixed_units
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
-_METERS = ("Q_heat", "Q_cool")  # of which Q_hvac is the sum
 _TAIL = pd.Timedelta(days=1)  # of posted rows, which are kept as they came: later ones may fall into the same step
 _KEPT = pd.Timedelta(days=63)  # of the log, more than a new fit reads
 _CLOCK_AHEAD = pd.Timedelta(days=1)  # by which a sender's clock, or its time zone, may be ahead
@@ -53,7 +52,8 @@ def read_posted(
             f"{held[0]} is logged by change, which the posted rows of a right-labelled log do not determine; let "
             "skhybrid zone tick read the log."
         )
-    meters = set(_METERS).intersection(held)
+    of_heat = meters_of(settings.columns, settings.zones)
+    meters = [whole for whole, parts in of_heat.items() if not set(held).isdisjoint(parts)]
     even = bool(held) if known is None else bool(meters)  # meters that are logged by change share no stamps
     frame = metered_heat(on_even_steps(log.frame, settings, held)[0] if even else log.frame, settings)
     refuse_infinite_columns(frame)
@@ -63,12 +63,12 @@ def read_posted(
     frame = frame.sort_index(kind="stable").dropna(how="all")
     if frame.empty:
         raise ValueError("no posted row has a value; the columns are those of zone.toml.")
-    return frame.groupby(level=0).last(), [*held, *(["Q_hvac"] if meters else [])]
+    return frame.groupby(level=0).last(), [*held, *meters]
 
 
 def _with_changes(raw: RawLog, settings: Settings, known: Sequence[str]) -> Settings:
     """The settings without the roles of ``known`` that did not change; of two meters both are needed for their sum."""
-    free = set(known) - set(_METERS)
+    free = set(known).difference(*meters_of(settings.columns, settings.zones).values())
     columns = {r: c for r, c in settings.columns.items() if r not in free or c in raw.frame}
     return replace(settings, columns=columns)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from .._table import is_plant, listed, plant_roles
+from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
@@ -12,6 +12,7 @@ from ..logs.bridges import bridged, stretches
 from ..logs.log_findings import doubts_on_log
 from ..study.log_split import with_facades
 from ..study.settings import Settings
+from ..study.zone_part import log_columns
 from .dead_meters import without_dead_meters
 from .outages import complete_rows
 
@@ -22,8 +23,7 @@ def refuse_empty(frame: pd.DataFrame, settings: Settings) -> None:
     """Refuse a log of whose inputs, or rooms, one has no value at all."""
     for role in map(str, frame):
         if frame[role].isna().all() and (role in settings.columns or is_plant(role)):
-            meters = [role] if role in settings.columns else plant_roles(settings.columns)
-            names = listed(settings.columns[one] for one in meters)
+            names = listed(log_columns([role], settings) or [role])
             raise ValueError(f"{names} ({role}) has no values in the log; log it, or take it out of [columns].")
 
 

@@ -23,7 +23,7 @@ from ..study.log_split import with_facades
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
-from ..study.zone_part import settings_of_zone
+from ..study.zone_part import read_roles, roles_of, settings_of_zone
 from .dead_meters import not_learned, without_roles
 from .other_units import refuse_watts
 from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
@@ -120,11 +120,11 @@ class ZoneModel:
 
     def covered(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest value of each input in training, by role."""
-        found = {}
+        found: dict[str, tuple[float, float]] = {}
+        roles = read_roles(self.settings)
         for zone, model in self._of_zones.items():
-            for role, span in model.training_.ranges.items():
-                own = f"{role}_{zone}"
-                found[own if own in self.settings.columns else role] = span
+            names = roles_of(roles, self.settings, zone) if zone else {}
+            found |= {names.get(role, role): span for role, span in model.training_.ranges.items()}
         return found
 
     @property
