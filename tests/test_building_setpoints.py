@@ -2,6 +2,7 @@
 
 import re
 from html import escape
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,8 @@ from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
 from skhybrid.study.judgement import Doubts
 from skhybrid.study.load_rules import LAST_WEEK, USUAL
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
+from skhybrid.study.report.building_page import _setpoints_known as report_on
+from skhybrid.study.report.words import percent_or_dash
 from skhybrid.zone.zone_backtest import backtest_building
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
@@ -302,6 +305,10 @@ def test_a_study_scores_each_zone_and_all_together(log, model, later):
     assert held.whole.load_coverage == pytest.approx(np.mean([one.load_coverage for one in held.zones.values()]))
     assert f"errs by {np.sqrt(errors.mean()):.2f} K" in held.whole.words
     assert held.as_usual == ""
+    page = report_on(SimpleNamespace(setpoints_known=held, zones=pd.DataFrame(index=list(held.zones)), scaled=True))
+    for one in held.zones.values():
+        assert f"<td>{percent_or_dash(one.coverage)}</td>" in page
+        assert f"<td>{percent_or_dash(one.load_coverage)}</td>" in page
 
 
 def test_a_study_says_which_plants_run_as_usual(log, as_usual):

@@ -193,7 +193,7 @@ def _setpoints_known(result: BuildingResult) -> str:
     if held is None:
         return ""
     table = zones_setpoints_known(held).loc[result.zones.index]
-    in_percent = [str(name).endswith("band") for name in table]
+    in_percent = [str(name).endswith("interval") for name in table]
     rows = [
         (str(zone), *(percent_or_dash(v) if share else number(v, 2) for v, share in zip(row, in_percent, strict=True)))
         for zone, row in table.iterrows()
