@@ -137,6 +137,13 @@ def test_the_status_is_that_of_the_command(made, capsys):
     assert found["last four weeks"]["temperature [K]"] == told["last four weeks"]["temperature [K]"]
 
 
+def test_the_status_has_the_errors_of_stages(made, monkeypatch):
+    told, stage = ZoneFolder(made).status(), {"rmse": 0.1, "bias": 0.0, "coverage": None}
+    told["last four weeks"]["u_heat [-]"] = stage
+    monkeypatch.setattr(ZoneFolder, "status", lambda _: told)
+    assert client_of(made).get("/status").json()["last four weeks"]["u_heat [-]"] == stage
+
+
 def test_the_page_loads_the_model_once(made, monkeypatch):
     loaded, load = [], ZoneFolder.load
     monkeypatch.setattr(ZoneFolder, "load", lambda self: loaded.append(self) or load(self))

@@ -89,8 +89,10 @@ class Errors(BaseModel):
 
 
 class PastErrors(BaseModel):
-    """Errors of forecasts that are over."""
+    """Errors of forecasts that are over; of stages too, each under its name, such as u_heat [-]."""
 
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Errors | None]
     origin: str | None = Field(None, alias="from", description="origin, where it is one forecast")
     forecasts: int | None = Field(None, description="number of forecasts, where there are several")
     temperature: Errors | None = Field(None, alias="temperature [K]", description="errors of the zone temperature [K]")
