@@ -126,6 +126,10 @@ def test_what_the_data_do_not_tell_is_left_out_with_a_sentence(identified, offic
 def test_a_plan_that_cannot_be(identified, office):
     with pytest.raises(ValueError, match="two steps or more"):
         emhass_parameters(identified, _settings(), hours=0.5)
+    with pytest.raises(ValueError, match="sense='warm' is not one of 'heat', 'cool'"):
+        emhass_parameters(identified, _settings(), sense="warm")
+    with pytest.raises(ValueError, match="block='battery' is not one of 'thermal_config', 'thermal_battery'"):
+        emhass_parameters(identified, _settings(), office.X).runtime_parameters("battery")
     heated = office.X[:672].assign(Q_hvac=6.0 * office.X["u_heat"]).drop(columns=["u_heat", "u_cool"])
     gray_box = GrayBoxRC(n_starts=1, random_state=0).fit(heated, office.y[:672])
     with pytest.raises(ValueError, match="none that can cool"):

@@ -84,6 +84,8 @@ class EmhassExport(NamedTuple):
         ----------
         block : {"thermal_config", "thermal_battery"}
         """
+        if block not in self.load:
+            raise ValueError(f"block={block!r} is not one of {', '.join(map(repr, self.load))}.")
         power = {} if self.nominal_power is None else {"nominal_power_of_deferrable_loads": [self.nominal_power]}
         return {"def_load_config": [{block: self.load[block]}], **power}
 
@@ -161,6 +163,8 @@ def _values(gray_box: Any, theta: pd.Series, plant: dict[str, float], time: np.n
 
 def _plant(gray_box: Any, settings: Settings, rows: pd.DataFrame | None, sense: str) -> dict[str, float]:
     """Inputs of the plant at nominal power: stages of 1 that heat (or cool), else heat [kW]."""
+    if sense not in _SIGNS:
+        raise ValueError(f"sense={sense!r} is not one of {', '.join(map(repr, _SIGNS))}.")
     sign = _SIGNS[sense]
     theta = gray_box.theta_
     sources = gray_box.network_.sources(gray_box.state_space_.input_names[: -len(gray_box.network_.gain_names)])
