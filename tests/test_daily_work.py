@@ -58,7 +58,8 @@ def test_a_set_point_holds_into_a_weekend_and_out_of_it():
 @pytest.mark.parametrize(
     ("text", "message"),
     [("25,20", "heats to 25 and cools to 20"), ("1,2,3", "not a heating and a cooling"), ("warm", "not a set-point"),
-     ("25:00=20;25", "not a clock time"), ("99,120", "from 0 to 45"), ("", "is empty")],
+     ("25:00=20;25", "not a clock time"), ("6:00=21,6:00=17", "a clock time twice"),
+     ("99,120", "from 0 to 45"), ("", "is empty")],
 )  # fmt: skip
 def test_set_points_that_cannot_be(text, message):
     with pytest.raises(ValueError, match=message):

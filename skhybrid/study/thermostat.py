@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from .._arguments import is_number
 from .._holidays import read_holidays
 from .._table import SETPOINT_ROLES
 from .._time import wall_clock
@@ -94,9 +95,12 @@ def _of_text(side: str) -> Any:
     try:
         if "=" not in side:
             return float(side)
-        return {clock: float(value) for clock, value in (part.split("=") for part in side.split(","))}
+        pairs = [(clock, float(value)) for clock, value in (part.split("=") for part in side.split(","))]
     except ValueError:
         raise ValueError(f"--setpoint {side!r} is not a set-point such as 21, or 6:00=21,22:00=17.") from None
+    if len(dict(pairs)) < len(pairs):
+        raise ValueError(f"--setpoint {side!r} has a clock time twice; remove one.")
+    return dict(pairs)
 
 
 def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None = None) -> dict[int, float]:
@@ -113,7 +117,7 @@ def by_clock(where: str, given: Any, what: str, span: tuple[float, float] | None
         found = _CLOCK.fullmatch(str(clock))
         if found is None:
             raise ValueError(f"{where} has {clock!r}, which is not a clock time such as 6:30.")
-        plain = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
+        plain = is_number(value)
         if not plain or not low <= value <= high:
             allowed = f" from {low:g} to {high:g} degC" if span else ""
             allowed += " (degF must be converted)" if span and plain and high < value < 120 else ""
