@@ -37,7 +37,8 @@ def command(
     With --config, a configuration is written there; what could not be found is a comment in it.  A configuration that
     exists is used instead, and left as it is.
     """
-    if config is not None and config.exists() and not overwrite:
+    known = config is not None and config.exists() and not overwrite
+    if known:
         overruled = [name for name, value in (("--format", format_), ("--timezone", timezone)) if value is not None]
         if overruled:
             raise click.UsageError(f"{config} exists and says how the log is read: correct it, without {overruled[0]}")
@@ -48,7 +49,7 @@ def command(
     from ..study import propose_settings, read_settings
     from ..study.log_reading import read_raw_log
 
-    if config is not None and config.exists() and not overwrite:
+    if config is not None and known:
         settings = read_settings(config)
         report = LogReport(
             read_raw_log(log, settings),

@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from .._arguments import is_number
+from .._arguments import is_integer, is_number
 from .._holidays import read_holidays
 from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
@@ -254,7 +254,7 @@ def _check_plain(settings: Settings) -> None:
         if getattr(settings, key) is not None and len(getattr(settings, key)) != 1:
             raise ValueError(f"{key} = {getattr(settings, key)!r} must be one character.")
     seed = settings.random_state
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
+    if not is_integer(seed) or not 0 <= seed < 2**32:
         raise ValueError(f"random_state = {seed!r} must be an integer from 0 to 4294967295.")
     if not isinstance(settings.dayfirst, bool | None):
         raise ValueError(f"dayfirst = {settings.dayfirst!r} must be true or false.")
@@ -277,7 +277,7 @@ def _check_tables(settings: Settings) -> None:
         if column is not None and (other := role_of_column.setdefault(column, role)) != role:
             raise ValueError(f"[columns] {other} and {role} are both {column!r}; give each a column of its own.")
     n_starts = settings.estimator.get("n_starts", 1)
-    if isinstance(n_starts, bool) or not isinstance(n_starts, int) or n_starts < 1:
+    if not is_integer(n_starts) or n_starts < 1:
         raise ValueError(f"[estimator] n_starts = {n_starts!r} must be an integer of at least 1.")
     for name, value in _inner_table(settings.estimator, "estimator", "known").items():
         if not is_number(value):

@@ -52,7 +52,8 @@ def save_png(figure: Any, path: str | PathLike[str]) -> None:
 def as_svg(figure: Any, label: str, name: str) -> str:
     """A figure as an SVG element that takes text, lines and fonts of the page, so that it follows its dark mode.
 
-    ``label`` is said in the place of the figure; of ``name`` its identifiers are made, no two of a page the same.
+    ``label`` describes the figure to those who do not see it; ``name``, from which identifiers are made, must differ
+    between the figures of a page.
     """
     text = svg_text(figure, name)
     text = _NO_STYLE.sub("", text[text.index("<svg") :].replace("\n", " "))
@@ -65,7 +66,7 @@ def as_svg(figure: Any, label: str, name: str) -> str:
 def in_two_widths(draw: Callable[[float], Any], caption: str, name: str) -> str:
     """A figure that is drawn by its width [in] as HTML in two widths, of which the style shows one.
 
-    Of the ``name`` its identifiers are made; no two of a page are the same.
+    ``name`` must differ between the figures of a page: identifiers are made from it.
     """
     text = escape(caption, quote=True)
     drawn = "".join(
@@ -96,12 +97,12 @@ def _draw_backtest(ax: Any, frames: Mapping[str, pd.DataFrame], shown: pd.Timede
     ForecastDisplay.from_predictions(chosen, ax=ax, start=last - shown)
 
 
-def held_figure(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str, shown: pd.Timedelta = SHOWN) -> Any:
+def held_figure(frame: pd.DataFrame, load: pd.Series, own: pd.Series, unit: str) -> Any:
     """Temperature and load over the last days of a back-test under set-points; ``load`` is measured [unit]."""
     figure, axes = blank_axes(2, (WIDE, 5.6))
-    _draw_backtest(axes[0], {HYBRID: frame}, shown)
+    _draw_backtest(axes[0], {HYBRID: frame}, SHOWN)
     loads = loads_backtest(frame, load, own, unit)
-    _draw_backtest(axes[1], {HYBRID: loads}, shown)
+    _draw_backtest(axes[1], {HYBRID: loads}, SHOWN)
     axes[1].set_ylabel("heat [kW]" if unit == "kW" else "stages [-]")
     return figure
 
