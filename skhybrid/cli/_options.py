@@ -101,7 +101,7 @@ def _tell(caught: Sequence[warnings.WarningMessage], say: Progress) -> list[str]
 
 
 def _refuse_one_file_twice(options: Mapping[str, Any]) -> None:
-    """Refuse what would be written over what is read; a log may have the weather to come."""
+    """Refuse one file for two options, which would be written over what is read; a log may have the weather to come."""
     named = {words: Path(options[name]).resolve() for name, words in _FILES.items() if options.get(name) is not None}
     for one, other in combinations(named, 2):
         if named[one] == named[other] and {one, other} != {_FILES["log"], _FILES["weather"]}:
@@ -154,7 +154,10 @@ def write_out(out: Path, text: str, say: Progress) -> None:
 
 
 def settings_at(config: Path | None, *, several: bool = False) -> Any:
-    """The settings of a file, of one zone unless ``several`` may be; a sentence on what to do where none is given."""
+    """The settings of a file, which are refused where they have several zones, unless ``several``.
+
+    Without a file a usage error says how to get one.
+    """
     from ..study import read_settings
 
     if config is None:

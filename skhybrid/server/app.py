@@ -204,7 +204,7 @@ def _csv_of_json(body: bytes) -> tuple[str, int]:
 
 
 def _csv_text(body: bytes) -> tuple[str, int]:
-    """CSV as text; what is compressed or a database is none."""
+    """The body as text; refused where it is compressed, or a database."""
     try:
         text = body.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -29,8 +29,8 @@ _READING = ("GET", "HEAD")
 class Guard:
     """ASGI middleware that refuses requests of others, each with one sentence.
 
-    With a token a request needs ``Authorization: Bearer TOKEN``; reading also goes with the token as the password of
-    basic authentication, which browsers ask for.  Posts of pages of other sites are refused with and without one.
+    With a token a request needs ``Authorization: Bearer TOKEN``; to read, the token may also be the password of
+    basic authentication, for which browsers ask.  Posts of pages of other sites are refused with and without one.
     """
 
     def __init__(self, app: Any, token: str | None = None) -> None:

@@ -22,7 +22,7 @@ def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: 
     """
     step = later.index[1] - later.index[0]
     day = rows_per_day(step)
-    yesterday = heat.reindex(later.index - day * step).set_axis(later.index)  # rows may lack between train and later
+    yesterday = heat.reindex(later.index - day * step).set_axis(later.index)  # between the spans rows may be absent
     roles = [role for role in train if str(role) == "T_oa" or str(role).startswith("q_sol")]
     X = pd.concat([train[roles], later[roles]])
     X = X.assign(held=held.reindex(X.index).ffill().bfill(), before=held.reindex(X.index).shift().ffill().bfill())

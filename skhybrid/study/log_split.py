@@ -145,7 +145,7 @@ def _usable(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
 
 
 def _refuse_constant(temperature: pd.Series, least: int) -> None:
-    """Refuse a temperature of which ``least`` rows or more are all the same, or missing."""
+    """Refuse a temperature of at least ``least`` rows that never changes, or is never known."""
     if len(temperature) >= least and temperature.nunique() < 2:
         raise ValueError(
             f"{temperature.name} is the same in all rows from {temperature.index[0]!s} to {temperature.index[-1]!s}; "

@@ -1,4 +1,4 @@
-"""Electricity of a plant and the heat that it makes of it, by its coefficient of performance."""
+"""The heat that a plant makes of electricity, and back, by its coefficient of performance."""
 
 from __future__ import annotations
 

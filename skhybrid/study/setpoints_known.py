@@ -47,7 +47,7 @@ class SetpointsKnown(NamedTuple):
     def of(
         cls, model: Any, rows: Any, data: StudyData, yesterday: pd.DataFrame, settings: Settings, remarks: list[str]
     ) -> Self | None:
-        """Back-test a fitted model on the ``rows`` after the training, at the origins of that of ``yesterday``.
+        """Back-test a fitted model on the ``rows`` after the training, at the origins of the one of ``yesterday``.
 
         None without a plant or set-points in the log; where no thermostat was learned, a remark says why.
         """

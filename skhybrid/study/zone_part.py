@@ -51,7 +51,7 @@ def data_of(data: StudyData, settings: Settings, zone: str) -> StudyData:
 
 
 def forecast_of(found: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
-    """The columns of a frame whose names end with that of a zone, without it."""
+    """The columns of a frame whose names end with the name of a zone, which is taken off."""
     ends = {str(name): [other for other in settings.zones if str(name).endswith(f"_{other}")] for name in found}
     own = [name for name, zones in ends.items() if zones and max(zones, key=len) == zone]
     return found[own].rename(columns=lambda name: str(name).removesuffix(f"_{zone}"))

@@ -119,7 +119,10 @@ def _unused(later: pd.DataFrame, settings: Settings, schedule: Schedules | None)
 
 
 def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
-    """Rows after the origin, without what is no plan: rows in which a temperature was measured lack weather only."""
+    """Rows after the origin that may be weather and plans; none where the last of them has a temperature.
+
+    Where earlier ones have one, a column without any value after them is left out: it is no plan.
+    """
     past = later[measured].notna().any(axis=1).to_numpy()
     if past.any() and past[-1]:
         later = later.iloc[:0]
@@ -224,7 +227,7 @@ def _weather_remarks(history: pd.DataFrame, ahead: pd.DataFrame) -> Iterator[str
 
 
 def _sun_at_night(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
-    """Share of the irradiance ahead in the hours of the day, which no change of clocks moves, that the log has dark."""
+    """Share of the irradiance ahead at hours of the day at which the log is dark; of the day in UTC, if known."""
     if "q_sol" not in history or "q_sol" not in ahead or history.index[-1] - history.index[0] < _LEAST_SEEN:
         return 0.0
     sun, coming = (frame["q_sol"].clip(lower=0.0) for frame in (history, ahead))
@@ -234,7 +237,7 @@ def _sun_at_night(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
 
 
 def _sun_of(rows: pd.DataFrame, before: pd.DataFrame) -> tuple[float, float]:
-    """Highest irradiance at the hours of some rows [kW/m2]: of the rows before them, and theirs."""
+    """Highest irradiance [kW/m2] at the hours of some rows: in the rows before them, and in these rows."""
     if "q_sol" not in rows or "q_sol" not in before or len(rows) < 2 or rows.index[-1] - rows.index[0] < _HALF_DAY:
         return 0.0, 0.0
     highest = before["q_sol"].groupby(_hours(before["q_sol"])).max()

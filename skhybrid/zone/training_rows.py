@@ -30,9 +30,9 @@ def refuse_empty(frame: pd.DataFrame, settings: Settings) -> None:
 def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.DataFrame:
     """The last ``days`` of a log between outages of more than four days, with bridges over shorter ones.
 
-    On a bridge the inputs are interpolated and no temperature is known.  Where that is most of the rows, the longest
-    stretch without an outage is taken.  So is the longest between long outages, also where a later one has three weeks:
-    its fewer rows cost about as much as their age gains.
+    On a bridge the inputs are interpolated and no temperature is known.  Of several parts between long outages the
+    longest is taken, also where a later one has three weeks: it gains by its age about what it loses by fewer rows.
+    If bridges would be most of that part, the longest stretch without any outage is taken.
 
     Parameters
     ----------
