@@ -18,6 +18,7 @@ LONGEST_BRIDGE = pd.Timedelta("4D")
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _HOUR, _DAY = pd.Timedelta("1h"), pd.Timedelta("1D")
 _FINEST = pd.Timedelta("1s")  # no building is logged more often
+_ROUNDING = 0.2  # most by which steps in decimals differ, as a share: hours are often written with few digits
 _STAMPS = (
     "give a DataFrame with a DatetimeIndex (a step before this one in a Pipeline keeps it with "
     ".set_output(transform='pandas')), or pass sampling_time=, such as '15min'"
@@ -41,7 +42,7 @@ def read_index(
     if given is not None and given < _FINEST:
         raise ValueError(f"sampling_time={sampling_time!r} is {spell(given)}, but steps are of a second or more.")
     if not isinstance(index, pd.DatetimeIndex):
-        _refuse_disorder(index)
+        refuse_disorder(index)
         step = given or expected
         if step is None:
             raise ValueError(f"X has no time stamps; {_STAMPS if X is None else _how_to_stamp(X, name)}.")
@@ -157,7 +158,7 @@ def _how_to_stamp(X: pd.DataFrame, name: str) -> str:
     return _STAMPS
 
 
-def _refuse_disorder(index: pd.Index) -> None:
+def refuse_disorder(index: pd.Index) -> None:
     """Refuse an index of time stamps as text, or of numbers that do not belong to consecutive rows."""
     if isinstance(index, pd.MultiIndex):
         raise ValueError(
@@ -171,6 +172,8 @@ def _refuse_disorder(index: pd.Index) -> None:
                 "with pd.to_datetime (periods with .to_timestamp())."
             )
         return  # labels without a meaning in time: the rows are taken in their order
+    if index.hasnans:
+        raise ValueError(f"the index holds NaN at row {int(np.argmax(index.isna()))}; every row needs a number.")
     gaps = np.diff(index.to_numpy(dtype=np.float64))
     if (gaps <= 0).any():
         row = int(np.argmax(gaps <= 0))
@@ -178,11 +181,14 @@ def _refuse_disorder(index: pd.Index) -> None:
             f"the rows are not in time order: index {index[row]} is followed by {index[row + 1]}; rows are consecutive "
             "time steps, so split them with skhybrid.model_selection.RollingOriginSplit, never shuffled."
         )
-    if pd.api.types.is_integer_dtype(index) and len(set(gaps)) > 1:
-        row = int(np.argmax(gaps != np.median(gaps)))
+    usual = np.median(gaps) if len(gaps) else 1.0
+    uneven = np.abs(gaps - usual) > (0.0 if pd.api.types.is_integer_dtype(index) else _ROUNDING * usual)
+    if uneven.any():
+        row = int(np.argmax(uneven))
+        what = "rows are missing" if gaps[row] > usual else "the rows are not evenly spaced"
         raise ValueError(
-            f"rows are missing: index {index[row]} is followed by {index[row + 1]}; rows are consecutive time steps, "
-            "so keep them all, with NaN where y was not measured."
+            f"{what}: index {index[row]} is followed by {index[row + 1]}; give every time step one row, with NaN "
+            "where y was not measured."
         )
 
 

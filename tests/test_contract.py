@@ -874,6 +874,12 @@ def test_disorder_of_time_stamps(office, rows, message):
         (lambda i: pd.Index(np.arange(len(i)) // 2), "not in time order: index 0 is followed by 0"),
         (lambda i: pd.Index(np.arange(len(i))[::-1] / 4), "not in time order"),
         (lambda i: pd.RangeIndex(len(i) + 1).delete(9), "rows are missing: index 8 is followed by 10"),
+        (lambda i: pd.Index(np.arange(len(i) + 1) / 4).delete(9), "rows are missing: index 2.0 is followed by 2.5"),
+        (
+            lambda i: pd.Index(np.sort(np.append(np.arange(len(i) - 1) / 4, 1.1))),
+            "rows are not evenly spaced: index 1.0 is followed by 1.1",
+        ),
+        (lambda i: pd.Index(np.where(np.arange(len(i)) == 5, np.nan, np.arange(len(i)))), "holds NaN at row 5"),
     ],
 )
 def test_indices_that_are_not_consecutive_time_steps(office, index, message):
@@ -950,6 +956,7 @@ def test_row_numbers_tell_the_hour_of_the_day(name):
         (pd.RangeIndex(10**15, 10**15 + 2), None),  # no overflow
         (pd.Index([6, 8, 10]), "2001-01-01 00:00"),
         (pd.Index([3.0, 4.0]), "2001-01-01 00:00"),
+        (pd.Index([0.08, 0.17, 0.25]), "2001-01-01 00:00"),  # hours, rounded
         (pd.Index(["c", "d"]), "2001-01-01 00:00"),
     ],
 )

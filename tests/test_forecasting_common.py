@@ -239,6 +239,22 @@ def test_forecast_refuses_what_would_start_it_without_a_past_or_a_clock():
             model.forecast(history, X.iloc[220:230].reset_index(drop=True))
 
 
+@pytest.mark.parametrize(
+    ("history", "future", "message"),
+    [
+        (slice(200, 210), slice(212, 230), "rows are missing: index 209 is followed by 212"),
+        (slice(200, 210), slice(205, 230), "not in time order: index 209 is followed by 205"),
+    ],
+)
+def test_forecast_refuses_row_numbers_that_do_not_go_on(history, future, message):
+    X, y = (data.reset_index(drop=True) for data in hourly(14))
+    model = DisturbanceForecaster("profile", sampling_time="1h").fit(X.iloc[:200], y.iloc[:200])
+    with pytest.raises(ValueError, match=message):
+        model.forecast(X.iloc[history], X.iloc[future])
+    following = model.forecast(X.iloc[200:210], X.iloc[210:230])
+    np.testing.assert_array_equal(following, model.predict_from(X.iloc[200:230], [9], "20h")[0])
+
+
 def test_history_may_come_from_the_target():
     X, y = hourly(14)
     without = X.drop(columns="zeta")

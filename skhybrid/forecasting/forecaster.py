@@ -16,7 +16,7 @@ from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, append_tables, read_target, refuse_other_clock
 from .._threads import one_blas_thread
-from .._time import rows_per_day
+from .._time import refuse_disorder, rows_per_day
 from .._transaction import unchanged_on_failure
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
@@ -293,7 +293,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         ------
         ValueError
             If ``future`` does not begin one step after ``history``, lacks an input, or only one of them has time
-            stamps; or if ``history`` lacks ``zeta``, which the training table had.
+            stamps; or if ``history`` lacks ``zeta``, which the training table had, and does not follow that table.
         """
         check_is_fitted(self)
         ahead = unmeasured(self._read_X(frame_only(future)), self._tail)
@@ -301,6 +301,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         refuse_other_clock(ahead, past)
         joined = append_tables(past, ahead)
         if past.utc is None:  # the clock runs on
+            if history is not None:
+                refuse_disorder(history.index.append(future.index))
             joined = joined.replace(time=pd.date_range(past.time[0], periods=joined.n_rows, freq=past.step))
         else:
             refuse_unless_following(ahead, past)
