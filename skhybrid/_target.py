@@ -69,8 +69,8 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None
     for earlier, later, word in ((history, y, "later"), (y, history, "earlier")):
         if np.array_equal(earlier[:-1], later[1:], equal_nan=True) and not np.array_equal(known, wanted):
             raise ValueError(
-                f"role {role!r} of X is y one row {word}; both are the temperature at the stamp of their own row, so "
-                "give them unshifted."
+                f"role {role!r} of X is y one row {word}; the values of a row in both belong to its own stamp, so give "
+                "them unshifted."
             )
     together = np.corrcoef(known, wanted)[0, 1] if np.ptp(known) > 0 else 0.0
     if np.std(known - wanted) > 0.9 * np.std(wanted) and together < 0.3:

@@ -83,6 +83,8 @@ def test_a_case_of_the_user():
             for days in (0, 8.0, None, "4", True)
         ],
         ({"past": (), "future": ()}, "has no feature"),
+        ({"past": "zeta"}, "past='zeta' of case 'x' must be a sequence of features"),  # a comma is missing
+        ({"future": None}, "future=None of case 'x' must be a sequence of features"),
     ]:
         with pytest.raises(ValueError, match=message):
             ModelCase(**({"name": "x", "pattern_days": 1, "past": ("zeta",), "future": ()} | wrong))

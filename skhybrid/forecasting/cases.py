@@ -43,7 +43,12 @@ class ModelCase:
 
     def __post_init__(self) -> None:
         for part in ("past", "future"):
-            object.__setattr__(self, part, tuple(getattr(self, part)))
+            given = getattr(self, part)
+            if isinstance(given, str) or not isinstance(given, Iterable):
+                raise ValueError(
+                    f"{part}={given!r} of case {self.name!r} must be a sequence of features, such as ('zeta', 'how')."
+                )
+            object.__setattr__(self, part, tuple(given))
             for feature in getattr(self, part):
                 if feature not in FEATURES:
                     raise ValueError(
