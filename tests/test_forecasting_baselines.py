@@ -213,6 +213,19 @@ def test_ridge_finds_calendar_and_weather_and_corrects_by_what_is_known():
     assert np.sqrt((warm**2).mean()) < np.sqrt((cold**2).mean())
 
 
+def test_the_recent_past_is_the_mean_of_what_is_known_of_it():
+    X, zeta = _weeks(14)
+    table = read_table(BaseEstimator(), X, reset=True)
+    known, origin, leads = zeta.where(zeta.index.hour != 3), 10 * 24 + 8, np.arange(1.0, 25.0)
+    features = lag_features(table, known.to_numpy(), np.array([origin]), 24)[0]
+    last, hours, day, week = (known.iloc[max(origin + 1 - n, 0) : origin + 1].mean() for n in (1, 6, 24, 7 * 24))
+    expected = [last * np.exp(-leads / 2), last * np.exp(-leads / 8), hours * np.exp(-leads / 8)]
+    expected += [day * np.exp(-leads / 24), np.full(24, day), np.full(24, week)]
+    np.testing.assert_allclose(features[:, :6].T, expected)
+    begun = lag_features(table, known.to_numpy(), np.array([3]), 1)[0, 0]  # the row itself is not known
+    np.testing.assert_allclose(begun[[0, 4, 5]], [0.0, known.iloc[:3].mean(), known.iloc[:3].mean()])
+
+
 def test_a_day_ahead_is_compared_with_the_kind_of_the_day_that_is_known():
     """From a Friday on, all of the weekend is compared with Friday, Monday to Friday too, and Saturday week apart."""
     X, zeta = _weeks(14)

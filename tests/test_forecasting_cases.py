@@ -9,7 +9,7 @@ import pytest
 from skhybrid._table import ZoneTable
 from skhybrid.forecasting import DisturbanceForecaster, ModelCase, list_cases, list_sizes
 from skhybrid.forecasting.cases import cases_of, resolve_case
-from skhybrid.forecasting.features import encode_time, known_at, last_same_slot, plant_mode, trailing_mean
+from skhybrid.forecasting.features import encode_time, known_at, last_same_slot, plant_mode
 
 # rows of tables a1 (MLP, CNN) and a2 (RNN, LSTM): days | past | future.
 PAPER = {
@@ -135,7 +135,6 @@ def test_the_past_is_read_as_known_at_the_origin():
     np.testing.assert_array_equal(last_same_slot(series, rows, origins[:1], 3, 1), [[np.nan, 3, 4, np.nan]])
     np.testing.assert_array_equal(last_same_slot(series, rows, origins[:1], 3, 2), [[np.nan, 3, 4, np.nan]])
     np.testing.assert_array_equal(last_same_slot(series, rows - 1, origins[:1], 3, 2)[0, 2:], [3, 4])
-    np.testing.assert_array_equal(trailing_mean(series[:5], 2), [0.0, 0.5, 1.0, 3.0, 3.5])
 
 
 def test_sizes_are_those_of_the_paper_s_section_3_2():

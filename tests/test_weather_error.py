@@ -15,7 +15,6 @@ from skhybrid._table import ZoneTable, read_table
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
 from skhybrid.forecasting import WeatherError
-from skhybrid.forecasting.weather_error import _mean_of_three
 from skhybrid.model_selection import backtest, score_backtest
 
 N_LEADS = 96
@@ -45,10 +44,6 @@ def test_temperature_error_is_the_published_autoregression():
     after = [np.corrcoef(errors[:, k], errors[:, k + 1])[0, 1] for k in range(23)]
     expected = [0.93 * np.sqrt(a / b) for a, b in pairwise(variance)]
     np.testing.assert_allclose(after, expected, atol=0.03)
-
-
-def test_the_mean_of_three_keeps_its_ends():
-    np.testing.assert_allclose(_mean_of_three(np.array([3.0, 6.0, 12.0])), [4.0, 7.0, 10.0])
 
 
 def test_levels_are_ordered():

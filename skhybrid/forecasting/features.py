@@ -147,14 +147,3 @@ def span_means(series: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.nd
     total = np.concatenate([np.zeros((1, *series.shape[1:])), np.cumsum(series, axis=0)])
     count = np.maximum(stop - first, 1)
     return (total[stop] - total[first]) / count.reshape(count.shape + (1,) * (series.ndim - 1))
-
-
-def trailing_mean(series: np.ndarray, width: int) -> np.ndarray:
-    """Mean of the known values in the ``width`` rows up to each row, NaN where there is none, (n,) float64."""
-    known = np.isfinite(series)
-    totals = np.concatenate([[0.0], np.cumsum(np.where(known, series, 0.0))])
-    counts = np.concatenate([[0], np.cumsum(known)])
-    ends = np.arange(1, len(series) + 1)
-    starts = np.maximum(0, ends - width)
-    n = counts[ends] - counts[starts]
-    return np.where(n > 0, (totals[ends] - totals[starts]) / np.maximum(n, 1), np.nan)

@@ -12,6 +12,7 @@ from math import gcd
 from typing import NamedTuple, Self
 
 import numpy as np
+import pandas as pd
 from scipy.linalg import eigh
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
@@ -25,7 +26,6 @@ from .features import (
     known_before,
     same_slot,
     target_rows,
-    trailing_mean,
 )
 
 ALPHAS = np.logspace(-1.0, 5.0, 13)
@@ -187,8 +187,9 @@ def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n
     per_day = rows_per_day(table.step)
     hours = np.arange(1, n_leads + 1) * table.step_hours
     rows = target_rows(origins, n_leads)
-    means = [trailing_mean(deviation, width) for width in (1, max(1, per_day // 4), per_day, 7 * per_day)]
-    now = [known_at(series, origins[:, None], origins) for series in means]
+    series, widths = pd.Series(deviation), (1, max(1, per_day // 4), per_day, 7 * per_day)
+    means = [series.rolling(width, min_periods=1).mean().to_numpy() for width in widths]
+    now = [known_at(mean, origins[:, None], origins) for mean in means]
     fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
     changes, weekend = clock_changes(table), table.weekend
     day_before, week_before = (same_slot(rows, origins, n * per_day, changes) for n in (1, 7))

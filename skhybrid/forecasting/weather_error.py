@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from .._arguments import check_integer
@@ -131,7 +132,8 @@ class WeatherError:
     ) -> np.ndarray:
         """(n_leads,) forecast irradiance as a share of what was measured."""
         draws = np.random.default_rng([1, *seed]).laplace(size=_n_hours(leads))
-        errors = _at(leads, _mean_of_three(_autoregressive(_IRRADIANCE[self.level], draws))) / _W_PER_KW
+        hourly = uniform_filter1d(_autoregressive(_IRRADIANCE[self.level], draws), 3, mode="nearest")
+        errors = _at(leads, hourly) / _W_PER_KW
         measured = table.inputs[role][rows]
         forecast = np.clip(measured + errors, 0.0, _most_nearby(table, role, rows))
         return np.divide(forecast, measured, out=np.ones(len(leads)), where=measured > 0)
@@ -156,11 +158,6 @@ def _n_hours(leads: np.ndarray) -> int:
 def _at(leads: np.ndarray, hourly: np.ndarray) -> np.ndarray:
     """Errors at leads [h], between those of whole hours."""
     return np.interp(leads, np.arange(1, len(hourly) + 1), hourly)
-
-
-def _mean_of_three(values: np.ndarray) -> np.ndarray:
-    padded = np.pad(values, 1, mode="edge")
-    return (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
 
 
 def _most_nearby(table: ZoneTable, role: str, rows: slice) -> np.ndarray:
