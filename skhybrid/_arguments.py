@@ -28,7 +28,7 @@ def store_arguments(estimator: Any, given: Mapping[str, Any]) -> None:
 
 
 def check_integer(name: str, value: Any, least: int = 1, most: int | None = None) -> None:
-    """Refuse a value that is no integer, less than the least one or, if there is one, more than the most."""
+    """Refuse what is not an integer from ``least`` to ``most``; without ``most`` there is no upper limit."""
     if not is_integer(value) or value < least or (most is not None and value > most):
         span = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise ValueError(f"{name}={value!r} must be an integer {span}.")
@@ -59,13 +59,13 @@ def is_number(value: Any) -> bool:
 
 
 def check_rate(name: str, value: Any) -> None:
-    """Refuse a value that is no finite number above 0."""
+    """Refuse what is not a finite number above 0."""
     if not (is_number(value) and value > 0):
         raise ValueError(f"{name}={value!r} is outside (0, inf).")
 
 
 def check_level(level: Any, least: float = 0.0) -> None:
-    """Refuse a probability that is no number between the least one and 1."""
+    """Refuse what is not a probability between ``least`` and 1."""
     if not (is_number(level) and least < level < 1.0):
         raise ValueError(f"level={level!r} is not between {least:g} and 1; give a share, such as 0.9 for 90 %.")
 

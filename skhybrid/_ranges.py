@@ -59,15 +59,16 @@ _LEAST_FILL = min(map(abs, _FILL_VALUES))
 _BEYOND_UNITS = 900.0
 #: least share of the values other than 0, and least number of rows, to be taken for a unit and not for a failed sensor
 _LEAST_SHARE, _LEAST_ROWS = 0.05, 4
-#: no temperature falls to exactly 0 that is else above this [degC]
+#: a temperature that is otherwise above this is never exactly 0 [degC]
 _FAR_FROM_ZERO = 5.0
 #: no building is that warm all the time [degC]
 _WARMEST_MEDIAN = 42.0
 #: no zone takes more than a large hall does while its plant runs [kW], by the median, or has so much unmeasured heat
 _MOST_HEAT = 400.0
-#: nor has unmeasured heat of so much at nine hours of ten [kW]
+#: no zone has so much unmeasured heat for nine hours of ten [kW]
 _MOST_BASE = 100.0
-#: heat that is more times that of the training, and more [kW], is in W, unless the plant hardly ran there [kW]
+#: heat is in W if it exceeds both this multiple of the largest in training and so many kW; training with less than the
+#: last number [kW] tells nothing
 _MOST_GROWTH, _LEAST_WATTS, _LEAST_TRAINED = 20.0, 30.0, 0.1
 
 
@@ -121,7 +122,7 @@ def check_range(
 
 
 def _warn_of_zeros(T: np.ndarray, name: str, index: pd.Index) -> None:
-    """Warn of 0 degC among temperatures (n,) that are else far from it, as where a file is filled with 0."""
+    """Warn of 0 degC among temperatures (n,) that are otherwise far from it, as in a file that is filled with 0."""
     zeros, others = T == 0.0, T[np.isfinite(T) & (T != 0.0)]
     if zeros.any() and len(others) and others.min() > _FAR_FROM_ZERO:
         warn_user(
@@ -132,7 +133,7 @@ def _warn_of_zeros(T: np.ndarray, name: str, index: pd.Index) -> None:
 
 
 def is_in_watts(heat: np.ndarray, trained: tuple[float, float] | None, share: float = 0.5) -> bool:
-    """Whether heat (n,) is too much to be in kW, beside the lowest and highest value of the training where known.
+    """Whether heat (n,) is too much to be in kW, given the lowest and highest value of the training where known.
 
     Where they are not known, the quantile ``share`` of what is not 0 is judged by itself.
     """

@@ -18,7 +18,7 @@ def _controller() -> ThreadpoolController:
 
 
 class _OneBlasThread:
-    """A limit of the whole process, which the first method sets that begins, in any thread, and the last one lifts."""
+    """A limit of the whole process: the first method to begin, in any thread, sets it, and the last to end lifts it."""
 
     def __init__(self) -> None:
         self._lock, self._running = Lock(), 0

@@ -27,7 +27,7 @@ class UnitWarning(SkhybridWarning):
 
 
 class RoleWarning(SkhybridWarning):
-    """Columns were assigned roles by position because no name matched a role."""
+    """No column has the name of a role, so that roles are assigned by position, or none is read."""
 
 
 class ScaleNotIdentifiableWarning(SkhybridWarning):

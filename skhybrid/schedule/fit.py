@@ -33,8 +33,8 @@ _LEAST_SPREAD = 0.1  # least spread of the known heat, as a share of its largest
 _LEAST_EVIDENCE = 1.0  # log-likelihood that a determined source gains: below it, chance explains as much
 _LEAST_ERROR = 0.02  # least standard deviation of a lead's errors in its weight [K]
 _GAINS, _UAS, _DAY_TYPES = (0.1, 0.3, 1.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0), (1.0, 3.0)  # shrinkages that are tried
-#: most by which the usual response may raise the loss of forecasts, as a share of it and beyond: six weeks raise it by
-#: up to 0.35 in EnergyPlus zones, whose thermostats' answers speak against it, and by 0.7 or more in ``make_office``
+#: the usual response may raise the loss of forecasts by this share, plus a constant: six weeks raise it by up to 0.35
+#: in EnergyPlus zones, whose thermostats' answers speak against it, and by 0.7 or more in ``make_office``
 _WORSE, _WORSE_BY_CHANCE = 0.3, 4.0
 _USUAL_HOURS = 24.0  # hours of forecasts that the usual errors of other zones count as
 _ROUGH_GAIN = 1e-2  # relative decrease of the objective below which the search at every second lead stops
