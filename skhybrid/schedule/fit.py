@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from .._table import ZoneTable
-from .._time import rows_in, rows_per_day, spell
+from .._time import rows_per_day, rows_per_hour, spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
 from .channels import ChannelPlan, make_channels, make_plan, with_contrast
@@ -190,7 +190,7 @@ def _toward_one_hour(model: FilterModel, scored: ScoredForecasts, pull: GainPull
 
     Within an hour a thermostat answers little of what happens after the origin.
     """
-    lead = rows_in(1.0, model.step)
+    lead = rows_per_hour(model.step)
     origins = np.arange(scored.sample.origins[0], scored.segment.n_rows - lead, max(lead // 2, 1))
     short = ScoredForecasts(scored.segment, ForecastSample(origins, np.array([lead])), OVERLAP)
     problem, start = _start(model, short, _best_of_grid(model, scored, _SCALES, pull), pull)
