@@ -31,7 +31,7 @@ class OtherUnit(NamedTuple):
     least_maximum: float = -np.inf  # a column with a lower maximum is not in this unit
 
     def fits(self, low: float, high: float) -> bool:
-        return self.lowest <= low and max(high, self.least_maximum) <= min(high, self.highest)
+        return self.lowest <= low and self.least_maximum <= high <= self.highest
 
 
 _KELVIN = OtherUnit("K rather than degC", 173.0, 333.0)

@@ -39,7 +39,7 @@ class RolledForecasts(NamedTuple):
 
 def forecast_from_origins(fit, rows, origins, n_leads, adapt, memory=0):
     """Forecast from each of increasing ``origins`` (rows), by the memory of that index in HALF_LIVES."""
-    network = RollingNetwork(fit, rows.begin, rows.joined, adapt)
+    network = RollingNetwork(fit, rows.begin, adapt)
     paths, heat = np.empty((len(origins), n_leads)), np.empty((len(origins), n_leads))
     states = []
     for i, origin in enumerate(origins):
@@ -668,7 +668,7 @@ def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
     """Given the last rows only, and all of them at a refit, a network forecasts what one with all rows does."""
     origins = N_TRAIN + np.array([0, 3, 9 * DAY, 10 * DAY + 2, 11 * DAY - 3, 11 * DAY])
     whole = [forecast_from_origins(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
-    network, asked = RollingNetwork(fit, later.begin, later.joined, adapt), []
+    network, asked = RollingNetwork(fit, later.begin, adapt), []
     for i, origin in enumerate(origins):
         first, end = network.row, int(origin) + 1 + DAY
 

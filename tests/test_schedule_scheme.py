@@ -641,7 +641,7 @@ class Piece:
         return [self.rolled(later, origin).state() for origin in origins]
 
     def rolled(self, later, origin):
-        network = RollingNetwork(self.fit, later.begin, later.joined, None)
+        network = RollingNetwork(self.fit, later.begin, None)
         network.advance(later, int(origin))
         return network
 

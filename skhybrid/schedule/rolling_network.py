@@ -103,12 +103,12 @@ def _refit_psi(fit: LeadFit, psi: np.ndarray, rows: NumberedSegment, end: int) -
 class RollingNetwork:
     """A fitted model that goes through rows, of which ``row`` is the next, learns from them and forecasts.
 
-    ``begin`` and ``joined`` as of :class:`NumberedSegment`.  ``adapt``: None learns nothing, "linear" re-solves the
-    coefficients, "full" refits the network too.  ``every`` rows (an hour, or one) lie between recorded forecasts.
+    ``begin`` as of :class:`NumberedSegment`.  ``adapt``: None learns nothing, "linear" re-solves the coefficients,
+    "full" refits the network too.  ``every`` rows (an hour, or one) lie between recorded forecasts.
     """
 
-    def __init__(self, fit: LeadFit, begin: int, joined: bool, adapt: str | None) -> None:
-        self.fit, self.begin, self.joined, self.adapt = fit, begin, joined, adapt
+    def __init__(self, fit: LeadFit, begin: int, adapt: str | None) -> None:
+        self.fit, self.begin, self.adapt = fit, begin, adapt
         self.every = rows_per_hour(fit.model.step)
         self.row = 0
         self._per_day = rows_per_day(fit.model.step)

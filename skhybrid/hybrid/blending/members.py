@@ -132,7 +132,7 @@ class ScheduleMember:
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
         """Coefficients re-solved at every origin; with ``adapt="full"`` the network refitted every ten days."""
-        return RollingSchedule(self.fit_, rows.begin, rows.joined, adapt)
+        return RollingSchedule(self.fit_, rows.begin, adapt)
 
 
 class RollingSchedule(RollingNetwork):
