@@ -216,7 +216,7 @@ def test_forecast_of_history_and_future_is_predict_from_its_last_row(model):
     np.testing.assert_allclose(kept, whole, rtol=1e-5, atol=1e-5)
 
 
-def test_forecast_refuses_a_gap_and_a_missing_column():
+def test_forecast_refuses_a_gap_a_missing_column_and_what_is_no_table():
     X, y = hourly(14)
     model = DisturbanceForecaster("ridge").fit(X.iloc[:200], y.iloc[:200])
     with pytest.raises(ValueError, match="it must begin one step of 1 h later"):
@@ -225,6 +225,10 @@ def test_forecast_refuses_a_gap_and_a_missing_column():
         model.forecast(X.iloc[200:210].reset_index(drop=True), X.iloc[210:230])
     with pytest.raises(ValueError, match="X has no column 'q_sol', which the training table has"):
         model.forecast(X.iloc[200:210], X.iloc[210:230].drop(columns="q_sol"))
+    with pytest.raises(ValueError, match="history is a ndarray; give a pandas DataFrame"):
+        model.forecast(X.iloc[200:210].to_numpy(), X.iloc[210:230])
+    with pytest.raises(ValueError, match="history and future need at least one row each"):
+        model.forecast(X.iloc[200:210], X.iloc[:0])
 
 
 def test_forecast_refuses_what_would_start_it_without_a_past_or_a_clock():

@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import draw_seed, store_arguments
-from .._joining import refuse_unless_following, unmeasured
+from .._joining import refuse_no_frames, refuse_unless_following, unmeasured
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
 from .._table import ZoneTable, append_tables, read_target, refuse_other_clock
@@ -24,7 +24,7 @@ from .baselines import SAME_KIND_DAYS
 from .cases import ModelCase, resolve_case
 from .named_models import check_parameters, fit_baseline, is_network, require_networks
 from .pair_regressor import PairRegressor
-from .reading import frame_only, read_case_inputs
+from .reading import read_case_inputs
 from .training_job import EPOCHS_WITHOUT_VALIDATION, JobResult, TrainingJob, measured_split, repeat_seeds
 
 
@@ -296,7 +296,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
             stamps; or if ``history`` lacks ``zeta``, which the training table had, and does not follow that table.
         """
         check_is_fitted(self)
-        ahead = unmeasured(self._read_X(frame_only(future)), self._tail)
+        refuse_no_frames(history, future)
+        ahead = unmeasured(self._read_X(future), self._tail)
         past = self._tail if history is None else self._read_past(history)
         refuse_other_clock(ahead, past)
         joined = append_tables(past, ahead)
@@ -311,7 +312,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _read_past(self, history: pd.DataFrame) -> ZoneTable:
         """The rows up to an origin, after the end of the training table where they follow it."""
-        table = self._read_X(frame_only(history))
+        table = self._read_X(history)
         past, n_tail = self._after_tail(table)
         self._refuse_lost_past(table, n_tail)
         return past

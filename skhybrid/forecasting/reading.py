@@ -54,10 +54,3 @@ def _read(forecaster: Any, X: Any, *, reset: bool, fewest: int, **selected: Any)
         holidays=forecaster.holidays,
         **selected,
     )
-
-
-def frame_only(table: Any) -> pd.DataFrame:
-    """History or future, refused where it is not a DataFrame."""
-    if not isinstance(table, pd.DataFrame):
-        raise ValueError(f"history and future must be DataFrames, but one is a {type(table).__name__}.")
-    return table
