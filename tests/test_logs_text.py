@@ -1,6 +1,8 @@
 """Logs in text files as loggers write them: separators, decimal signs, encodings, headers, units, dates and words."""
 
+import bz2
 import gzip
+import lzma
 
 import numpy as np
 import pandas as pd
@@ -276,6 +278,22 @@ def test_compressed_and_headless(write, tmp_path):
     log = read_log(path)
     assert list(log.frame) == ["column 2", "column 3"]
     assert any("there is no header" in note for note in log.notes)
+
+
+@pytest.mark.parametrize(("kind", "pack"), [("gz", gzip.compress), ("bz2", bz2.compress), ("xz", lzma.compress)])
+def test_a_damaged_compressed_file_is_refused(tmp_path, kind, pack):
+    """Bytes that are wrong, and an end that is missing; zlib's error and bz2's were not caught."""
+    rows = "".join(
+        f"{stamp},{k % 97}.{k % 7}\n" for k, stamp in enumerate(pd.date_range("2024", periods=5000, freq="1h"))
+    )
+    packed = pack(("time,T_za\n" + rows).encode())
+    wrong = packed[:60] + b"\xff" * 40 + packed[100:]
+    for content in (wrong, packed[: len(packed) // 2]):
+        path = tmp_path / f"log.csv.{kind}"
+        path.write_bytes(content)
+        for read in (read_log, read_zone_csv):
+            with pytest.raises(ValueError, match=r"'log\.csv\.\w+' is a damaged compressed file \(.*\); copy it again"):
+                read(path)
 
 
 LONG = """time,point,value

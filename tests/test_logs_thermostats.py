@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.logs import read_log
 from skhybrid.logs.readers import ecobee, epa_thermostat, home_assistant, influx
 from skhybrid.logs.readers.plant_stages import full_load
 
@@ -40,6 +42,23 @@ def test_only_the_reader_of_a_format_claims_its_sample(name, reader):
     assert claims == ([] if reader is None else [reader])
     claims = [r for r in (ecobee, epa_thermostat, home_assistant, influx) if r.looks_like(path, head)]
     assert claims == ([] if reader is None else [reader])
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ecobee_portal.csv", "donate_your_data.csv", "epa_interval.csv", "home_assistant_history.csv",
+        "influx_annotated.csv",
+    ],
+)  # fmt: skip
+def test_a_compressed_file_is_as_the_file(tmp_path, name):
+    """All were known by their content, and most then refused as no UTF-8."""
+    path = tmp_path / f"{name}.gz"
+    path.write_bytes(gzip.compress((SAMPLES / name).read_bytes()))
+    found, plain = read_log(path), read_log(SAMPLES / name)
+    assert found.format == plain.format
+    # the zone of the EPA's stamps comes from the file beside it
+    pd.testing.assert_frame_equal(found.frame.tz_localize(None), plain.frame.tz_localize(None))
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,16 @@ from __future__ import annotations
 import bz2
 import codecs
 import gzip
+import io
 import lzma
 import re
-from contextlib import suppress
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
+from zipfile import BadZipFile
 
 _SAMPLE = 1 << 18  # bytes that tell the encoding
 _BINARY = re.compile(rb"[\x01-\x08\x0e-\x1f]")  # what no text has; zeros alone are left where a logger lost power
@@ -38,6 +42,22 @@ def open_bytes(path: Path) -> IO[bytes]:
     return path.open("rb")
 
 
+def open_text(path: Path) -> io.TextIOWrapper:
+    """The text of a file in UTF-8, decompressed, its line ends as they are."""
+    return io.TextIOWrapper(open_bytes(path), encoding="utf-8-sig", newline="")
+
+
+@contextmanager
+def damage_refused(where: str) -> Iterator[None]:
+    """Refuse a compressed file that turns out to be damaged in the block; other errors of the system pass."""
+    try:
+        yield
+    except (EOFError, OSError, lzma.LZMAError, zlib.error, BadZipFile) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise ValueError(f"{where} is a damaged compressed file ({error}); copy it again.") from error
+
+
 def encoding_of(path: Path) -> str | None:
     """The encoding of a text file: UTF-8, UTF-16 or cp1252; None for a binary file."""
     return _encoding(_sample(path))
@@ -56,11 +76,8 @@ def head_of(path: Path, size: int = 8192) -> str:
 
 
 def _sample(path: Path) -> bytes:
-    try:
-        with open_bytes(path) as file:
-            return file.read(_SAMPLE)
-    except (EOFError, lzma.LZMAError, gzip.BadGzipFile):
-        raise ValueError(f"{path.name!r} is a damaged compressed file; copy it again.") from None
+    with damage_refused(repr(path.name)), open_bytes(path) as file:
+        return file.read(_SAMPLE)
 
 
 def _encoding(sample: bytes) -> str | None:

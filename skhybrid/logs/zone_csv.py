@@ -16,7 +16,7 @@ from .named_zones import zoned_stamps
 from .stamp_cells import find_stamp_columns
 from .stamp_parts import joined_cells
 from .stamps import cell, in_zone, line
-from .text_files import existing
+from .text_files import damage_refused, existing
 
 
 def read_zone_csv(
@@ -141,7 +141,8 @@ def _from_its_start(means: pd.Series, usual: pd.Timedelta) -> pd.Series:
 
 def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:
     try:
-        table = pd.read_csv(file, sep=sep, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig")
+        with damage_refused(where):
+            table = pd.read_csv(file, sep=sep, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig")
     except pd.errors.EmptyDataError:
         raise ValueError(f"{where} is empty.") from None
     except UnicodeDecodeError:

@@ -16,7 +16,7 @@ from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp, is_stamp_name
 from ..table_layout import Layout, find_layout, separator_of, split_lines, table_of
-from ..text_files import encoding_of, head_of, open_bytes
+from ..text_files import damage_refused, encoding_of, head_of, open_bytes
 
 _HEAD = 1 << 16  # characters that show the layout
 
@@ -53,7 +53,7 @@ class TextTable(NamedTuple):
         }
         where = repr(self.path.name)
         try:
-            with open_bytes(self.path) as file, pd.read_csv(file, **options) as reader:
+            with damage_refused(where), open_bytes(self.path) as file, pd.read_csv(file, **options) as reader:
                 while True:
                     with warnings.catch_warnings():
                         warnings.simplefilter("error", pd.errors.ParserWarning)  # it would leave cells out
@@ -65,8 +65,6 @@ class TextTable(NamedTuple):
             # IndexError where the first row is too wide
             cause = str(error).strip().rpartition("error: ")[2]  # without the words of the parser
             raise ValueError(f"{where} cannot be read as CSV ({cause}); correct that line.") from error
-        except (EOFError, OSError) as error:
-            raise ValueError(f"{where} cannot be read to its end ({error}); copy it again.") from error
 
 
 def _refuse_shifted(rows: Sequence[Sequence[str]], layout: Layout, where: str) -> None:

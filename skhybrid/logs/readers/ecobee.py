@@ -13,7 +13,7 @@ import pandas as pd
 from ..raw_log import RawLog
 from ..stamp_parts import joined_cells
 from ..stamps import time_zone_named
-from ..text_files import existing
+from ..text_files import damage_refused, existing, open_text
 from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 
@@ -135,7 +135,8 @@ def read(path: Path | str, timezone: str | None = None, dayfirst: bool | None = 
 def _open(file: Path, where: str) -> tuple[pd.DataFrame, _Layout, list[str]]:
     """Cells as text, the layout, and notes from the lines before the header."""
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        with damage_refused(where), open_text(file) as stream:
+            text = stream.read()
     except UnicodeDecodeError:
         raise ValueError(f"{where} is not encoded in UTF-8; download it again.") from None
     layout = _layout(text)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..raw_log import RawLog
 from ..stamps import time_zone_named
-from ..text_files import existing
+from ..text_files import damage_refused, existing, open_text
 from ..unit_names import unit_or_energy
 from .entity_states import MOST_CELLS, ON_OFF, some_of
 from .known_table import utc_ticks
@@ -88,7 +88,7 @@ def _tables(file: Path, where: str) -> Iterator[tuple[_Header, list[list[str]], 
     header: _Header | None = None
     rows: list[list[str]] = []
     try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:
+        with damage_refused(where), open_text(file) as stream:
             reader = csv.reader(stream)
             for row in reader:
                 if not any(row) or row[0].startswith("#") or len(rows) >= _PIECE:

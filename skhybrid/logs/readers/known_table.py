@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..._table import listed
 from ..stamps import YEARS, cell, in_zone, parse_stamps
+from ..text_files import damage_refused, open_text
 
 _NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
 
@@ -21,7 +22,7 @@ def read_text_cells(source: Path | io.StringIO, where: str) -> pd.DataFrame:
     names: list[str] = []
     rows, lines = [], []
     try:
-        with source.open(encoding="utf-8-sig", newline="") if isinstance(source, Path) else source as stream:
+        with damage_refused(where), open_text(source) if isinstance(source, Path) else source as stream:
             reader = csv.reader(stream, skipinitialspace=True)
             names = [name.strip() for name in next(reader, [])]
             for row in reader:
