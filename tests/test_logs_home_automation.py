@@ -296,6 +296,19 @@ def test_a_history_read_in_pieces_is_the_same(monkeypatch):
     pd.testing.assert_frame_equal(home_assistant.read(HISTORY).frame, whole.frame)
 
 
+def test_what_a_history_does_not_have_is_refused(tmp_path):
+    """A slip in one of several entities left its channel out in silence."""
+    named = ["binary_sensor.boiler", "sensor.outdor_temperature"]
+    with pytest.raises(ValueError, match=r"has no entity 'sensor\.outdor_temperature', only binary_sensor\.boiler, "):
+        home_assistant.read(HISTORY, entities=named)
+    assert list(home_assistant.read(HISTORY, entities=named[:1]).frame) == named[:1]
+    for path in (HISTORY, _database(tmp_path)):
+        with pytest.raises(ValueError, match=r"entities='sensor.a' is one text; give a list of entities"):
+            home_assistant.read(path, entities="sensor.a")
+    with pytest.raises(ValueError, match=r"table='statistics' is for a database, but 'home_assistant_history\.csv'"):
+        home_assistant.read(HISTORY, table="statistics")
+
+
 @pytest.mark.parametrize("every", [5, 15])
 def test_a_counter_rises_evenly_between_its_readings(every):
     """Held by the minute, the heat of a quarter of an hour came in one minute."""

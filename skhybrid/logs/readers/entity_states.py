@@ -120,5 +120,13 @@ def some_of(names: Iterable[str]) -> str:
     return ", ".join(known[:_LISTED]) + more
 
 
+def refuse_unknown(wanted: Iterable[str], known: Iterable[str], where: str) -> None:
+    """Refuse a list of entities with one that the source does not have."""
+    names = set(known)
+    for name in wanted:
+        if name not in names:
+            raise ValueError(f"{where} has no entity {name!r}, only {some_of(names)}.")
+
+
 def _number(value: object) -> float:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else np.nan

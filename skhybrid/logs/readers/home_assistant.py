@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,8 +13,8 @@ import pandas as pd
 from ..._table import listed
 from ..._time import positive_duration
 from ..raw_log import RawLog
-from ..text_files import existing
-from .entity_states import even_grid, hold, some_of, states_to_numbers, utc_index
+from ..text_files import damage_refused, existing, open_bytes
+from .entity_states import even_grid, hold, refuse_unknown, some_of, states_to_numbers, utc_index
 from .known_table import utc_ticks
 from .recorder import HELD_NOTE, is_recorder, is_sqlite, read_recorder
 
@@ -60,7 +61,7 @@ def read(
     Raises
     ------
     ValueError
-        If the file is damaged, has none of the tables or no entity with numbers.
+        If the file is damaged, has none of the tables, lacks one of the ``entities`` or has no entity with numbers.
 
     Notes
     -----
@@ -70,8 +71,12 @@ def read(
     """
     file, where = existing(path)
     delta = positive_duration(step, "step")
+    if isinstance(entities, str):
+        raise ValueError(f"entities={entities!r} is one text; give a list of entities.")
     if is_sqlite(file):
         return read_recorder(file, where, table, entities, delta, timezone)
+    if table is not None:
+        raise ValueError(f"table={table!r} is for a database, but {where} is the CSV of a history; leave it out.")
     return _read_history(file, where, entities, delta, timezone)
 
 
@@ -97,26 +102,20 @@ def _series(
     """Stamps [s] and values of each entity with numbers, and the names of the others; read in pieces."""
     pieces: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     text: Counter[str] = Counter()
+    known: set[str] = set()
     line = 2
-    try:
-        reader = pd.read_csv(file, dtype=str, keep_default_na=False, chunksize=_PIECE, encoding="utf-8-sig")
-        for piece in reader:
-            piece.columns = [str(c).strip() for c in piece.columns]
-            if list(piece.columns[:3]) != _COLUMNS:
-                raise ValueError(f"{where} has the columns {listed(piece)}; a history has {listed(_COLUMNS)}.")
-            seconds = utc_ticks(piece["last_changed"], line, where) / 1e9
-            for name, rows in piece.groupby("entity_id", sort=False).indices.items():
-                if entities is None or name in entities:
-                    values, other = states_to_numbers(piece["state"].to_numpy()[rows])
-                    pieces.setdefault(str(name), []).append((seconds[rows], values))
-                    text[str(name)] += other
-            line += len(piece)
-    except pd.errors.EmptyDataError:
-        raise ValueError(f"{where} is empty.") from None
-    except (UnicodeDecodeError, pd.errors.ParserError) as error:
-        raise ValueError(f"{where} cannot be read as a history ({str(error).strip()}); export it again.") from error
+    for piece in _pieces(file, where):
+        seconds = utc_ticks(piece["last_changed"], line, where) / 1e9
+        for name, rows in piece.groupby("entity_id", sort=False).indices.items():
+            known.add(str(name))
+            if entities is None or name in entities:
+                values, other = states_to_numbers(piece["state"].to_numpy()[rows])
+                pieces.setdefault(str(name), []).append((seconds[rows], values))
+                text[str(name)] += other
+        line += len(piece)
     if line == 2:
         raise ValueError(f"{where} has a header but no rows.")
+    refuse_unknown(entities or (), known, where)
     found = {}
     for name, parts in pieces.items():
         at, numbers = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
@@ -124,3 +123,19 @@ def _series(
         if np.isfinite(numbers).sum() > text[name]:
             found[name] = (at[order], numbers[order])
     return found, set(pieces) - set(found)
+
+
+def _pieces(file: Path, where: str) -> Iterator[pd.DataFrame]:
+    """The rows of a history as text, piece by piece."""
+    options: dict[str, Any] = {"dtype": str, "keep_default_na": False, "encoding": "utf-8-sig", "chunksize": _PIECE}
+    try:
+        with damage_refused(where), open_bytes(file) as stream, pd.read_csv(stream, **options) as reader:
+            for piece in reader:
+                piece.columns = [str(c).strip() for c in piece.columns]
+                if list(piece.columns[:3]) != _COLUMNS:
+                    raise ValueError(f"{where} has the columns {listed(piece)}; a history has {listed(_COLUMNS)}.")
+                yield piece
+    except pd.errors.EmptyDataError:
+        raise ValueError(f"{where} is empty.") from None
+    except (UnicodeDecodeError, pd.errors.ParserError) as error:
+        raise ValueError(f"{where} cannot be read as a history ({str(error).strip()}); export it again.") from error

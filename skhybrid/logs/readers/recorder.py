@@ -17,7 +17,16 @@ import pandas as pd
 
 from ..raw_log import RawLog
 from ..unit_names import ENERGY, unit_named, unit_or_energy
-from .entity_states import climate_roles, climate_values, even_grid, hold, some_of, states_to_numbers, utc_index
+from .entity_states import (
+    climate_roles,
+    climate_values,
+    even_grid,
+    hold,
+    refuse_unknown,
+    some_of,
+    states_to_numbers,
+    utc_index,
+)
 
 _DOMAINS = ("sensor", "binary_sensor", "switch", "input_number", "number", "input_boolean", "climate", "weather", "fan")
 _FOR_STATISTICS = {"statistics": 3600.0, "statistics_short_term": 300.0}
@@ -173,9 +182,7 @@ def _read_states(
 def _chosen(known: Collection[str], wanted: Collection[str] | None, where: str) -> list[str]:
     if wanted is None:
         return sorted(name for name in known if name.split(".")[0] in _DOMAINS)
-    absent = [name for name in wanted if name not in known]
-    if absent:
-        raise ValueError(f"{where} has no entity {absent[0]!r}, only {some_of(known)}.")
+    refuse_unknown(wanted, known, where)
     return list(dict.fromkeys(wanted))
 
 
