@@ -12,6 +12,8 @@ from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.blank_setpoints import filled_setpoints
 from skhybrid.logs.log_findings import doubts_on_log
 from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.logs.setpoint_modes import COOLS, mode_of_plant
+from skhybrid.logs.standstills import without_standstills
 from skhybrid.logs.sun_clock import clock_jumps
 from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_zone_log
@@ -464,6 +466,18 @@ def test_a_blank_set_point_of_a_plant_that_is_off(plant, filled, zone):
     assert remarks[0].startswith(f"T_heat_set{zone} is missing in {rows}")
     assert len(remarks) == 1
     assert found.drop(columns=f"T_heat_set{zone}").equals(frame.drop(columns=f"T_heat_set{zone}"))
+
+
+def test_a_zone_whose_name_ends_that_of_another_has_its_own_plant_alone():
+    """The heater of a master bedroom was taken for one of the bedroom, since its role ends with that name too."""
+    frame, day = blank_at_night({"Q_hvac_bedroom": lambda day, t: 2.0 * day}, "_bedroom")
+    other = {"T_za_master_bedroom": 20.0, "Q_hvac_master_bedroom": 1.0 + np.arange(len(frame)) % 3}
+    found, _ = filled_setpoints(frame.assign(**other))
+    np.testing.assert_array_equal(found["T_heat_set_bedroom"], np.where(day, 21.0, 14.0))
+    stuck = frame.assign(**other, T_za_bedroom=21.0, T_heat_set_bedroom=21.0, Q_hvac_bedroom=0.0)
+    assert without_standstills(stuck, "T_za_bedroom").isna().sum() == len(frame) - 1
+    mode, _ = mode_of_plant(stuck.assign(Q_hvac_bedroom=-1.0), "_bedroom")
+    assert set(mode) == {COOLS}
 
 
 def test_single_blanks_of_a_set_point_are_gaps():

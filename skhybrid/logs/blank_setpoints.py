@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import SETPOINT_ROLES
 from .._time import SHORTEST_GAP
 from .._warnings import several
+from .zone_names import plants_of_zone
 
 _BEYOND = 3.0  # from the lowest or highest measured temperature to one that the room does not reach [K]
 _RUNS = 0.02  # of its peaks, from which on a plant runs
@@ -62,8 +63,7 @@ def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
 
 def _runs(frame: pd.DataFrame, zone: str, sign: float) -> pd.Series | None:
     """Whether the plant of one side runs, NaN where that is not known; None without a plant."""
-    plants = [str(role) for role in frame if is_plant(role) and not str(role).startswith(_OTHER_SIDE[sign])]
-    own = [role for role in plants if zone and role.endswith(zone)] or plants
+    own = plants_of_zone((role for role in frame if not str(role).startswith(_OTHER_SIDE[sign])), zone)
     if not own:
         return None
     signed = [frame[role] * sign if role.startswith("Q_hvac") else frame[role].abs() for role in own]

@@ -8,9 +8,10 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, plant_roles
+from .._table import SETPOINT_ROLES
 from .._time import wall_clock
 from .naming import FOR_HEATING, guess_role, plain
+from .zone_names import plants_of_zone
 
 MODE = "mode"  # the role, or mode_<zone>: which set-points are in force
 HEATS, COOLS, OFF, BOTH = 1.0, -1.0, 0.0, 2.0  # its values
@@ -150,10 +151,8 @@ def mode_of_plant(frame: pd.DataFrame, zone: str) -> tuple[pd.Series, bool]:
     The day itself would say what is delivered after the origin of a forecast.  The mode is both where heating and
     cooling are mixed, and NaN where no plant runs.
     """
-    plants = plant_roles(frame)
-    plants = [role for role in plants if zone and role.endswith(zone)] or plants
     heat, cold = np.zeros((2, len(frame)))
-    for role in plants:
+    for role in plants_of_zone(frame, zone):
         values = frame[role].to_numpy(dtype=np.float64)
         signed = (
             np.nan_to_num(values / (np.nanquantile(np.abs(values), 0.99) or 1.0)) if frame[role].any() else heat * 0.0

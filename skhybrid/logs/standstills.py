@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, plant_roles
+from .._table import SETPOINT_ROLES
+from .zone_names import plants_of_zone
 
-_STANDSTILL = {"T_za": pd.Timedelta("1D"), "T_oa": pd.Timedelta("1D")}  # no such temperature rests for so long
+_STANDSTILL = pd.Timedelta("1D")  # the temperature of no room rests for so long, nor that outdoors
 _HELD = 0.05  # farthest from its set-point that a room without a free degree is held, as in a simulation [K]
 _CONTROLLED = 0.5  # share of a spell in which the heat moves, so that it is the control that holds the temperature
 
@@ -18,15 +19,14 @@ def standstills(role: str, values: pd.Series, controlled: pd.Series | None = Non
     Equal values before and after an outage are no spell, nor are ``controlled`` rows, those of a room that its plant
     holds.
     """
-    least = _STANDSTILL.get(role)
     known = values.dropna()
-    if least is None or known.empty:
+    if role not in ("T_za", "T_oa") or known.empty:
         return pd.DataFrame({"first": [], "last": [], "value": []})
     stamps = pd.Series(known.index, index=known.index)
-    spells = ((known != known.shift()) | (stamps.diff() > least / 2)).cumsum()
+    spells = ((known != known.shift()) | (stamps.diff() > _STANDSTILL / 2)).cumsum()
     by_spell = stamps.groupby(spells)
     found = pd.DataFrame({"first": by_spell.first(), "last": by_spell.last(), "value": known.groupby(spells).first()})
-    stuck = found["last"] - found["first"] >= least
+    stuck = found["last"] - found["first"] >= _STANDSTILL
     if controlled is not None:
         held = controlled.to_numpy()[values.notna().to_numpy()]
         stuck &= pd.Series(held, known.index).groupby(spells).mean() < _CONTROLLED
@@ -53,7 +53,6 @@ def controlled_rows(frame: pd.DataFrame, role: str) -> pd.Series:
     """
     zone = role.removeprefix("T_za")
     set_points = [name for name in (*(s + zone for s in SETPOINT_ROLES), *SETPOINT_ROLES, "setpoint") if name in frame]
-    plants = plant_roles(frame)
-    heat = frame[[name for name in plants if zone and str(name).endswith(zone)] or plants].ffill()
+    heat = frame[plants_of_zone(frame, zone)].ffill()
     held = (frame[set_points].ffill().sub(frame[role], axis=0).abs() <= _HELD).any(axis=1)
     return held & (heat.diff().abs() > 0.0).any(axis=1)

@@ -6,7 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from .._table import is_plant
+from .._table import is_plant, plant_roles
 from ..preprocessing._units import UNITS
 from .naming import (
     COOL,
@@ -14,6 +14,8 @@ from .naming import (
     HEAT,
     NAMED_BY_ROLE,
     OTHER_THAN_AIR,
+    SURE,
+    TAKEN,
     TEMPERATURE,
     Guess,
     assign_roles,
@@ -83,6 +85,18 @@ def zones_of(roles: Iterable[str]) -> list[str]:
     return [] if "T_za" in roles else [role.removeprefix("T_za_") for role in roles if role.startswith("T_za_")]
 
 
+def plants_of_zone(roles: Iterable[object], ending: str) -> list[str]:
+    """The plants of a zone, by the ending of its roles, such as ``"_hall"``; all plants where none has that ending.
+
+    ``u_heat_master_bedroom`` is not of the zone ``bedroom`` where ``T_za_master_bedroom`` is among the roles too.
+    """
+    names = [str(role) for role in roles]
+    plants = plant_roles(names)
+    longer = tuple(f"_{zone}" for zone in zones_of(names) if zone.endswith(ending))
+    own = [role for role in plants if ending and role.endswith(ending) and not role.endswith(longer)]
+    return own or plants
+
+
 def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> dict[str, Guess]:
     """The role of each column, or none, by the column of each role."""
     by_name = {name: role for role, name in roles.items()}
@@ -92,12 +106,12 @@ def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> d
         role, plain_guess = by_name.get(name), guess_role(name, unit)
         reason = plain_guess.reason
         if role is None and plain_guess.role is not None:
-            reason = "another column was taken for the same quantity"
+            reason = f"another column {TAKEN}"
         elif role == name:
             reason = NAMED_BY_ROLE
         elif role is not None and any(role.endswith(f"_{zone}") for zone in zones):
             reason = "its name is that of a quantity and a room"
-        found[name] = Guess(role, 99, reason, role is not None and plain_guess.is_electricity)
+        found[name] = Guess(role, SURE, reason, role is not None and plain_guess.is_electricity)
     return found
 
 
