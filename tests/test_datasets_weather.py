@@ -112,6 +112,9 @@ def test_epw_errors(tmp_path):
     (tmp_path / "bad.epw").write_text("a,b\n1,2\n")
     with pytest.raises(ValueError, match="not a readable EPW"):
         read_epw(tmp_path / "bad.epw")
+    for year in ("2024", 2024.0, 99999):  # of which pandas made an error of its own
+        with pytest.raises(ValueError, match=rf"year={year!r} "):
+            read_epw(tmp_path / "bad.epw", year=year)
 
 
 # -------------------------------------------------------------------------------------------------------- given table

@@ -187,6 +187,8 @@ def test_a_gap_in_the_weather_is_refused():
             "Open-Meteo: Cannot initialize WeatherVariable.",
         ),
         ({"latitude": 1.0, "daily": {}}, "not a forecast of Open-Meteo with hourly values"),
+        (_hourly(time=5), "not a forecast of Open-Meteo with hourly values"),
+        (_changed(hourly_units=["C"]), "not a forecast of Open-Meteo with hourly values"),
         (_hourly(temperature_2m=None), "has no hourly temperature_2m"),
         (_hourly(shortwave_radiation=None, cloud_cover=None), "neither shortwave_radiation nor cloud_cover"),
         (_hourly(shortwave_radiation=[0.0] * 12), "has 12 values of shortwave_radiation for 48 stamps"),
@@ -203,6 +205,39 @@ def test_a_gap_in_the_weather_is_refused():
 def test_open_meteo_that_cannot_be_read(tmp_path, answer, says):
     with pytest.raises(ValueError, match=says):
         read_weather(_written(tmp_path, answer))
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "says"),
+    [
+        ("w.json", {"yaer": 2024}, "yaer= does nothing with a file of Open-Meteo such as 'w.json'; leave it out"),
+        ("w.json", {"year": 2024}, "year= does nothing with 'w.json', whose stamps have a year"),
+        ("w.epw", {"timezone": "UTC"}, "timezone= does nothing with an EPW such as 'w.epw'; leave it out"),
+        ("w.csv", {"year": 2024}, "year= does nothing with 'w.csv', whose stamps have a year"),
+    ],
+)
+def test_what_does_nothing_is_refused(tmp_path, name, given, says):
+    """A unit, a time zone or a misspelt year was left out in silence."""
+    with pytest.raises(ValueError, match=says):
+        read_weather(_written(tmp_path, ANSWER, name), **given)
+
+
+def test_units_may_be_null(tmp_path):
+    found = read_weather(_written(tmp_path, _changed(hourly_units=None)))
+    pd.testing.assert_frame_equal(found, read_weather(SAMPLE))
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [([0, 1, 1, 2], "has duplicates"), ([3, 2, 1], "goes back"), ([0, 1, 2, 5], "not evenly"), ([0, -1], "NaT")],
+)
+def test_steps_that_are_not_even_are_refused(rows, says):
+    """Twice the same stamp gave an irradiance of NaN, and uneven ones the mean of other spans."""
+    time = pd.date_range("2024-03-30 10:00", periods=8, freq="15min", tz="Europe/Berlin").append(
+        pd.DatetimeIndex(["NaT"], tz="Europe/Berlin")
+    )
+    with pytest.raises(ValueError, match=says):
+        weather_on_steps(read_weather(SAMPLE), time[rows])
 
 
 def test_a_place_is_needed_for_a_window(tmp_path):

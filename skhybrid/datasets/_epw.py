@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._arguments import check_integer
 from .._ranges import check_range
 from .._table import numeric, refuse_infinite_columns
+from ..logs.stamps import YEARS
 from ._weather import window_irradiance
 
 TYPICAL_YEAR = 2001  # stamp of a typical year if no year is given: not a leap year, and it begins on a Monday
@@ -43,8 +45,10 @@ def read_epw(
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file cannot be read, does not have 8760 hours, or lacks values.
+        If the file cannot be read, does not have 8760 hours or lacks values, or ``year`` is not from 1700 to 2250.
     """
+    if year is not None:
+        check_integer("year", year, *YEARS)
     frame, site = _read_typical_year(Path(path))
     if year is not None:
         frame = _with_year(frame, year)

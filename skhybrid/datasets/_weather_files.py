@@ -14,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from .._ranges import check_range
 from .._table import listed
+from .._time import even_step
 from ..logs.open_meteo import answer_of, is_open_meteo_csv
 from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
@@ -59,9 +60,10 @@ def read_weather(
     window_tilt : float
         Tilt of that plane [degrees]: 90 is vertical.
     year : int, optional
-        Year of the stamps of an EPW file.
+        Year of the stamps of an EPW file; other files have their own.
     **options
-        Passed to :func:`read_zone_csv` for a CSV: ``columns``, ``units``, ``timezone``, ``label`` ...
+        Passed to :func:`read_zone_csv` for a CSV: ``columns``, ``units``, ``timezone``, ``label`` ...  Other files take
+        none.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def read_weather(
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file cannot be read, or has no temperature or no irradiance.
+        If the file cannot be read, has no temperature or no irradiance, or an argument does nothing with it.
 
     Notes
     -----
@@ -85,14 +87,21 @@ def read_weather(
     file = Path(path)
     if not file.is_file():
         raise FileNotFoundError(f"there is no weather file {str(file)!r}.")
-    if file.suffix.lower() == ".epw":
+    is_epw = file.suffix.lower() == ".epw"
+    is_open_meteo = file.suffix.lower() == ".json" or is_open_meteo_csv(file)
+    if year is not None and not is_epw:
+        raise ValueError(f"year= does nothing with {file.name!r}, whose stamps have a year; leave it out.")
+    if options and (is_epw or is_open_meteo):
+        kind = "an EPW" if is_epw else "a file of Open-Meteo"
+        raise ValueError(f"{next(iter(options))}= does nothing with {kind} such as {file.name!r}; leave it out.")
+    if is_epw:
         plane = {"window_azimuth": 180.0 if window_azimuth is None else window_azimuth, "window_tilt": window_tilt}
         weather = read_epw(file, **plane, year=year)
         if window_azimuth is None:
             weather["q_sol"] = weather["ghi"]
         weather.attrs["notes"] = []
         return weather[["T_oa", "q_sol"]]
-    if file.suffix.lower() == ".json" or is_open_meteo_csv(file):
+    if is_open_meteo:
         return _read_open_meteo(file, latitude, longitude, window_azimuth, window_tilt)
     if window_azimuth is not None:
         raise ValueError(
@@ -128,11 +137,12 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     Raises
     ------
     ValueError
-        If the weather does not cover the steps, or only one of the two has a time zone.
+        If the weather does not cover the steps, these are not even, or only one of the two has a time zone.
     """
     known = checked_weather(weather)
-    if not isinstance(time, pd.DatetimeIndex) or len(time) < 2:
-        raise ValueError("time must be a DatetimeIndex of at least two stamps.")
+    if not isinstance(time, pd.DatetimeIndex) or len(time) < 2 or time.hasnans:
+        raise ValueError("time must be a DatetimeIndex of at least two stamps, without NaT.")
+    step = even_step(time) / _HOUR
     if weather.attrs.get("typical_year"):
         raise ValueError("the weather is that of a typical year; give year= to stamp it.")
     if (pd.DatetimeIndex(known.index).tz is None) != (time.tz is None):
@@ -140,7 +150,7 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
         raise ValueError(f"the {lacks} has no time zone, but the {other} has one; give timezone= when reading it.")
     origin = time[0]
     hours, wanted = (np.asarray((pd.DatetimeIndex(i) - origin) / _HOUR, np.float64) for i in (known.index, time))
-    row, step = float(np.median(np.diff(hours))), float(np.median(np.diff(wanted)))
+    row = float(np.median(np.diff(hours)))
     # a value at the last stamp holds to the end of its row; nothing is known beyond it
     ends = wanted[-1] + step
     _check_cover(hours, wanted, ends, row, known.index, time)
@@ -174,9 +184,8 @@ def _read_open_meteo(
     answer = _answer(file, where)
     hourly = answer["hourly"]
     stamps = _stamps(answer, where)
-    named = {
-        n: _quantity(hourly[n], n, answer.get("hourly_units", {}), len(stamps), where) for n in hourly if n in _KNOWN
-    }
+    units = answer.get("hourly_units") or {}
+    named = {n: _quantity(hourly[n], n, units, len(stamps), where) for n in hourly if n in _KNOWN}
     named |= {"cloud_cover": named["cloudcover"]} if "cloudcover" in named else {}
     if "temperature_2m" not in named:
         raise ValueError(f"{where} has no hourly temperature_2m; request it with hourly=temperature_2m.")
@@ -209,7 +218,9 @@ def _answer(file: Path, where: str) -> Mapping[str, Any]:
         raise ValueError(f"{where} holds {len(answer)} places; request the forecast of one place.")
     if isinstance(answer, dict) and answer.get("error"):
         raise ValueError(f"{where} holds an error message of Open-Meteo: {str(answer.get('reason')).rstrip('.')}.")
-    if not isinstance(answer, dict) or not isinstance(answer.get("hourly"), dict) or not answer["hourly"].get("time"):
+    hourly = answer.get("hourly") if isinstance(answer, dict) else None
+    times = hourly.get("time") if isinstance(hourly, dict) else None
+    if not isinstance(times, list) or not times or not isinstance(answer.get("hourly_units") or {}, dict):
         raise ValueError(
             f"{where} is not a forecast of Open-Meteo with hourly values; request it with "
             "hourly=temperature_2m,shortwave_radiation,direct_normal_irradiance,diffuse_radiation."
