@@ -591,6 +591,33 @@ def test_no_rows_are_refused():
         LogReport(pd.DataFrame({"a": [1.0]}, index=pd.DatetimeIndex(["2024-01-01"])))
 
 
+def test_a_column_that_the_log_lacks_is_refused(frame):
+    """``check`` took another column for the room in its place, and said nothing of the slip."""
+    with pytest.raises(ValueError, match="T_za is to be the column 'Rom temp', but the log has "):
+        LogReport(frame, {"T_za": "Rom temp"})
+    with pytest.raises(ValueError, match="label='end' must be 'left', 'right' or None"):
+        LogReport(frame, label="end")
+
+
+def test_the_report_as_json_has_blanks_and_stamps_that_occur_twice(frame):
+    blank = frame.mask(np.arange(len(frame))[:, None] + np.arange(frame.shape[1]) < 2)
+    twice = pd.concat([blank.iloc[:2], blank]).sort_index(kind="stable")
+    told = json.loads(json.dumps(LogReport(twice).to_dict(), allow_nan=False))
+    assert list(told["first_rows"]) == [str(stamp) for stamp in frame.index[:3]]
+    assert None in next(iter(told["first_rows"].values())).values()
+
+
+@pytest.mark.parametrize(("role", "unit"), [("T_za", "kWh/m2"), ("T_oa", "MJ/m2"), ("u_heat", "Wh/m2")])
+def test_a_unit_of_irradiation_is_for_the_sun_alone(role, unit):
+    """A temperature in kWh/m2 was four times as high, and one in MJ/m2 about the same."""
+    log = pd.DataFrame(
+        {name: np.arange(96.0) % 7 for name in ("T_za", "T_oa", "u_heat")},
+        pd.date_range("2024-01-01", periods=96, freq="15min"),
+    )
+    with pytest.raises(ValueError, match=f"gives '{role}' the unit '{unit}', which is not one of"):
+        LogReport(log, units={role: unit})
+
+
 def test_columns_without_numbers_are_named(frame):
     odd = frame.assign(mode="auto", wave=1j)
     report = LogReport(odd)

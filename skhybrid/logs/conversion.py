@@ -52,9 +52,7 @@ def channels_of(
         raise ValueError(
             f"no column of the log has a role ({listed(raw.frame.columns)}); give columns={{role: column}}."
         )
-    for role, name in chosen.items():
-        if name not in raw.frame:
-            raise ValueError(f"{role} is to be the column {name!r}, but the log has {listed(raw.frame.columns)}.")
+    refuse_unlogged(raw, chosen)
     for what, given in (("unit", units or {}), ("scale", scale or {})):
         for role in given:
             if role not in chosen:
@@ -68,6 +66,13 @@ def channels_of(
         )
         for role, name in chosen.items()
     ]
+
+
+def refuse_unlogged(raw: RawLog, columns: Mapping[str, str]) -> None:
+    """Refuse columns by role of which the log lacks one."""
+    for role, name in columns.items():
+        if name not in raw.frame:
+            raise ValueError(f"{role} is to be the column {name!r}, but the log has {listed(raw.frame.columns)}.")
 
 
 def fitting_unit(unit: str | None, role: str) -> str | None:
@@ -133,7 +138,7 @@ def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     values = series.to_numpy(dtype=np.float64)
     if counter is not None:
         values = power_of_counter(counter)
-    elif (of_row := (ENERGY if channel.role.startswith("Q_") else IRRADIATION).get(str(unit))) is not None:
+    elif (of_row := _energy_units(channel.role).get(str(unit))) is not None:
         values = of_row * values / row_hours(series)
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
@@ -142,6 +147,13 @@ def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     elif unit is not None and (role_of(channel.role) is not None or unit in UNITS):
         values = convert(values, conversion_of(unit, channel.role))
     return values * channel.scale
+
+
+def _energy_units(role: str) -> Mapping[str, float]:
+    """Units of an energy per row that a role may be logged in; columns without a role may be of irradiance too."""
+    if role.startswith("Q_"):
+        return ENERGY
+    return IRRADIATION if role.startswith("q_sol") or role_of(role) is None else {}
 
 
 def roles_without_label(raw: RawLog, channels: list[Channel]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,7 +17,7 @@ from .abilities import abilities, days_of, excitation
 from .assumed_units import assumed_unit, outdoor_as_room, reread_percent
 from .blank_setpoints import filled_setpoints
 from .column_spans import lost_columns, one_after_the_other
-from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, to_roles
+from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, refuse_unlogged, to_roles
 from .counters import is_counter
 from .even_steps import regularize, usual_step
 from .fill_values import fill_values
@@ -89,7 +89,7 @@ class LogReport:
     Raises
     ------
     ValueError
-        If there are no two rows with time stamps.
+        If there are no two rows with time stamps, the log lacks one of ``columns``, or ``label`` is another word.
 
     Examples
     --------
@@ -111,9 +111,7 @@ class LogReport:
         holidays: Any = None,
         scaled: Iterable[str] = (),
     ) -> None:
-        _refuse_short(frame.frame if isinstance(frame, RawLog) else frame)
-        raw = frame if isinstance(frame, RawLog) else _log_of(frame)
-        self.raw = raw
+        self.raw = raw = _checked_log(frame, columns or {}, label)
         self.step = usual_step(raw.frame)
         self.even_step = next((s for s in _STEPS if s >= 0.9 * self.step), _STEPS[-1])
         self.label = label or raw.label
@@ -144,15 +142,12 @@ class LogReport:
         self.columns = self._table(channels)
         self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
         held = [c.role for c in channels if c.name in raw.held and c.role in self.frame]
-        self.even = self._held(held) if held else self.frame
+        even: Any = regularize(self.frame, self.even_step, "0h", held=held) if held else self.frame
+        self.even: pd.DataFrame = even
         self.days = days_of(self.even, self.even_step if held else self.step, holidays)
         self.excitation = excitation(self.even)
         self.can, self.cannot, self.next_steps = self._abilities(channels)
         self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
-
-    def _held(self, roles: list[str]) -> pd.DataFrame:
-        """The frame at even steps, on which the values of some roles hold until the next."""
-        return cast("pd.DataFrame", regularize(self.frame, self.even_step, "0h", held=roles))
 
     def _abilities(self, channels: list[Channel]) -> tuple[list[str], list[str], list[str]]:
         measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
@@ -180,8 +175,6 @@ class LogReport:
     def to_dict(self) -> dict[str, Any]:
         """The report as plain values, for JSON."""
         index = pd.DatetimeIndex(self.raw.frame.index)
-        columns = self.columns.astype(object).where(self.columns.notna(), None)
-        moved = self.excitation.astype(object).where(self.excitation.notna(), None)
         return {
             "format": self.raw.format,
             "rows": len(index),
@@ -190,11 +183,11 @@ class LogReport:
             "step": spell(self.step),
             "timezone": None if index.tz is None else str(index.tz),
             "label": self.assumed_label,
-            "columns": columns.to_dict(orient="index"),
-            "first_rows": {str(k): v for k, v in self._first_rows().astype(object).to_dict(orient="index").items()},
+            "columns": _rows_of(self.columns),
+            "first_rows": _rows_of(self._first_rows()),
             "gaps": self.gaps.astype({"last": str, "next": str}).round({"hours": 2}).to_numpy().tolist(),
             "days": self.days,
-            "excitation": moved.to_dict(orient="index"),
+            "excitation": _rows_of(self.excitation),
             "findings": [finding._asdict() for finding in self.findings],
             "can": self.can,
             "cannot": self.cannot,
@@ -238,7 +231,7 @@ class LogReport:
         return report_html(self.headline(), self.columns, self._first_rows(), self.sections())
 
     def _first_rows(self) -> pd.DataFrame:
-        return self.frame.dropna(how="all").head(_SHOWN_ROWS)
+        return self.frame[~self.frame.index.duplicated()].dropna(how="all").head(_SHOWN_ROWS)
 
     def _channel(
         self,
@@ -360,10 +353,8 @@ class LogReport:
         rooms = self.frame.reindex(columns=self._rooms).rename(columns=columns)
         if (text := one_after_the_other(rooms)) is not None:
             found.append(Finding("error", "rooms", text))
-        found += [
-            *self._one_for_both.values(),
-            *partial_findings({c.name: self._guesses[c.name].reason for c in channels}),
-        ]
+        found += self._one_for_both.values()
+        found += partial_findings({c.name: self._guesses[c.name].reason for c in channels})
         found += shared_plant_findings(columns, self._further_rooms)
         found += plant_findings(self.even, self._rooms)
         found += parallel_findings(raw.frame, columns, self._taken())
@@ -384,11 +375,23 @@ def _log_of(frame: pd.DataFrame) -> RawLog:
     return RawLog(frame.loc[:, real].astype(np.float64).rename(columns=str), "DataFrame", notes=tuple(others))
 
 
-def _refuse_short(frame: pd.DataFrame) -> None:
+def _checked_log(given: pd.DataFrame | RawLog, columns: Mapping[str, str], label: str | None) -> RawLog:
+    """The log to report on; refused where it has no two stamps or lacks a column, or the label is unknown."""
+    frame = given.frame if isinstance(given, RawLog) else given
     if not isinstance(frame, pd.DataFrame) or not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("the log has no time stamps; give a DataFrame with a DatetimeIndex, or use read_log.")
     if len(frame.index.unique()) < 2:
         raise ValueError(f"the log has {several(len(frame.index.unique()), 'distinct stamp')}; two are the least.")
+    if label not in (None, "left", "right"):
+        raise ValueError(f"label={label!r} must be 'left', 'right' or None.")
+    raw = given if isinstance(given, RawLog) else _log_of(frame)
+    refuse_unlogged(raw, columns)
+    return raw
+
+
+def _rows_of(table: pd.DataFrame) -> dict[Any, Any]:
+    """The rows of a table by their names, None where a value is missing."""
+    return table.astype(object).where(table.notna(), None).rename(index=str).to_dict(orient="index")
 
 
 def _unit_words(row: Any) -> str:
