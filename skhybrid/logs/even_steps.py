@@ -54,11 +54,13 @@ class RegularizeReport:
 
     def __str__(self) -> str:
         minutes, before = (span.total_seconds() / 60 for span in (self.step, self.source_step))
-        lines = [f"{self.rows_before} rows about {before:g} min apart -> {self.rows_after} rows of {minutes:g} min"]
+        after = several(self.rows_after, "row")
+        lines = [f"{self.rows_before} rows about {before:g} min apart -> {after} of {minutes:g} min"]
         if self.out_of_order:
-            lines.append(f"{self.out_of_order} rows out of order: sorted")
+            lines.append(f"{several(self.out_of_order, 'row')} out of order: sorted")
         if self.duplicates:
-            lines.append(f"{self.duplicates} rows with a duplicate stamp: the first value of each column is kept")
+            repeated = several(self.duplicates, "row")
+            lines.append(f"{repeated} with a duplicate stamp: the first value of each column is kept")
         lines += [f"{name}: {several(n, 'row')} of short gaps filled" for name, n in self.filled.items()]
         lines += [
             f"{name}: {several(n, 'row')} left missing, first {self.first_missing[name]}"

@@ -60,10 +60,12 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
         Name of the format; by default found from the content of the file.
     **options
         Of general tables: ``columns`` (channels to read), ``time_column`` (the column of time stamps, or a pair of
-        date and time), ``timezone`` (of stamps without an offset, or to convert to), ``dayfirst`` and ``held``
-        (channels that keep their value until the next one).  CSV takes ``sep`` and ``decimal`` besides, Excel
-        ``sheet``, a database ``table`` or ``query``; a long CSV or database takes ``point_column`` and
-        ``value_column``.
+        date and time), ``timezone`` (of stamps without an offset, or to convert to), ``dayfirst``, ``year`` (of the
+        first stamp, where stamps have none) and ``held`` (channels that keep their value until the next one).  CSV
+        takes ``sep`` and ``decimal`` besides, Excel ``sheet``, a database ``table`` or ``query``; a long CSV or
+        database takes ``point_column`` and ``value_column``.  Home Assistant takes ``table``, ``entities``, ``step``
+        and ``timezone``, ecobee ``timezone`` and ``dayfirst``, the EPA's data ``metadata`` and ``utc_offset``,
+        InfluxDB ``timezone``.
 
     Returns
     -------

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from .stamps import cell
+from .stamps import cell, line
 
 _EPOCH = r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?"
 _DIGITS = r"(?:19|20)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])[ :T]?(?:[01]\d|2[0-4])(?:[0-5]\d){0,2}Z?"
@@ -82,5 +82,5 @@ def _numbers(cells: pd.Series, where: str) -> pd.Series:
     known = numbers.notna().to_numpy()
     if not known.all():
         row = int(np.argmax(~known))
-        raise ValueError(f"row {cells.index[row] + 2} of {where}: the stamp {cell(cells.iloc[row])} is not a number.")
+        raise ValueError(f"row {line(cells.index[row])} of {where}: the stamp {cell(cells.iloc[row])} is not a number.")
     return numbers

@@ -1,4 +1,4 @@
-"""Parsing of the time stamps in a CSV file: their column, their format and their time zone."""
+"""Time stamps of cells of text: their format and their time zone."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from .._arguments import as_mapping, check_bool, store_arguments
 from .._ranges import check_range
-from .._table import numeric, role_of
+from .._table import listed, numeric, role_of
 from .._time import first_row_number, read_index
 from ._frames import TableTransformer, column_names, position_of, roles_by_position
 from ._sun import Place, on_planes
@@ -153,10 +153,9 @@ class FacadeIrradiance(TableTransformer):
                 continue
             position = position_of(column, names)
             if position is None:
-                shown = ", ".join(repr(str(name)) for name in names)
                 advice = "columns={'q_sol': its column}" if kind == "q_sol" else f"{kind}=its column, or None"
                 raise ValueError(
-                    f"FacadeIrradiance expects {kind} in a column {column!r}, but X has {shown} "
+                    f"FacadeIrradiance expects {kind} in a column {column!r}, but X has {listed(names)} "
                     f"({len(names)} feature(s)); pass {advice}."
                 )
             found[kind] = position

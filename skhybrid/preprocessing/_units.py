@@ -12,7 +12,7 @@ from sklearn.base import OneToOneFeatureMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import as_mapping
-from .._table import numeric
+from .._table import listed, numeric
 from ._frames import TableTransformer, column_names, position_of, read_columns
 
 #: unit of each kind of quantity in the data contract.
@@ -115,8 +115,7 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
         for column, unit in as_mapping("units", self.units, "columns to units, such as {'T_oa': 'degF'}").items():
             position = position_of(column, names)
             if position is None:
-                shown = ", ".join(repr(str(name)) for name in names)
-                raise ValueError(f"units= names the column {column!r}, but X has {shown}.")
+                raise ValueError(f"units= names the column {column!r}, but X has {listed(names)}.")
             if position in self.conversions_:
                 raise ValueError(f"units= names the column {names[position]!r} twice, by name and by position.")
             self.conversions_[position] = conversion_of(unit, column)
