@@ -296,6 +296,21 @@ def test_a_damaged_compressed_file_is_refused(tmp_path, kind, pack):
                 read(path)
 
 
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"dayfirst": "no"}, "dayfirst='no' must be True or False"),  # counted as True
+        ({"timezone": 1}, "timezone=1 is unknown; write it as 'Europe/Amsterdam'"),  # was a second from UTC
+        ({"year": 0}, "year=0 "),  # was 2017
+        ({"year": "2024"}, "year='2024' "),
+    ],
+)
+def test_options_of_the_wrong_kind_are_refused(write, given, says):
+    path = write("time,T_za\n" + "".join(f"01/{k:02d} 10:00,{20 + k % 3}\n" for k in range(1, 20)))
+    with pytest.raises(ValueError, match=says):
+        read_log(path, **given)
+
+
 LONG = """time,point,value
 2024-01-01 00:00:03,AHU1.T,20.1
 2024-01-01 00:00:03,AHU1.Fan,on

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._arguments import check_integer
 from .._warnings import several
 from .cell_numbers import NumberColumn, number_in
 from .named_zones import zoned_stamps
@@ -19,7 +20,7 @@ from .quality_columns import columns_judged, quality_columns, without_bad
 from .raw_log import RawLog
 from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_parts import joined_cells
-from .stamps import in_zone, line, localize
+from .stamps import YEARS, in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
@@ -50,6 +51,8 @@ class Choice:
         for name in ("columns", "held"):
             if isinstance(getattr(self, name), str):
                 raise ValueError(f"{name}={getattr(self, name)!r} is one text; give a list of channels.")
+        if self.year is not None:
+            check_integer("year", self.year, *YEARS)
 
     def wanted(self, names: Iterable[str], stamps: Sequence[str], where: str) -> list[str]:
         """The channels to read among the columns of a table, in its order."""

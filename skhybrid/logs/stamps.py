@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from pandas.tseries.api import guess_datetime_format
 
+from .._arguments import check_bool
+
 YEARS = (1700, 2250)  # another year is a slip of the pen, and its nanoseconds overflow
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _BLOCK = 50_000  # rows
@@ -24,6 +26,8 @@ def parse_stamps(
 
     Rows of ``next_day`` are a day later than they say.
     """
+    if dayfirst is not None:
+        check_bool("dayfirst", dayfirst)
     text = cells.astype(str)
     absent = cells.isna().to_numpy()
     zoned = np.zeros(len(text), dtype=bool)
@@ -151,6 +155,8 @@ def _contradicts(text: pd.Series, day_first: bool) -> np.ndarray:
 def time_zone_named(timezone: str) -> Any:
     """The time zone of a name."""
     try:
+        if isinstance(timezone, int | float):  # pandas means seconds from UTC
+            raise TypeError
         return pd.Timestamp("2001-01-01").tz_localize(timezone).tz
     except Exception as error:  # the class differs between zoneinfo and pytz
         raise ValueError(f"timezone={timezone!r} is unknown; write it as 'Europe/Amsterdam' or 'UTC'.") from error
