@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._clock import hour_of_day
 from .._holidays import NO_HOLIDAYS, Holidays
 from ._random import ar1
 from ._thermostat_plan import occupied
@@ -67,7 +68,7 @@ def _calendar(time: pd.DatetimeIndex, holidays: Holidays) -> _Calendar:
     return _Calendar(
         step_hours=(time[1] - time[0]) / pd.Timedelta("1h"),
         day=day,
-        hour=np.asarray((time - time.normalize()) / pd.Timedelta("1h")),
+        hour=hour_of_day(time),
         day_of_week=holidays.day_of_week(pd.date_range(first, periods=int(day[-1]) + 1)),
         occupied=occupied(time, holidays),
     )

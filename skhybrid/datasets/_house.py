@@ -9,6 +9,7 @@ import pandas as pd
 from sklearn.utils import Bunch
 
 from .._arguments import check_integer
+from .._clock import hour_of_day
 from ..thermal import RCNetwork, building_network
 from ._gains import draw_gains
 from ._office import HYSTERESIS, SIMULATION_STEP, check_arguments
@@ -170,7 +171,7 @@ def _plan(
     time: pd.DatetimeIndex, k: int, excitation: str | None, rng: np.random.Generator, prbs_rng: np.random.Generator
 ) -> np.ndarray:
     """(n,) set-point of room k [degC]: hours, level and set-back of its own, a little different every day."""
-    hour = np.asarray((time - time.normalize()) / pd.Timedelta("1h"))
+    hour = hour_of_day(time)
     day = np.asarray((time - time[0]).days)
     n = int(day[-1]) + 1
     begin, length = 6.0 + 1.5 * k + rng.normal(0.0, 0.7, n), rng.uniform(7.0, 14.0, n)
@@ -186,7 +187,7 @@ def _plan(
 def _inputs(outside: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
     """Outdoor temperature, and the sun on the windows of every room."""
     time = pd.DatetimeIndex(outside.index)
-    hour = np.asarray((time - time.normalize()) / pd.Timedelta("1h"))
+    hour = hour_of_day(time)
     X = outside[["T_oa"]].copy()
     for k, zone in enumerate(names):
         middle, width = _WINDOWS[k % len(_WINDOWS)]

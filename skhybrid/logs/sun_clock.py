@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from .._clock import hour_of_day
+
 _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on any wall clock
 _LIGHT = 0.005  # of the highest irradiance, above which it is day
 _BESIDE, _FEWEST = 10, 5  # days on each side of a change that show it, and the least of them with a known noon
@@ -78,7 +80,7 @@ def _noons(sun: pd.Series) -> pd.DataFrame:
     zone = None if index.tz is None else index[0].utcoffset()
     clock = index if zone is None else index.tz_convert("UTC").tz_localize(None) + zone  # without daylight saving
     light = (sun > _LIGHT * sun.quantile(0.999)).to_numpy()
-    hours, values = ((clock - clock.normalize()) / pd.Timedelta("1h"))[light], sun.to_numpy()[light]
+    hours, values = hour_of_day(clock)[light], sun.to_numpy()[light]
     days = pd.DataFrame({"hour": hours, "sun": values, "both": hours * values}).groupby(clock.normalize()[light])
     between, sums = (days["hour"].min() + days["hour"].max()) / 2.0, days[["both", "sun"]].sum()
     whole = pd.date_range(clock.min().normalize(), clock.max().normalize(), freq="D")
