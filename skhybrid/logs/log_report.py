@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import is_plant
 from .._time import spell
 from .._warnings import several
 from .abilities import abilities, days_of, excitation
-from .assumed_units import assumed_unit, outdoor_as_room, reread_percent
 from .blank_setpoints import filled_setpoints
+from .column_roles import ColumnRoles
 from .column_spans import lost_columns, one_after_the_other
-from .conversion import Channel, contract_unit, counter_of, fill_remarks, fitting_unit, refuse_unlogged, to_roles
-from .counters import is_counter
+from .conversion import Channel, counter_of, fill_remarks, refuse_unlogged, to_roles
 from .even_steps import regularize, usual_step
-from .fill_values import fill_values
 from .log_findings import (
     Finding,
     clash,
@@ -35,13 +32,10 @@ from .log_findings import (
     swap_findings,
 )
 from .log_report_html import report_html
-from .naming import FOR_HEATING, NAMED_BY_ROLE, TAKEN, UNPLACED, Guess, assign_roles, guess_role, unit_in_name
+from .naming import UNPLACED
 from .plant_findings import cooling_findings, parallel_findings, plant_findings, shared_plant_findings
 from .raw_log import RawLog
-from .setpoint_modes import MODE, further_roles, one_role_each, shared_zones
 from .standstills import controlled_rows
-from .unit_names import ENERGY
-from .zone_names import further_rooms, zone_guesses, zone_roles, zones_of
 
 _SHOWN_ROWS = 3
 _STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
@@ -115,31 +109,12 @@ class LogReport:
         self.step = usual_step(raw.frame)
         self.even_step = next((s for s in _STEPS if s >= 0.9 * self.step), _STEPS[-1])
         self.label = label or raw.label
-        self._assumed: dict[str, str] = {}
-        self._scaled, self._one_for_both = set(scaled), dict[str, Finding]()
+        self._scaled = set(scaled)
         ordered = replace(raw, frame=raw.frame.sort_index(kind="stable"))
-        given = {**raw.roles, **(columns or {})}
-        stated = {
-            str(c): raw.units.get(str(c), unit_in_name(str(c)))
-            for c in raw.frame
-            if c not in raw.modes or c in given.values()
-        }
-        rooms = {} if given else zone_roles(stated)
-        own = [one_role_each(one or {}) for one in (columns, raw.roles)]
-        guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, *own)
-        self._guesses = guesses if rooms else reread_percent(guesses, stated, raw.frame)
-        self.zones = zones_of(columns or rooms)
-        self._rooms = [f"T_za_{zone}" for zone in self.zones] or ["T_za"]
-        channels = [
-            self._channel(ordered, name, guess, stated[name], dict(units or {}), dict(scale or {}))
-            for name, guess in self._guesses.items()
-            if guess.role is not None
-        ]
-        self._further_rooms = [] if given or rooms else further_rooms(stated, {c.role: c.name for c in channels})
-        channels = self._outdoor_as_room(self._of_known_scale(channels, set(given)))
-        channels = self._with_modes(ordered, channels, given)
+        self._read = read = ColumnRoles(ordered, columns or {}, units or {}, scale or {}, self._scaled)
+        self.zones, channels = read.zones, read.channels
         self.frame = to_roles(ordered, channels).replace([np.inf, -np.inf], np.nan)
-        self.columns = self._table(channels)
+        self.columns = read.table()
         self.gaps = gaps_of(pd.DatetimeIndex(raw.frame.index), self.step)
         held = [c.role for c in channels if c.name in raw.held and c.role in self.frame]
         even: Any = regularize(self.frame, self.even_step, "0h", held=held) if held else self.frame
@@ -150,12 +125,12 @@ class LogReport:
         self.findings = sorted(self._find(ordered, channels), key=lambda f: ("error", "warning", "note").index(f.level))
 
     def _abilities(self, channels: list[Channel]) -> tuple[list[str], list[str], list[str]]:
-        measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._is_unsure(c) for c in channels)
-        unsure = {c.role for c in channels if is_plant(c.role) and self._is_unsure(c)}
+        measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._read.is_unsure(c) for c in channels)
+        unsure = {c.role for c in channels if is_plant(c.role) and self._read.is_unsure(c)}
         stages = {c.role for c in channels if c.role.startswith("u_")}
         unsure |= set() if measured or stages & self._scaled else stages  # one scale fixes those of all
-        unplaced = [name for name, guess in self._guesses.items() if guess.reason == UNPLACED]
-        return abilities(self.excitation, sum(self.days.values()), unsure, self._rooms, unplaced)
+        unplaced = [name for name, guess in self._read.guesses.items() if guess.reason == UNPLACED]
+        return abilities(self.excitation, sum(self.days.values()), unsure, self._read.rooms, unplaced)
 
     @property
     def roles(self) -> dict[str, str]:
@@ -170,7 +145,7 @@ class LogReport:
 
     def electricity(self) -> list[str]:
         """Roles whose column seems to be electricity, not heat."""
-        return [str(g.role) for g in self._guesses.values() if g.role is not None and g.is_electricity]
+        return [str(g.role) for g in self._read.guesses.values() if g.role is not None and g.is_electricity]
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain values, for JSON."""
@@ -233,96 +208,6 @@ class LogReport:
     def _first_rows(self) -> pd.DataFrame:
         return self.frame[~self.frame.index.duplicated()].dropna(how="all").head(_SHOWN_ROWS)
 
-    def _channel(
-        self,
-        raw: RawLog,
-        name: str,
-        guess: Guess,
-        stated: str | None,
-        units: Mapping[str, str],
-        scale: Mapping[str, float],
-    ) -> Channel:
-        """The channel of a role, with the unit that is given or stated, or that its values suggest."""
-        role = str(guess.role)
-        unit, factor = units.get(role, fitting_unit(stated, role)), scale.get(role, raw.scale.get(name, 1.0))
-        if unit is None:
-            series = raw.frame[name]
-            values = series.mask(fill_values(series, role, is_counter(series)))
-            unit, factor, why = assumed_unit(values, role, factor, guess.reason == NAMED_BY_ROLE)
-            self._assumed |= {role: why} if why else {}
-        if unit in ENERGY and role not in units and role.startswith("Q_") and is_counter(raw.frame[name]):
-            unit = f"{unit} counter"
-        return Channel(role, name, unit, factor)
-
-    def _of_known_scale(self, channels: list[Channel], given: set[str]) -> list[Channel]:
-        """The channels without switches as heat, and stages of no known scale, that only a name suggests."""
-        kept = []
-        for c in channels:
-            is_switch = c.name in self.raw.switches and self.raw.frame[c.name].dropna().isin((0.0, 1.0)).all()
-            if c.role.startswith("Q_") and is_switch and c.role not in given:
-                self._assumed.pop(c.role, None)
-                self._guesses[c.name] = Guess(None, 0, "it is on or off; give u_heat or u_cool if it is the plant's")
-            elif c.role.startswith("u_") and c.unit is None and c.role in self._assumed and c.role not in given:
-                self._guesses[c.name] = Guess(None, 0, self._assumed.pop(c.role))
-            else:
-                kept.append(c)
-        return kept
-
-    def _outdoor_as_room(self, channels: list[Channel]) -> list[Channel]:
-        own = {c.role for c in channels if self._guesses[c.name].reason == NAMED_BY_ROLE}
-        channels, why = outdoor_as_room(channels, self.raw.frame, self._assumed, own)
-        self._assumed |= {"T_oa": why} if why else {}
-        return channels
-
-    def _with_modes(self, raw: RawLog, channels: list[Channel], given: Mapping[str, str]) -> list[Channel]:
-        """The channels with those of modes, and with cooling set-points that are those of heating too."""
-        heat, cool = SETPOINT_ROLES
-        found = {cool + zone: given[cool + zone] for zone in shared_zones(given)}
-        if not given:
-            frame, modes = cache(lambda: to_roles(raw, channels)), raw.frame[sorted(raw.modes)]
-            found, reasons, doubts = further_roles({c.role: c.name for c in channels}, frame, modes)
-            self._one_for_both = {name: Finding("warning", name, text) for name, text in doubts.items()}
-            for name, why in reasons.items():
-                reason = self._guesses[name].reason.removesuffix(FOR_HEATING).rstrip(", ")
-                self._guesses[name] = self._guesses[name]._replace(reason=f"{reason}; {why}")
-                self._one_for_both[name] = Finding("note", name, f"is one set-point for heating and cooling; {why}.")
-        for name in raw.modes.difference(self._guesses):
-            self._guesses[name] = Guess(None, 0, "it says when a thermostat heats and cools")
-        by_role = {c.role: c for c in channels}
-        twins = [by_role[role.replace(cool, heat)]._replace(role=role) for role in found if role.startswith(cool)]
-        return [*channels, *twins, *(Channel(role, name) for role, name in found.items() if role.startswith(MODE))]
-
-    def _taken(self) -> dict[str, str]:
-        """The roles of columns that are not used since others were taken for them."""
-        guesses = () if self.raw.roles else self._guesses.items()
-        taken = [name for name, guess in guesses if guess.role is None and guess.reason.endswith(TAKEN)]
-        found = {name: guess_role(name, self.raw.units.get(name, unit_in_name(name))) for name in taken}
-        sure = {guess.role: guess.certainty for _, guess in guesses}
-        alike = {n: g for n, g in found.items() if not g.is_electricity and g.certainty >= sure.get(g.role, 0)}
-        return {name: str(guess.role) for name, guess in alike.items()}
-
-    def _is_unsure(self, channel: Channel) -> bool:
-        return self._seems_electric(channel) or "scale" in self._assumed.get(channel.role, "")
-
-    def _seems_electric(self, channel: Channel) -> bool:
-        return self._guesses[channel.name].is_electricity and channel.role not in self._scaled
-
-    def _table(self, channels: list[Channel]) -> pd.DataFrame:
-        rows = {}
-        for name, guess in self._guesses.items():
-            own = [c for c in channels if c.name == name]
-            c = own[0] if own else None
-            why = "" if c is None else self._assumed.get(c.role, "")
-            rows[name] = {
-                "role": ", ".join(one.role for one in own) or None,
-                "unit": None if c is None else (c.unit or contract_unit(c.role)),
-                "scale": None if c is None else c.scale,
-                "assumed": bool(why),
-                "reason": guess.reason + (f"; {why}" if why else ""),
-            }
-        names = ["role", "unit", "scale", "assumed", "reason"]
-        return pd.DataFrame.from_dict(rows, orient="index", columns=names).rename_axis("column")
-
     def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
         found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
         if (text := clash(self.frame) or clash(raw.frame)) is not None:
@@ -339,25 +224,25 @@ class LogReport:
                 found += counter_findings(channel.name, counter)
             if role == "T_za" and "T_oa" in self.frame:
                 found += swap_findings(channel.name, self.frame[channel.role], self.frame["T_oa"])
-            if self._seems_electric(channel):
+            if self._read.seems_electric(channel):
                 remedy = "give a coefficient of performance ([plant] electricity = true, cop = 3.0)"
                 text = f"this seems to be electricity, not heat: {remedy} or another column."
                 found.append(Finding("warning", channel.name, text))
-            if why := self._assumed.get(channel.role):
+            if why := self._read.assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
         found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
         found += [Finding("warning", self.roles[role], text) for role, text in lost_columns(self.even)]
         found += set_point_findings(self.even)
         columns = {c.role: c.name for c in channels}
-        rooms = self.frame.reindex(columns=self._rooms).rename(columns=columns)
+        rooms = self.frame.reindex(columns=self._read.rooms).rename(columns=columns)
         if (text := one_after_the_other(rooms)) is not None:
             found.append(Finding("error", "rooms", text))
-        found += self._one_for_both.values()
-        found += partial_findings({c.name: self._guesses[c.name].reason for c in channels})
-        found += shared_plant_findings(columns, self._further_rooms)
-        found += plant_findings(self.even, self._rooms)
-        found += parallel_findings(raw.frame, columns, self._taken())
+        found += self._read.one_for_both.values()
+        found += partial_findings({c.name: self._read.guesses[c.name].reason for c in channels})
+        found += shared_plant_findings(columns, self._read.further_rooms)
+        found += plant_findings(self.even, self._read.rooms)
+        found += parallel_findings(raw.frame, columns, self._read.taken())
         heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]
         found += cooling_findings(self.even, {c.role: c.name for c in heat})
         return found + [Finding("note", "log", text) for text in self.raw.notes]
