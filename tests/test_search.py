@@ -295,6 +295,16 @@ def test_a_store_of_other_data_or_settings_is_refused(office, estimator, tmp_pat
         DesignMatrixSearchCV(estimator, matrix, **given).fit(office.X, office.y)
 
 
+def test_functions_made_by_one_function_are_candidates_of_their_own(office):
+    def only(name):
+        return lambda X: X[[name]]
+
+    steps = make_pipeline(FunctionTransformer(), LinearRegression())
+    grid = {"functiontransformer__func": [only("T_oa"), only("q_sol")]}
+    search = DesignMatrixSearchCV(steps, grid, cv=CV, refit=False, verbose=0).fit(office.X[["T_oa", "q_sol"]], office.y)
+    assert search.results_["rmse"].nunique() == 2
+
+
 def test_a_search_that_is_interrupted_keeps_what_is_finished(office, estimator, monkeypatch, tmp_path):
     matrix = design_matrix(["mlp"], ["case01"], size=SIZE)
     given = {"cv": CV, "store": tmp_path / "r.sqlite", "refit": False, "verbose": 0, "chunk_size": 1}

@@ -284,3 +284,31 @@ def test_values_in_words_are_the_same_in_another_process():
     assert as_plain(one) != as_plain(other)
     assert as_plain({"Q_h": 6.0, "f": 0.3}) == as_plain({"f": 0.3, "Q_h": 6.0})
     assert candidate_id({"a": 1, "b": 2}) == candidate_id({"b": 2, "a": 1}) != candidate_id({"a": 2, "b": 1})
+
+
+def _times(factor, power=1):
+    def times(X):
+        return factor * X**power
+
+    return times
+
+
+def test_functions_without_a_name_of_their_own_are_told_apart_by_what_they_do():
+    functions = [
+        lambda X: X[["T_oa"]],
+        lambda X: X[["q_sol"]],
+        lambda X, a=1: a,
+        lambda X, a=2: a,
+        _times(2),
+        _times(3),
+    ]
+    assert len({as_plain(one) for one in functions}) == len(functions)
+    assert as_plain(_times(2)) == as_plain(_times(2))
+    assert as_plain(lambda X: [x + 1 for x in X]) == as_plain(lambda X: [x + 1 for x in X])
+    bias, spread = make_scorer(lambda y, p: (p - y).mean()), make_scorer(lambda y, p: (p - y).std())
+    assert as_plain(bias) != as_plain(spread)
+
+    def endless(n):
+        return endless(n - 1)
+
+    assert "endless" in as_plain(endless)

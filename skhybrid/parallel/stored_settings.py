@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 from collections.abc import Mapping
+from types import CodeType, FunctionType
 from typing import Any
 
 import joblib
@@ -31,9 +33,13 @@ def as_plain(value: Any) -> str:
         return "[" + ", ".join(map(as_plain, value)) + "]"
     if isinstance(value, np.generic):
         return repr(value.item())
+    if inspect.isfunction(value) and "<" in value.__qualname__:  # <lambda> and <locals> name many functions
+        return f"{name_of(value)} {hashlib.sha256(_code_of(value).encode()).hexdigest()[:16]}"
     if inspect.isroutine(value) or inspect.isclass(value):
         return name_of(value)
     text = repr(value)
+    if "<lambda>" in text and hasattr(value, "_score_func"):  # a scorer of scikit-learn
+        return f"{name_of(type(value))} {as_plain(vars(value))}"
     if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in text or "..." in text:
         return f"{name_of(type(value))} {joblib.hash(value)}"  # its text is cut short, or differs between processes
     return text
@@ -47,6 +53,18 @@ def is_estimator(value: Any) -> bool:
 def name_of(thing: Any) -> str:
     """Module and qualified name of a class or function."""
     return f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', thing)}"
+
+
+def _code_of(function: FunctionType) -> str:
+    """What a function does, as text: its code, its defaults, and the values that it was made with."""
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    made_with = ["itself" if one is function else one for one in cells]
+    return as_plain([_instructions(function.__code__), function.__defaults__, function.__kwdefaults__, made_with])
+
+
+def _instructions(code: CodeType) -> list[Any]:
+    constants = [_instructions(one) if isinstance(one, CodeType) else one for one in code.co_consts]
+    return [code.co_code, code.co_names, constants]
 
 
 def check_settings(path: str, known: Mapping[str, str], given: Mapping[str, str]) -> None:
