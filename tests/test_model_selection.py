@@ -279,6 +279,23 @@ def test_the_measured_temperature_is_known_by_its_values_too():
     fahrenheit = X.to_numpy() * [1.0, 1.8] + [0.0, 32.0]
     with pytest.raises(ValueError, match="reads column '1' of X"):
         backtest(model, fahrenheit, y.to_numpy())
+    named["room"] = 1.8 * named["room"] + 32.0
+    with pytest.raises(ValueError, match="reads column 'room' of X"):
+        backtest(LinearRegression().fit(named, y), named, y)
+
+
+def test_a_column_that_holds_an_earlier_measurement_must_lag_by_the_horizon():
+    X, y = _room()
+    for lag in (1, PER_DAY - 1):
+        lagged = X.drop(columns="T_za").assign(earlier=y.shift(lag).bfill())
+        model = LinearRegression().fit(lagged, y)
+        with pytest.raises(ValueError, match="reads column 'earlier' of X"):
+            backtest(model, lagged, y)
+        assert len(backtest(model, lagged, y, horizon=lag * pd.Timedelta("1h")))
+        lagged.loc[:, "earlier"] = lagged["earlier"].mean()
+        assert len(backtest(LinearRegression().fit(lagged, y), lagged, y))
+    lagged["earlier"] = y.shift(PER_DAY).bfill()
+    assert len(backtest(LinearRegression().fit(lagged, y), lagged, y))
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,8 @@ def backtest(
     estimator : fitted estimator
         With ``predict_from(X, origins, horizon)``; a Pipeline whose last step has it; a search that holds one as
         ``best_estimator_``; or any regressor, whose ``predict(X)`` then counts as the forecast from every origin, and
-        which may therefore not read what is measured after an origin: ``T_za``, ``zeta``, or y by another name.
+        which may therefore not read what is measured after an origin: ``T_za``, ``zeta``, or y under another name, in
+        another unit, or lagged by less than the horizon.
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
         Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.
     y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for a BuildingPredictor

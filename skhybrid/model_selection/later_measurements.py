@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.pipeline import Pipeline
 
-from .._table import is_history, is_target, listed, numeric
+from .._table import is_history, is_instant, is_target, listed, numeric, role_of
 
 _ROUNDING = 1e-9  # by which two predictions from the same numbers may differ
 
@@ -34,7 +34,8 @@ def refuse_later_measurements(
 
     It reads them where its last step names a measured column, or where other measurements after one of a few origins
     change what is ``predicted`` (n_samples,) of the ``n_leads`` rows after it.  Measured are the columns of history and
-    those that are y (n_samples,); what a step of a pipeline lags by the horizon or more is not read after the origin.
+    those that are y (n_samples,), in any unit, or y some rows earlier.  What is lagged by the horizon or more, in X
+    or by a step of a pipeline, is not read after the origin.
     """
     forecaster, _ = unwrapped(estimator, X)
     name = type(forecaster).__name__
@@ -42,15 +43,15 @@ def refuse_later_measurements(
         for column in getattr(forecaster, "feature_names_in_", ()):
             if is_history(column):
                 raise ValueError(_message(name, f"column {column!r}"))
-    measured, last = _measured(X, y), len(origins) - 1
+    measured, last = _measured(X, y, n_leads), len(origins) - 1
     if not measured:
         return
     for origin in origins[sorted({0, min(1, last), last // 2, last})].tolist():
         ahead = slice(origin + 1, origin + 1 + n_leads)
         if _differ(predicted, _predicted(estimator, _changed_after(X, measured, origin)), ahead):
-            alone = {j: _predicted(estimator, _changed_after(X, [j], origin)) for j in measured}
+            alone = {j: _predicted(estimator, _changed_after(X, {j: lag}, origin)) for j, lag in measured.items()}
             read = [j for j, other in alone.items() if _differ(predicted, other, ahead)]
-            raise ValueError(_message(name, f"column {listed(_names(X, read or measured), most=3)}"))
+            raise ValueError(_message(name, f"column {listed(_names(X, read or list(measured)), most=3)}"))
 
 
 def _predicted(estimator: Any, X: Any) -> np.ndarray:
@@ -75,31 +76,47 @@ def _holds_forecaster(estimator: Any) -> bool:
     return any(hasattr(part, "predict_from") for part in parts)
 
 
-def _measured(X: Any, y: np.ndarray) -> list[int]:
-    """Positions of the columns of X that hold history or y; in an array also y scaled."""
+def _measured(X: Any, y: np.ndarray, n_leads: int) -> dict[int, int]:
+    """Columns of X, by position, that hold history, y, or y some rows earlier; and by how many rows they lag."""
+    found = {}
+    for j, name, values in _numbers(X):
+        if is_history(name):
+            found[j] = 0
+            continue
+        in_any_unit = role_of(name) is None or (is_instant(name) and name != "T_oa")  # the others are inputs
+        lags = range(min(n_leads, len(y)))
+        lag = next((k for k in lags if is_target(values[k:], y[: len(y) - k], scaled=in_any_unit and k == 0)), None)
+        if lag is not None:
+            found[j] = lag
+    return found
+
+
+def _numbers(X: Any) -> Iterator[tuple[int, Any, np.ndarray]]:
+    """Position, name (None in an array) and values of the columns of X that are numbers."""
     if isinstance(X, pd.DataFrame):
-        numbers = [pd.api.types.is_numeric_dtype(dtype) for dtype in X.dtypes]
-        return [
-            j
-            for j, name in enumerate(X.columns)
-            if numbers[j] and (is_history(name) or is_target(numeric(X.iloc[:, j]), y, scaled=False))
-        ]
+        for j, (name, dtype) in enumerate(X.dtypes.items()):
+            if pd.api.types.is_numeric_dtype(dtype):
+                yield j, name, numeric(X.iloc[:, j])
+        return
     array = np.asarray(X)
-    if array.ndim != 2 or array.dtype.kind not in "fiu":
-        return []
-    return [j for j, values in enumerate(array.T) if is_target(values.astype(np.float64), y, scaled=True)]
+    if array.ndim == 2 and array.dtype.kind in "fiu":
+        for j, values in enumerate(array.T.astype(np.float64)):
+            yield j, None, values
 
 
-def _changed_after(X: Any, columns: Sequence[int], origin: int) -> Any:
-    """A copy of X whose ``columns`` are higher and lower in turn after a row; what is missing stays missing."""
+def _changed_after(X: Any, lags: Mapping[int, int], origin: int) -> Any:
+    """A copy of X whose columns are higher and lower in turn where they hold measurements after a row.
+
+    ``lags`` says by how many rows each column lags; what is missing stays missing.
+    """
     if not isinstance(X, pd.DataFrame):
         array = np.array(X, dtype=np.float64)
-        for j in columns:
-            array[:, j] = _changed(array[:, j], origin)
+        for j, lag in lags.items():
+            array[:, j] = _changed(array[:, j], origin + lag)
         return array
     frame = X.copy(deep=False)
-    for j in columns:
-        frame.isetitem(j, _changed(numeric(X.iloc[:, j]), origin))
+    for j, lag in lags.items():
+        frame.isetitem(j, _changed(numeric(X.iloc[:, j]), origin + lag))
     return frame
 
 
