@@ -56,7 +56,7 @@ def name_of(thing: Any) -> str:
 
 
 def _code_of(function: FunctionType) -> str:
-    """What a function does, as text: its code, its defaults, and the values that it was made with."""
+    """Text of the code of a function, of its defaults, and of the values that it was made with."""
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     made_with = ["itself" if one is function else one for one in cells]
     return as_plain([_instructions(function.__code__), function.__defaults__, function.__kwdefaults__, made_with])
