@@ -97,7 +97,8 @@ def test_quantiles_are_shaded_and_named(frame):
 
 def test_the_next_day_shows_its_interval():
     forecast = pd.DataFrame({"T_za": 20.0, "zeta": 0.1, "q_0.05": 18.0, "q_0.95": 23.0}, index=INDEX[:24])
-    ax = DayAheadDisplay.from_predictions(forecast, setpoint=21.0).ax_
+    with_weather = forecast.assign(q_sol=0.2, q_sol_east=0.1)
+    ax = DayAheadDisplay.from_predictions(with_weather, setpoint=21.0).ax_
     assert _legend(ax) == ["forecast", "90 % interval", "set-point"]
     assert _edges(ax.collections[0]) == (18.0, 23.0)
 

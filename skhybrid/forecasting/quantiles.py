@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -206,6 +207,13 @@ def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:
 def quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:
     """Names of the columns that hold quantiles: ``q_0.1`` ..."""
     return [f"q_{level:g}" for level in np.atleast_1d(levels)]
+
+
+def quantile_levels(columns: Iterable[object]) -> dict[str, float]:
+    """Levels of the columns that :func:`quantile_columns` names, by name and increasing; others are left out."""
+    named = (found for name in columns if (found := re.fullmatch(r"q_(\d*\.?\d+(?:e-\d+)?)", str(name))))
+    levels = {found[0]: float(found[1]) for found in named if 0.0 < float(found[1]) < 1.0}
+    return dict(sorted(levels.items(), key=lambda item: item[1]))
 
 
 def load_quantile_columns(levels: Sequence[float] | np.ndarray) -> list[str]:

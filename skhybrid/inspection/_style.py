@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._warnings import percent
-from ..forecasting.quantiles import quantile_columns
+from ..forecasting.quantiles import quantile_levels
 
 #: palette of Okabe and Ito, for colour-blind readers, without its black and its pale yellow.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
@@ -122,9 +122,9 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
 
 def bands(ax: Any, time: Any, frame: pd.DataFrame, color: str, label: str = "") -> None:
     """Shade between pairs of quantile columns ``q_...``, the outer pairs lighter."""
-    levels = sorted(float(c.removeprefix("q_")) for c in map(str, frame.columns) if c.startswith("q_"))
-    for low, high in zip(levels[: len(levels) // 2], levels[::-1], strict=False):
-        level = percent(high - low, ".3g")
-        name = f"{label}, {level}" if label else f"{level} interval"
-        edges = (frame[name] for name in quantile_columns((low, high)))
-        ax.fill_between(time, *edges, color=color, alpha=0.22, linewidth=0, zorder=1, label=name)
+    levels = quantile_levels(frame.columns)
+    names = list(levels)
+    for low, high in zip(names[: len(names) // 2], names[::-1], strict=False):
+        level = percent(levels[high] - levels[low], ".3g")
+        text = f"{label}, {level}" if label else f"{level} interval"
+        ax.fill_between(time, frame[low], frame[high], color=color, alpha=0.22, linewidth=0, zorder=1, label=text)

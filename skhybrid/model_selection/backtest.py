@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,7 +15,7 @@ from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
 from .._time import assumed_clock, even_step, positive_duration, rows_of, spell, wall_clock
 from .._warnings import several
-from ..forecasting.quantiles import quantile_columns
+from ..forecasting.quantiles import quantile_columns, quantile_levels
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
 from .setpoint_paths import paths_under_setpoints
@@ -205,11 +204,10 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
         measurements between them [-]; ``width``, their distance [K]; ``pinball``, the mean loss over all quantiles [K]
         (Koenker & Bassett 1978); and the number ``n`` of forecasts compared.
     """
-    named = (c for c in map(str, getattr(frame, "columns", ())) if re.fullmatch(r"q_[\d.e-]+", c))
-    levels = {c: level for c in named if 0.0 < (level := pd.to_numeric(c.removeprefix("q_"), errors="coerce")) < 1.0}
+    levels = quantile_levels(getattr(frame, "columns", ()))
     if len(levels) < 2:
         raise ValueError("the back-test has no interval; make it with backtest(..., quantiles=(0.1, 0.9)).")
-    names = sorted(levels, key=lambda c: levels[c])
+    names = list(levels)
     numbers = float_columns(frame, ("y_true", *names), "the back-test")
     known = numbers.notna().all(axis=1)
     seen, lowest, highest = numbers[known], names[0], names[-1]
