@@ -208,6 +208,9 @@ def test_rooms_are_placed_by_who_is_next_to_whom():
         RoomMapDisplay.from_predictions({("a", "e"): None}, {"a": 0.5})
     alone = RoomMapDisplay.from_predictions({}, {"a": 0.5})
     assert {text.get_text() for text in alone.ax_.texts} == {"a\n0.50 K"}
+    unknown = RoomMapDisplay.from_predictions({("a", "b"): np.nan}, {"a": 0.5, "b": np.nan})
+    assert {text.get_text() for text in unknown.ax_.texts} == {"a\n0.50 K", "b"}
+    assert [line.get_linestyle() for line in unknown.ax_.lines] == ["--"]
     building = SimpleNamespace(zones_=["a", "b"], coupled_={})
     with pytest.raises(ValueError, match="errors name the zone 'B', but there are a, b"):
         RoomMapDisplay.from_estimator(building, errors={"a": 0.5, "B": 0.5})

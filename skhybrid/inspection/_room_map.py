@@ -31,9 +31,9 @@ class RoomMapDisplay(Display):
     Parameters
     ----------
     couplings : mapping of pair of zones to float or None
-        Heat that two zones exchange [W/K], None where it is not known.
+        Heat that two zones exchange [W/K], None or NaN where it is not known.
     errors : mapping of zone to float or None
-        Error of each zone's forecast [K], None where it is not known; its order is that of the zones.
+        Error of each zone's forecast [K], None or NaN where it is not known; its order is that of the zones.
 
     %(attributes)s
     """
@@ -120,11 +120,12 @@ class RoomMapDisplay(Display):
         size = np.array(ax.figure.get_size_inches()) * ax.get_position().size  # of the axes [inch]
         places = self._places(size[0])
         at = dict(zip(self.errors, places, strict=True))
-        strongest = max((value for value in self.couplings.values() if value), default=1.0)
-        for (a, b), value in self.couplings.items():
+        couplings, errors = _nan_as_none(self.couplings), _nan_as_none(self.errors)
+        strongest = max((value for value in couplings.values() if value), default=1.0)
+        for (a, b), value in couplings.items():
             self._draw_coupling(ax, at[a], at[b], value, strongest)
-        worst = max((error for error in self.errors.values() if error), default=1.0)
-        for zone, error in self.errors.items():
+        worst = max((error for error in errors.values() if error), default=1.0)
+        for zone, error in errors.items():
             self._draw_room(ax, zone, at[zone], error, worst)
         lowest, highest = places.min(axis=0), places.max(axis=0)
         free = np.maximum(size - 2 * _MARGIN, 0.3)
@@ -162,6 +163,10 @@ class RoomMapDisplay(Display):
         share = 0.0 if error is None else 0.5 * error / worst
         shade = {"boxstyle": "round,pad=0.55", "facecolor": COLORS[1], "edgecolor": "none", "alpha": share}
         ax.text(*place, text, bbox=shade, zorder=4, **middle)
+
+
+def _nan_as_none(values: Mapping[Any, float | None]) -> dict[Any, float | None]:
+    return {key: None if value is None or np.isnan(value) else value for key, value in values.items()}
 
 
 def _spread(zones: list[str], pairs: list[tuple[str, str]]) -> np.ndarray:
