@@ -41,8 +41,6 @@ def step_responses(model: Any, X: Any, origin_step: Any, duration: Any) -> Respo
 def frequency_responses(model: Any, X: Any, origin_step: Any, periods: Any) -> Responses:
     """Response to sinusoids; that of a blend in the last row ahead."""
     step = model.sampling_time_
-    if periods is None:
-        periods = periods_to_a_day(step)
     n = rows_covering(_CYCLES * max(pd.TimedeltaIndex(periods)), step, "periods")
     found = Responses()
     for running, future in _origins(model, X, origin_step, n + 1):

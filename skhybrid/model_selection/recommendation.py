@@ -167,12 +167,10 @@ def nesting(smaller: Any, larger: Any) -> Nesting | None:
         return None
     resistors = _without_resistors(smaller.network_, larger.network_)
     known, also = (dict(model.known or {}) for model in (smaller, larger))
-    edge = () if resistors is None else tuple(name for name in resistors if name not in also)
-    shared_known = {name: value for name, value in also.items() if name in known or name not in (resistors or ())}
-    if resistors is None or len(edge) != len(resistors) or any(known.get(n) != v for n, v in shared_known.items()):
+    if resistors is None or any(name in resistors or known.get(name) != value for name, value in also.items()):
         return None
     inside = tuple(name for name in known if name not in also and name in larger.theta_.index)
-    return Nesting(edge, inside) if edge or inside else None
+    return Nesting(resistors, inside) if resistors or inside else None
 
 
 def _without_resistors(small: Any, large: Any) -> tuple[str, ...] | None:
