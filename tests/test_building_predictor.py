@@ -135,7 +135,11 @@ def test_predict_is_predict_from_at_each_day(building, later):
 
 def test_quantiles_and_back_tests_are_those_of_predict_from(building, rooms, later):
     days = later[: 5 * DAY]
-    frame = backtest(building, days, rooms[1][N_TRAIN:][: 5 * DAY], quantiles=(0.1, 0.9))
+    measured = rooms[1][N_TRAIN:][: 5 * DAY]
+    frame = backtest(building, days, measured, quantiles=(0.1, 0.9))
+    assert frame["y_true"].equals(backtest(building, days, measured[list(ZONES[::-1])])["y_true"])
+    with pytest.raises(ValueError, match=r"y has no column of zone 'hall'; name one 'hall' or 'T_za_hall'"):
+        backtest(building, days, measured.rename(columns={"hall": "corridor"}))
     assert list(frame["zone"].unique()) == list(ZONES)
     hall = frame[frame["zone"] == "hall"]
     origins = np.arange(0, 4 * DAY, DAY)

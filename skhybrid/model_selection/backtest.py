@@ -234,9 +234,11 @@ def score_intervals(frame: pd.DataFrame, by: Any = None) -> pd.Series | pd.DataF
 
 def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
     """(n_samples, n_zones) measurements of the rows of X, NaN where missing."""
-    if isinstance(y, pd.DataFrame) and len(zones) > 1:
+    if isinstance(y, pd.DataFrame) and len(zones) > 1 and not isinstance(y.columns, pd.RangeIndex):
         names = {str(column).removeprefix("T_za_"): column for column in y}
-        y = y[[names[zone] for zone in zones]] if set(zones) <= set(names) else y
+        if absent := [zone for zone in zones if zone not in names]:
+            raise ValueError(f"y has no column of zone {absent[0]!r}; name one {absent[0]!r} or 'T_za_{absent[0]}'.")
+        y = y[[names[zone] for zone in zones]]
     truth, n_rows = as_numbers(y, "y"), _n_rows(X)
     if truth.shape != (n_rows, len(zones)) and not (len(zones) == 1 and truth.shape == (n_rows,)):
         what = "one value per row" if len(zones) == 1 else f"a column for each of {listed(zones)}"
