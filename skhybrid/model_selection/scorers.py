@@ -18,9 +18,9 @@ class DayAheadScorer:
     """Score of the forecasts from every origin of a test block; greater is better.
 
     Every estimator is asked for the same forecasts, whatever its own ``horizon``: from each origin over the horizon, of
-    which the end of the block cuts off the last.  They read ``T_za`` in X up to their origin only;
-    a regressor without ``predict_from`` may not read it (:func:`backtest`).  A warning says where no forecast of a
-    block reaches half of the horizon, as in blocks of one day that do not begin at midnight.
+    which the end of the block cuts off the last.  They read ``T_za`` in X up to their origin only; a regressor without
+    ``predict_from`` may not read it (:func:`backtest`).  A warning says where no forecast of a block reaches half of
+    the horizon, as in blocks of one day that do not begin at midnight.
 
     ``day_ahead_scorer`` is ``DayAheadScorer()``, the error of day-ahead forecasts; ``quantile_scorer`` is that of their
     quantiles 0.1, 0.5 and 0.9.

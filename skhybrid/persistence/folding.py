@@ -1,4 +1,4 @@
-"""Plain data as one text and a list of the values that have none: skops makes a node of every single value."""
+"""Plain data as one text, and a list of the values that text cannot hold: skops makes a node of every number."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-#: key of dictionaries that stand for something else, here with the number of a value
+#: key of a dictionary that stands for another object; here for the value with this number in the list
 MARK = "__skhybrid__"
 _TEXT = (str, bool, int, float, type(None))
 _MOST_BYTES, _MOST_PARTS = 2**23, 500_000  # of a text
