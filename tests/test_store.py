@@ -217,6 +217,8 @@ def test_a_path_that_is_no_file_is_named(tmp_path, kind):
     place = {"folder": tmp_path, "below a file": tmp_path / "file" / "a.sqlite", "null": "/dev/null"}[kind]
     with pytest.raises(OSError, match=rf"store {place} (is not a file|cannot be created).*give the path of another"):
         ResultStore(place, {})
+    with pytest.raises(OSError, match=r"store is an empty path, .*; give the path of a file"):
+        ResultStore("", {})
 
 
 def test_a_read_only_store_is_named():

@@ -236,7 +236,9 @@ def _scores_of(text: str) -> dict[str, float]:
 
 
 def _refuse_other_kinds(path: str) -> None:
-    """Create the folder of a store; refuse a path that is a folder or a device."""
+    """Create the folder of a store; refuse a path that is empty, a folder or a device."""
+    if not path:  # SQLite would take it for a database that it deletes in the end
+        raise StoreError("store is an empty path, under which no result would be kept; give the path of a file.")
     try:
         os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
     except OSError as error:
