@@ -235,9 +235,9 @@ def refused(model, rows, match, **given):
 
 def test_what_cannot_be_forecast_without_heat_is_refused(log, model, later):
     missing = later.filter(regex="^(?!T_heat_set_kitchen|T_cool_set_kitchen)")
-    refused(model, missing, "zone 'kitchen': T_heat_set is missing in 240 rows")
+    refused(model, missing, "zone 'kitchen': T_heat_set_kitchen is missing in 240 rows")
     holed = later.assign(T_heat_set_living=later["T_heat_set_living"].where(np.arange(len(later)) != 7))
-    refused(model, holed, "zone 'living': T_heat_set is missing in 1 row")
+    refused(model, holed, "zone 'living': T_heat_set_living is missing in 1 row")
     with pytest.raises(ValueError, match="zone 'living': origins must be increasing row numbers"):
         model.closed_loop_from(later, [5, 2])
 

@@ -279,6 +279,26 @@ def test_a_side_without_a_set_point_is_free(log, model):
     assert (model.predict_load(future, (19.0, None))["Q_hvac"] >= 0.0).all()
 
 
+def test_set_points_ahead_hold_whether_or_not_the_history_has_any(log, model):
+    """They were dropped as columns that the history lacks, and the plant never ran."""
+    history, future = log[TRAINED + DAY : TRAINED + 2 * DAY], ahead(log, TRAINED + 2 * DAY)
+    bare = history.drop(columns=SIDES)
+    found = model.forecast(bare, future)
+    pd.testing.assert_frame_equal(found, model.forecast(bare, future, setpoint=future[SIDES]))
+    assert found["Q_hvac"].sum() == pytest.approx(model.forecast(history, future)["Q_hvac"].sum(), rel=0.2)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_set_point_that_was_learned_with_is_needed_ahead(log, model, side):
+    """Without that of heating the plant never heated, where no known row came before the table."""
+    lacking = log[TRAINED + DAY : TRAINED + 3 * DAY].drop(columns=side)
+    message = rf"{side} is missing in \d+ rows, but the thermostat was learned with it .first at 2023-10-2[45]"
+    with pytest.raises(ValueError, match=message):
+        model.closed_loop_from(lacking, [5])
+    with pytest.raises(ValueError, match=message):
+        model.forecast(lacking[:DAY], lacking[DAY:].drop(columns=[*PLANT, "T_za"]))
+
+
 def test_a_set_point_that_the_training_lacks_is_not_used(log):
     """The law has learned that the plant cools without it; it cooled twice, and the room was kelvins too cold."""
     model = SchedulePredictor(known={"Q_h": 6.0}).fit(

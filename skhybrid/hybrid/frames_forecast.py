@@ -164,7 +164,7 @@ class FramesForecastMixin(FramesReadingMixin):
                     "future has set-points and no heat, but no thermostat was learned: fit on a week or more with "
                     "T_heat_set or T_cool_set and the heat, or pass setpoint= for an ideal plant."
                 )
-            self._law.check(ahead)
+            self._check_setpoints_ahead(ahead)
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
         # the heat of the last known row has been delivered; that of a row whose temperature is now is to be decided
@@ -229,12 +229,13 @@ class FramesForecastMixin(FramesReadingMixin):
         return held and bool(self._plant) and not any(of(role) in names for role in self._plant)
 
     def _idle(self, future: Any) -> Any:
-        """Rows ahead with a plant that is off, whatever they say of it; set-points that are absent are missing."""
+        """Rows ahead with a plant that is off, whatever they say of it."""
         if isinstance(future, ZoneTable):
             return future.replace(inputs={**future.inputs, **{role: np.zeros(future.n_rows) for role in self._plant}})
-        off = {self._column_of(role): 0.0 for role in self._plant}
-        given = [self._column_of(role) for role in setpoints_in(self._scheme.rows.training)]
-        return future.assign(**off, **{name: np.nan for name in given if name not in future.columns})
+        idle = future.copy()
+        for role in self._plant:
+            idle[self._column_of(role)] = 0.0
+        return idle
 
     @one_blas_thread
     def predict_load(
@@ -350,7 +351,7 @@ class FramesForecastMixin(FramesReadingMixin):
                 "no thermostat was learned, or X has no set-points: fit on a week or more with T_heat_set or "
                 "T_cool_set and the heat, and give the same columns here."
             )
-        self._law.check(here)
+        self._check_setpoints_ahead(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         scheme, rows, weather = self._present_scheme(), rows + table.n_history, read_weather_error(weather_error)
         refuse_boundary(boundary or {}, scheme.planned_boundaries, (len(rows), n_leads))

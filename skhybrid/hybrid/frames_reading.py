@@ -27,10 +27,12 @@ from .._table import (
     refuse_gap,
     refuse_other_clock,
 )
-from ..control import Plan, warn_uncovered
+from .._warnings import several
+from ..control import Plan, refuse_where, warn_uncovered
 from ..thermal import RCNetwork
 from .parts import preprocessed
 from .scheme_intervals import HybridQuantilesMixin
+from .setpoint_columns import check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
 
 
@@ -108,7 +110,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
         if isinstance(history, ZoneTable):
             whole: Any = join_tables(history, future, self._scheme.rows.training)
         else:
-            history = self._scheme.rows.in_own_zone(history)
+            history = self._with_columns_of_setpoints(self._scheme.rows.in_own_zone(history), future)
             whole = join_frames(history, future, self._input_columns(history), self._column_of("T_za"))
         table = self._read_X(whole)
         refuse_gap(table)
@@ -119,6 +121,12 @@ class FramesReadingMixin(HybridQuantilesMixin):
         if not n_tail and T_za is None:
             warn_if_unmeasured(table, ("T_za",), self._column_of)
         return _at_now(table, n_tail + n_past - n_known, T_za)
+
+    def _with_columns_of_setpoints(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
+        """A history with the columns of the set-points ahead, which are missing where it does not know them."""
+        names = [self._column_of(role) for role in SETPOINT_ROLES]
+        unknown = [name for name in names if name in future.columns and name not in history.columns]
+        return history.reindex(columns=[*history.columns, *unknown]) if unknown else history
 
     def _input_columns(self, frame: pd.DataFrame) -> list[Any]:
         """Columns of a frame that are read and known in advance."""
@@ -150,6 +158,16 @@ class FramesReadingMixin(HybridQuantilesMixin):
                 f"future has no column {absent[0]!r}, which the training table has; give the heat, or the set-points "
                 f"under which it is forecast: setpoint=, or columns {sides}."
             )
+
+    def _check_setpoints_ahead(self, ahead: ZoneTable) -> None:
+        """Refuse rows ahead whose set-points are crossed, or lack one with which the thermostat was learned."""
+        if self._runs_as_usual:  # set-points are not read
+            return
+        for role in setpoints_in(self._scheme.rows.training):
+            missing, name = np.isnan(ahead.measured(role)), self._column_of(role)
+            what = f"{name} is missing in {several(int(missing.sum()), 'row')}, but the thermostat was learned with it"
+            refuse_where(missing, ahead, what, "give the set-point that is in force there")
+        check_setpoints(ahead)
 
     def _refuse_without_plant(self, so: str) -> None:
         if not self._plant:

@@ -23,7 +23,7 @@ from ...forecasting.weather_spread import weather_spreads
 from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
 from ..known_rows import KnownRows
 from ..scheme import Boundary, Scheme
-from ..setpoint_columns import band_of, check_setpoints
+from ..setpoint_columns import band_of
 from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
@@ -142,11 +142,6 @@ class ClosedLoop:
         values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
         tail = _learn_tail(training, _Errors(origins[later], leads, values), n_leads)
         return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, capacity, usual)
-
-    def check(self, table: ZoneTable) -> None:
-        """Refuse set-points that are missing or crossed, where they are read."""
-        if self.usual is None:
-            check_setpoints(table)
 
     def paths(
         self,
