@@ -79,6 +79,13 @@ def test_origins_of_the_closed_loop_increase(log, model):
             model.closed_loop_from(log[TRAINED:], origins)
 
 
+@pytest.mark.parametrize("method", ["predict_from", "closed_loop_from"])
+def test_boundary_temperatures_are_a_mapping_of_those_of_the_network(log, model, method):
+    for wrong, match in (([20.0], r"boundary=\[20.0\] must be a mapping"), ({"T_hall": [[20.0]]}, "names 'T_hall'")):
+        with pytest.raises(ValueError, match=match):
+            getattr(model, method)(log[TRAINED:], [5], boundary=wrong)
+
+
 def test_the_thermostat_holds_the_room_and_its_load_is_near_the_measured_one(log, model):
     origins = np.arange(0, 3 * DAY, 5)
     later = log[TRAINED:]

@@ -26,7 +26,7 @@ from .._transaction import unchanged_on_failure
 from ..forecasting.quantiles import LeftOut
 from .affine_frames import AffineFramesMixin
 from .parts import fit_preprocess
-from .scheme import Scheme
+from .scheme import Boundary, Scheme, read_boundary
 from .setpoint_columns import check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
 from .thermostat_law.usual_temperature import UsualTemperature
@@ -191,7 +191,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         first = float(table.measured()[0])
         return first if np.isfinite(first) else self._mean
 
-    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Any = None) -> np.ndarray:
+    def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads, boundary).temperature
 
     @one_blas_thread
@@ -221,9 +221,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         ndarray of shape (n_origins, n_leads), float64
             Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
         """
-        if boundary is not None and not isinstance(boundary, Mapping):
-            raise ValueError(f"boundary={boundary!r} must be a mapping of boundary temperatures to their values.")
-        return self._paths_from(X, origins, horizon, partial(self._forecast, boundary=boundary), ())
+        paths_of = partial(self._forecast, boundary=read_boundary(boundary))
+        return self._paths_from(X, origins, horizon, paths_of, ())
 
     @one_blas_thread
     def left_out_errors(self) -> LeftOut:

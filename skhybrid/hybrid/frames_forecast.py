@@ -19,7 +19,7 @@ from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import load_quantile_columns, quantile_columns, read_quantiles
 from ..forecasting.weather_error import WeatherError, read_weather_error
 from .frames_reading import FramesReadingMixin
-from .scheme import Paths, Scheme
+from .scheme import Paths, Scheme, read_boundary
 from .setpoint_columns import band_of, setpoints_in, with_band
 from .thermostat_law.closed_loop_paths import ClosedLoopPaths
 
@@ -111,11 +111,7 @@ class FramesForecastMixin(FramesReadingMixin):
         return pd.DataFrame(paths.columns(now) | bands, future.index)
 
     def _columns_ahead(
-        self,
-        ahead: ZoneTable,
-        now: float | None = None,
-        levels: np.ndarray | None = None,
-        weather: WeatherError | None = None,
+        self, ahead: ZoneTable, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
     ) -> dict[str, np.ndarray]:
         """The columns of :meth:`forecast` of rows that follow the known ones, under their heat."""
         paths = self._present_scheme().forecast_ahead(ahead, now)
@@ -354,7 +350,8 @@ class FramesForecastMixin(FramesReadingMixin):
         self._check_setpoints_ahead(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
         scheme, rows, weather = self._present_scheme(), rows + table.n_history, read_weather_error(weather_error)
-        refuse_boundary(boundary or {}, scheme.planned_boundaries, (len(rows), n_leads))
+        boundary = read_boundary(boundary)
+        refuse_boundary(boundary, scheme.planned_boundaries, (len(rows), n_leads))
         found = self._law.paths(scheme, table, rows, n_leads, levels, boundary=boundary, weather=weather)
         return found.by_role(scheme, table, rows)
 

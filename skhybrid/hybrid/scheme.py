@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from .._arguments import as_mapping
 from .._shallow import shallow_copy
 from .._table import ZoneTable
 from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths
@@ -21,6 +22,11 @@ from .plausible_range import PlausibleRange
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
 #: boundary temperatures (n_origins, n_leads) [degC] by role, in place of those that a table has ahead
 Boundary = Mapping[str, np.ndarray] | None
+
+
+def read_boundary(given: Any) -> dict[str, np.ndarray]:
+    """Boundary temperatures as they were given; refused where they are no mapping."""
+    return as_mapping("boundary", given, "boundary temperatures to their values")
 
 
 class Paths(NamedTuple):
