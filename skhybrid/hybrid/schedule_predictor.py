@@ -117,7 +117,7 @@ def make_schedule_scheme(
     horizon: Any,
     adapt: str | None,
     purpose: str,
-    prior: Any = None,
+    prior: Any,
 ) -> ScheduleScheme:
     """The scheme of the schedule model, unfitted; ``known`` may give capacities only [kW]."""
     if purpose not in get_args(Purpose):

@@ -58,8 +58,8 @@ class ScheduleScheme(Scheme):
         known: dict[str, float],
         horizon: Any,
         adapt: str | None,
-        purpose: str = "forecast",
-        prior: Any = None,
+        purpose: str,
+        prior: Any,
     ) -> None:
         self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
         self.prior = prior

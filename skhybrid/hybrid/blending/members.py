@@ -95,13 +95,7 @@ class ScheduleMember:
     is_rule = False
     fit_: LeadFit
 
-    def __init__(
-        self,
-        network: RCNetwork,
-        known: dict[str, float],
-        purpose: str = "forecast",
-        prior: NetworkPrior | None = None,
-    ) -> None:
+    def __init__(self, network: RCNetwork, known: dict[str, float], purpose: str, prior: NetworkPrior | None) -> None:
         self.network, self.known, self.purpose, self._prior = network, known, purpose, prior
         self.needs_days = prior is None
 

@@ -11,7 +11,9 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from ..._arguments import check_integer
+from ..._clock import hour_of_day
 from ..._joining import refuse_no_frames
+from ..._time import wall_clock
 from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs, read_limits
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
@@ -54,7 +56,7 @@ def _hours(index: pd.Index) -> np.ndarray:
     """(n,) hour of the day, 0 without stamps."""
     if not isinstance(index, pd.DatetimeIndex):
         return np.zeros(len(index))
-    return index.hour.to_numpy() + index.minute.to_numpy() / 60.0
+    return hour_of_day(wall_clock(index))
 
 
 class BuildingPlansMixin(BuildingForecastMixin):

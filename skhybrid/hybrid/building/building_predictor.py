@@ -312,7 +312,8 @@ class BuildingPredictor(
                 MeasurementWarning,
             )
         tables = None if y is not None else tables_of_zones(self.own_, self._columns, X, measured=True)
-        X, known = self._with_measured(X, T) if self.coupled_ and tables is None else X, self._carried_on(T)
+        X = self._with_measured(X, T) if self.coupled_ and tables is None else X
+        known = self._carried_on(T)
 
         def after(zone: str, model: BaseHybrid, neighbours: Sequence[str] = ()) -> BaseHybrid:
             with of_zone(zone):

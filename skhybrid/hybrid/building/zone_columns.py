@@ -173,7 +173,7 @@ def found_neighbours(T: pd.DataFrame) -> dict[str, tuple[str, ...]]:
     if not isinstance(T.index, pd.DatetimeIndex) or len(T) < 2:
         return {str(zone): tuple(str(z) for z in T if z != zone) for zone in T}
     hourly = T.resample("h").mean().diff()
-    unusual = hourly - hourly.groupby(hourly.index.map(lambda stamp: stamp.hour)).transform("mean")
+    unusual = hourly - hourly.groupby(pd.DatetimeIndex(hourly.index).hour).transform("mean")
     r = unusual.corr().to_numpy(copy=True)
     np.fill_diagonal(r, -1.0)
     names = [str(zone) for zone in T]

@@ -20,7 +20,7 @@ from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ...forecasting.quantiles import path_clock
 from ...forecasting.weather_error import WeatherError
 from ...forecasting.weather_spread import weather_spreads
-from ..blending.blend import PULL, blend_weights, by_lead, faded, lead_groups, moments
+from ..blending.blend import blend_weights, by_lead, faded, lead_groups, moments
 from ..known_rows import KnownRows
 from ..scheme import Boundary, Scheme
 from ..setpoint_columns import band_of
@@ -299,7 +299,7 @@ class ClosedLoop:
         found = []
         for quantity, products in enumerate(self._tail.products):
             since = moments(known.values[:, :, quantity], groups, share)
-            found.append(blend_weights(products * faded(np.array(days)) + since, PRIOR, PULL))
+            found.append(blend_weights(products * faded(np.array(days)) + since, PRIOR))
         return np.array(found)
 
     def _missed(self, known: _Errors, shares: np.ndarray, quantity: int) -> _Errors:
@@ -360,7 +360,7 @@ def _learn_tail(training: ZoneTable, errors: _Errors, n_leads: int) -> _Training
     products = np.stack([moments(errors.values[:, :, q], groups, share) for q in range(2)])
     clock, intervals = _clock(training, errors.origins, errors.leads), []
     for quantity in range(2):
-        shares = blend_weights(products[quantity], PRIOR, PULL)[groups]
+        shares = blend_weights(products[quantity], PRIOR)[groups]
         missed = np.sum(errors.values[:, :, quantity] * shares, axis=-1)
         if np.isfinite(missed).sum() < LEAST_ERRORS:
             return _TrainingTail(products, ())
