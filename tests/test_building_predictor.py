@@ -23,7 +23,7 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid.datasets import make_house
-from skhybrid.exceptions import MeasurementWarning, ScaleNotIdentifiableWarning, UnitWarning
+from skhybrid.exceptions import MeasurementWarning, PlanWarning, ScaleNotIdentifiableWarning, UnitWarning
 from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.blending.rolling_blend import RollingBlend
 from skhybrid.hybrid.building import building_forecast, building_predictor
@@ -244,6 +244,26 @@ def test_affine_forecast_is_the_forecast(building, tomorrow):
     one = building.affine_forecast(None, tomorrow.drop(columns="Q_hvac_hall"), ["Q_hvac_hall"], T_za=[20.0, 18.0, 19.0])
     frame = building.forecast(None, plan, T_za=[20.0, 18.0, 19.0])
     np.testing.assert_allclose(one.temperature(plan["Q_hvac_hall"].to_numpy()), temperatures(frame), atol=1e-9)
+
+
+def test_a_zone_is_warned_of_once(building, later, tomorrow):
+    """Predictors with neighbours repeated what was said, or named columns that nobody had given."""
+    hot, far = later.assign(T_oa=57.0), tomorrow.assign(Q_hvac_hall=20.0)
+    calls = {
+        UnitWarning: (3, lambda: building.predict_from(hot, [5])),  # each zone reads the outdoor temperature
+        PlanWarning: (1, lambda: building.affine_forecast(None, far)),
+    }
+    for category, (n_told, call) in calls.items():
+        with pytest.warns(category) as told:
+            call()
+        said = [str(one.message) for one in told if issubclass(one.category, PlanWarning | UnitWarning)]
+        assert len(said) == len(set(said)) == n_told
+        assert not any("T_next" in message for message in said)
+
+
+def test_a_plan_in_words_is_refused_by_its_column(building, tomorrow):
+    with pytest.raises(ValueError, match=r"^Q_hvac_hall is not numeric"):
+        building.affine_forecast(None, tomorrow.assign(Q_hvac_hall="off"))
 
 
 def test_heat_of_a_room_reaches_the_next_one(building, tomorrow):

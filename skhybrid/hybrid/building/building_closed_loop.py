@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from ..._table import ZoneTable
+from ..._warnings import ignore, warnings_to
 from ...control import LoadPaths
 from ...forecasting.weather_error import WeatherError, read_weather_error
 from ..base import BaseHybrid
@@ -77,7 +78,7 @@ class BuildingClosedLoopMixin(BuildingForecastMixin):
         for zone, one in self.coupled_.items():
             table = with_neighbour_temperatures(tables[zone], {other: known[other] for other in one.neighbours})
             ahead = {NEXT + other: held(own[other].paths.temperature) for other in one.neighbours}
-            with of_zone(zone):
+            with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
                 found[zone] = _blended(own[zone], _paths(one.model, table, rows, *asked, ahead), one)
         return found
 

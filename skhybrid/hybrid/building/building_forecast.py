@@ -197,7 +197,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         for zone, one in self.coupled_.items():
             boundary = {NEXT + other: ahead[other] for other in one.neighbours}
             share, j = one.share(out.shape[1]), self.zones_.index(zone)
-            with of_zone(zone):
+            with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
                 coupled = one.model.predict_from(X, origins, horizon, boundary)
             out[..., j] = (1.0 - share) * own[zone] + share * coupled
         return out

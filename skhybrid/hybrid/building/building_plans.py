@@ -13,8 +13,11 @@ from sklearn.utils.validation import check_is_fitted
 from ..._arguments import check_integer
 from ..._clock import hour_of_day
 from ..._joining import refuse_no_frames
+from ..._table import as_numbers
 from ..._time import wall_clock
+from ..._warnings import warnings_dropped
 from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs, read_limits
+from ...exceptions import PlanWarning, UnitWarning
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ..base import BaseHybrid
 from .building_forecast import BuildingForecastMixin, arrays_by_name
@@ -185,7 +188,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         before = known if known is None else self._with_measured(known, self._known(known))
         for zone, one in self.coupled_.items():
             rows = with_next(ahead, {other: own[other].path for other in one.neighbours})
-            with_others = _Affine.of(one.model, before, rows, chosen[zone], now.get(zone), plan, zone, one.roles)
+            with warnings_dropped(PlanWarning, UnitWarning):  # the zones by themselves have told of the user's columns
+                with_others = _Affine.of(one.model, before, rows, chosen[zone], now.get(zone), plan, zone, one.roles)
             found[zone] = own[zone].blended(with_others.through(own, one), one, 0 if now else 1)
         free = np.column_stack([f.path - np.tensordot(f.gain, plan, axes=2) for f in found.values()])
         gain = np.stack([f.gain for f in found.values()], axis=-1)
@@ -197,7 +201,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
 
     def _planned(self, rows: pd.DataFrame, role: str) -> np.ndarray:
         column = self._columns.columns[role]
-        return rows[column].to_numpy(dtype=float) if column in rows else np.zeros(len(rows))
+        return as_numbers(rows[column], str(column)) if column in rows else np.zeros(len(rows))
 
     def sample(
         self,
