@@ -39,16 +39,17 @@ class EarlierStates(Scheme):
         self._start = _Start(self.gray_box_.filtered_network_.rolling, self._aggregation, self.rows.n_rows)
         #: number of known rows -> the scheme as it was then
         self._earlier: dict[int, Self] = {}
-        self._settled = False  # whether all steps up to an origin are ones that were taken in
+        self._settled = False  # whether all rows up to an origin were taken in, so that its steps do not change
         return self
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_earlier": {}}
 
     def _before(self, table: ZoneTable, origins: np.ndarray) -> tuple[Self, ZoneTable, int]:
-        """A scheme and a table that follows what it knows, in which origins are some of the history of a given one.
+        """The scheme as it was before origins in a table's history, and all rows that follow those it knew then.
 
-        The third value is by how many rows they move.  Before the rows that are kept, the table stands alone.
+        The third value is the number of rows by which the origins move.  Where an origin lies within the training, it
+        is this scheme, and the table stands alone.
         """
         n_since = self.rows.n_rows - table.n_history + int(origins.min(initial=table.n_history)) - self._start.n_rows
         if n_since < 0:
@@ -98,7 +99,8 @@ class EarlierStates(Scheme):
     ) -> None:
         """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
         n_leads, n, begin, own = out.heat.shape[1], table.n_rows, table.n_history, origins[group]
-        between = np.arange(begin, n, n_leads + 1)  # no path grows long; one of these within another would end it
+        # a path ends where the next one starts: more starts keep paths short, but none may lie within a wanted path
+        between = np.arange(begin, n, n_leads + 1)
         since = between[:, None] - own
         starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
         band, within = wanted.band.rows(slice(begin, None)), Limits.constant(*wanted.limits, n - begin)

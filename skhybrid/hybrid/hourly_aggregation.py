@@ -77,8 +77,8 @@ class HourlyAggregation:
     def extended(self, stamps: np.ndarray, rows: np.ndarray, n_kept: int) -> Steps:
         """The last complete steps, then the open one and those of further rows, which are not kept.
 
-        Row 0 of ``of_row`` is the last row that was added, row j + 1 the j-th further one.  A first step without a
-        disturbance stands for what came before.
+        Row 0 of ``of_row`` is the last row that was added, row j + 1 the j-th further one.  The table begins with one
+        more step of unknown disturbance, so that a forecast has a step to start from.
         """
         sums = self._joined(stamps, rows)
         first = max(self._n - n_kept, 0)

@@ -245,7 +245,7 @@ class _RollingErrors:
         """Learn from the rows up to ``origin``."""
 
     def solve(self) -> None:
-        """There is nothing to solve, unless a member says so."""
+        """Do nothing: only members with coefficients have some to compute."""
 
     def _past_paths(self, view: Any, origins: np.ndarray) -> np.ndarray:
         """(O, L) forecasts of the history by what was known at the start of each origin's day [degC]."""

@@ -97,14 +97,14 @@ def _paths(
         return model._running().closed_loop_from(table, origins, horizon, quantiles, boundary, weather)
     T = model.predict_from(table, origins, horizon, boundary or None)
     paths = LoadPaths(np.zeros(T.shape), T, np.full(T.shape, np.nan))
-    if quantiles is None or boundary:  # the quantiles of a zone by itself move along
+    if quantiles is None or boundary:  # quantiles with neighbours are made from those of the zone by itself
         return ClosedLoopPaths(paths)
     bands = model.predict_quantiles_from(table, origins, quantiles, horizon, weather_error=weather)
     return ClosedLoopPaths(paths, None, bands)
 
 
 def _blended(own: ClosedLoopPaths, coupled: ClosedLoopPaths, one: CoupledZone) -> ClosedLoopPaths:
-    """Paths of a zone from those by itself and with neighbours; quantiles of T_za move along, by the errors."""
+    """The blend of a zone's paths by itself and with neighbours, with quantiles as :meth:`CoupledZone.blended`."""
     n_leads = own.paths.temperature.shape[1]
     share = one.share(n_leads)
     over_step = np.append(0.0, share[:-1])  # heat that acts before the first temperature is that by itself

@@ -318,7 +318,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
             if band is None and wanted is not None and model._running()._has_setpoints_only(rows):
                 warn_of_usual(model)
                 model = model._running()
-            # with neighbours only quantiles of a load are needed, which stay within the plant; those of T_za move along
+            # of a forecast with neighbours only the quantiles of a load are used; see CoupledZone.blended
             under_heat = band is None and not model._has_setpoints_only(rows)
             within = limits if model._plant and (wanted is None or not under_heat) else None
             without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_

@@ -52,7 +52,10 @@ class CoupledZone:
     def blended(
         self, own: Mapping[str, np.ndarray], coupled: Mapping[str, np.ndarray], first_lead: int
     ) -> dict[str, np.ndarray]:
-        """Columns of the zone by itself and of this forecast as one; quantiles of T_za move along, by the errors."""
+        """The blend of the columns of the zone by itself and of this forecast.
+
+        Quantiles of T_za are those of the zone by itself, around the blend, wider or narrower by :meth:`widths`.
+        """
         n_rows = len(own["T_za"])
         share = self.share_by_row(n_rows, first_lead)
         widths = np.append(np.ones(1 - first_lead), self.widths(n_rows - 1 + first_lead))

@@ -189,5 +189,8 @@ def carried_on(T: np.ndarray, last: float) -> np.ndarray:
 
 
 def held(paths: np.ndarray) -> np.ndarray:
-    """Paths (n_origins, n_leads) in which the value before a missing one is held, after it at the start of a path."""
+    """Paths (n_origins, n_leads) in which a missing value is the last known one, or the first where none came before.
+
+    A path of which nothing is known is 0.
+    """
     return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()

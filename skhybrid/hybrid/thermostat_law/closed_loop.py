@@ -159,10 +159,10 @@ class ClosedLoop:
 
         The set-points come as history of the table, which begins with the end of the known rows where it follows them.
         Heat is read before an origin only, the temperature up to it.  Column j of the load is the row ``origin + j``,
-        of the temperature the end of that row.  Under other ``limits`` of the plant [kW] than those of the training,
-        both are as much lower or higher as the network's ideal ones are; so they are where the heat ``delivered``
-        (n_origins,) [kW] in the origins' own rows is known, and is not the one that is forecast.  A ``boundary`` holds
-        neighbours' temperatures after each origin.  Errors of a forecast of the ``weather`` widen the quantiles.
+        of the temperature the end of that row.  Where other ``limits`` of the plant [kW] than those of the training
+        change the network's ideal load and temperature, both forecasts change as much; so they do where the heat
+        ``delivered`` (n_origins,) [kW] in the origins' own rows is known and differs from its forecast.  A ``boundary``
+        holds neighbours' temperatures after each origin.  Errors of a forecast of the ``weather`` widen the quantiles.
         """
         if levels is not None and not self._tail.intervals:
             raise TooFewDaysError("no intervals of a load were learned: the training was too short; fit on more days.")
