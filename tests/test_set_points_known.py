@@ -358,6 +358,10 @@ def test_what_cannot_be_right_is_refused(log, model):
         SchedulePredictor().fit(broken, train["T_za"])
     with pytest.raises(ValueError, match=r"T_heat_set is above T_cool_set .first at 2023-10-02"):
         SchedulePredictor().fit(train.assign(T_heat_set=27.0, T_cool_set=24.0), train["T_za"])
+    names = dict(zip(SIDES, ["low", "high"], strict=True))
+    for rows, match in ((broken, "low is missing in 1 row"), (train.assign(T_heat_set=27.0), "low is above high")):
+        with pytest.raises(ValueError, match=match):
+            SchedulePredictor(columns=names).fit(rows.rename(columns=names), train["T_za"])
     before = model.forecast(None, future)
     with pytest.raises(ValueError, match="T_cool_set is missing"):
         model.forecast(None, future.assign(T_cool_set=np.nan))

@@ -100,7 +100,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
         self._check_spans(table.step)
-        check_setpoints(table)
+        check_setpoints(table, self._column_of)
         fitted = scheme.fit(_measured(table, target), _scheme_of(like))
         self._take(fitted, intervals=self.intervals)
         return self
@@ -181,7 +181,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
 
     def _copy_after(self, table: ZoneTable) -> Self:
         """A copy that has gone through rows that follow the known ones, with their temperature as history."""
-        check_setpoints(table)
+        check_setpoints(table, self._column_of)
         made = copy(self)
         made._scheme = self._scheme.advanced(_measured(table, table.history["T_za"]))
         made._scheme.go_on()
@@ -266,7 +266,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
                 f"X has no column {self._column_of('T_za')!r}; give what was measured there or as y, with NaN where "
                 "missing (rows ahead are for predict and forecast)."
             )
-        check_setpoints(table)
+        check_setpoints(table, self._column_of)
         self._scheme = self._scheme.advanced(_measured(table, target))
         return self
 
@@ -297,7 +297,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             return self.fit(X, y)
         table, rows = self._read_following(X), self._scheme.rows
         target = read_target(rows.in_own_zone(y), table, max_missing=self.max_missing, role="T_za")
-        check_setpoints(table)
+        check_setpoints(table, self._column_of)
         measured = _measured(table, target)
         rows.refuse_other_values(measured, self._column_of("T_za"))
         new = rows.without_known(measured)

@@ -167,7 +167,7 @@ class FramesReadingMixin(HybridQuantilesMixin):
             missing, name = np.isnan(ahead.measured(role)), self._column_of(role)
             what = f"{name} is missing in {several(int(missing.sum()), 'row')}, but the thermostat was learned with it"
             refuse_where(missing, ahead, what, "give the set-point that is in force there")
-        check_setpoints(ahead)
+        check_setpoints(ahead, self._column_of)
 
     def _refuse_without_plant(self, so: str) -> None:
         if not self._plant:

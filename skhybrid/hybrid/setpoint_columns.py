@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from .._table import SETPOINT_ROLES, ZoneTable
@@ -33,13 +36,14 @@ def setpoints_in(table: ZoneTable) -> dict[str, np.ndarray]:
     return {role: table.history[role] for role in SETPOINT_ROLES if role in table.history}
 
 
-def check_setpoints(table: ZoneTable) -> None:
+def check_setpoints(table: ZoneTable, column_of: Callable[[str], Any]) -> None:
     """Refuse set-points that are missing in some rows, or of which the heating one is above the cooling one."""
     given = setpoints_in(table)
     for role, values in given.items():
         missing = np.isnan(values)
-        what = f"{role} is missing in {several(int(missing.sum()), 'row')}"
+        what = f"{column_of(role)} is missing in {several(int(missing.sum()), 'row')}"
         refuse_where(missing, table, what, "fill in the set-point that was in force, or leave the column out")
     if len(given) == len(SETPOINT_ROLES):
         heating, cooling = given.values()
-        refuse_where(heating > cooling, table, "T_heat_set is above T_cool_set", "swap or mend them")
+        what = " is above ".join(str(column_of(role)) for role in given)
+        refuse_where(heating > cooling, table, what, "swap or mend them")
