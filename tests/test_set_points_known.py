@@ -295,6 +295,14 @@ def test_set_points_ahead_hold_whether_or_not_the_history_has_any(log, model):
     assert found["Q_hvac"].sum() == pytest.approx(model.forecast(history, future)["Q_hvac"].sum(), rel=0.2)
 
 
+def test_a_history_of_known_rows_is_known_without_its_set_points_too(log, model):
+    """It started cold: what the model knew of these rows was not used."""
+    known, day = copy.deepcopy(model).update(log[TRAINED : TRAINED + DAY]), slice(TRAINED + DAY, TRAINED + 2 * DAY)
+    bare = log[TRAINED - DAY : TRAINED + DAY].drop(columns=SIDES)
+    for future in (log[day].drop(columns=["T_za", *SIDES]), ahead(log, day.start)):
+        pd.testing.assert_frame_equal(known.forecast(bare, future), known.forecast(None, future))
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_set_point_that_was_learned_with_is_needed_ahead(log, model, side):
     """Without that of heating the plant never heated, where no known row came before the table."""

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._joining import LAST_KNOWN, in_zone_of, refuse_unless_following
-from .._table import ZoneTable, append_tables, concatenate_tables, last_rows, refuse_other_clock
+from .._table import SETPOINT_ROLES, ZoneTable, append_tables, concatenate_tables, last_rows, refuse_other_clock
 from .plausible_range import PlausibleRange
 from .tables import KEPT, utc_of
 
@@ -102,7 +102,9 @@ class KnownRows:
         n_alike = min(n, end.n_rows)
         given, kept = history.rows(slice(n - n_alike, n)), end.rows(slice(end.n_rows - n_alike, None))
         pairs = [(given.inputs.get(role), v) for role, v in kept.inputs.items()]
-        pairs += [(given.history.get(role), v) for role, v in kept.history.items()]
+        # a history need not have the set-points
+        unsaid = [role for role in SETPOINT_ROLES if np.isnan(given.measured(role)).all()]
+        pairs += [(given.history.get(role), v) for role, v in kept.history.items() if role not in unsaid]
         # a file may keep fewer digits than the table that was fitted
         alike = all(a is not None and np.allclose(a, b, 1e-6, 1e-6, equal_nan=True) for a, b in pairs)
         return n if alike and utc_of(kept).equals(utc_of(given)) else 0
