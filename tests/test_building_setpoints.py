@@ -336,7 +336,7 @@ def test_without_set_points_there_is_no_such_test_and_wrong_ones_are_told(log, m
     assert ZonesSetpointsKnown.of(model, (spans[0], holed), *given, remarks) is None
     (text,) = remarks
     assert text.startswith(
-        "forecasts with only the set-points known were not tested: zone 'kitchen': T_heat_set is mis"
+        "forecasts with only the set-points known were not tested: zone 'kitchen': T_heat_set_kitchen is mis"
     )
     assert unusable_day(spans[1], given[2]) == ""
     assert unusable_day(holed, given[2]) == f"zone 'kitchen': T_heat_set is missing at {holed.index[0]}"
