@@ -237,6 +237,24 @@ def test_posted_rows_do_what_a_tick_does(log, folder, cheap, tmp_path):
     assert posted.load().known_until == ticked.load().known_until == rows.index[24 * (DAYS + 1) - 1]
 
 
+@pytest.mark.parametrize("kind", ["a tick", "an old row"])
+def test_rows_of_the_log_between_posted_ones_stay(kind, log, client, folder, tmp_path):
+    """No line between two posted rows replaces what the log has there."""
+    first = 24 * DAYS + 8
+    given = until(log, DAYS + 1).iloc[: first + 3]
+    if kind == "a tick":
+        client.post("/rows", json=as_json(log.iloc[24 * DAYS : first]))
+    given.to_csv(tmp_path / "log.csv")
+    ZoneFolder(folder).tick(tmp_path / "log.csv")
+    if kind == "an old row":
+        client.post("/rows", json=as_json(log.iloc[first - 1 : first]))
+    assert client.post("/rows", json=as_json(log.iloc[first + 3 : first + 5])).json()["new_steps"] == 2
+    with open_archive(folder / "archive.sqlite") as archive:
+        kept = archive.log(EVEN)
+    np.testing.assert_allclose(kept[list(log)].iloc[-10:], log.iloc[first - 5 : first + 5], atol=1e-9)
+    assert kept.index[-1] == log.index[first + 4]
+
+
 def test_rows_finer_than_the_step_count_when_it_is_whole(log, client, folder):
     fine = log.iloc[24 * DAYS : 24 * DAYS + 30].resample("10min").interpolate()
     day = client.post("/rows", json=as_json(fine.iloc[: 24 * 6])).json()

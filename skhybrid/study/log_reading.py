@@ -111,15 +111,16 @@ def refuse_mixed_units(frame: pd.DataFrame) -> None:
 
 
 def on_even_steps(
-    frame: pd.DataFrame, settings: Settings, held: Sequence[str] = ()
+    frame: pd.DataFrame, settings: Settings, held: Sequence[str] = (), max_gap: pd.Timedelta = SHORTEST_GAP
 ) -> tuple[pd.DataFrame, RegularizeReport]:
     """The rows at the step of the settings, with values that are logged by change held until the next.
 
-    Gaps of inputs are filled up to the length from which an identification begins a new stretch.
+    Gaps of inputs are filled up to ``max_gap``: by default, the length from which an identification begins a new
+    stretch.
     """
     held = [role for role in held if role in frame]
     longest = settings.log.get("max_hold", "1D")
-    made = regularize(frame, settings.step, SHORTEST_GAP, return_report=True, held=held, max_hold=longest)
+    made = regularize(frame, settings.step, max_gap, return_report=True, held=held, max_hold=longest)
     return cast("tuple[pd.DataFrame, RegularizeReport]", made)
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 
 from .._ranges import check_range
 from .._table import listed, refuse_infinite_columns, role_of
+from .._time import SHORTEST_GAP
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..logs.conversion import TIMES, Channel, is_energy
@@ -25,6 +26,7 @@ from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 _TAIL = pd.Timedelta(days=1)  # of posted rows, which are kept as they came: later ones may fall into the same step
 _KEPT = pd.Timedelta(days=63)  # of the log, more than a new fit reads
 _CLOCK_AHEAD = pd.Timedelta(days=1)  # by which a sender's clock, or its time zone, may be ahead
+_NO_GAP = pd.Timedelta(0)
 _SEED = 3  # even rows before the first posted one, from which on values are interpolated or held
 
 
@@ -121,8 +123,10 @@ def keep_posted(
     archive.keep_log(rows.iloc[n_measured:], AHEAD)
     posted = _local(archive.log(POSTED), tz)
     if len(posted):
-        found = _on_steps(even, posted, _row_step(posted, rows, held), settings, held)
-        even = found.combine_first(even)  # where nothing was found now, the value of an earlier post stays
+        row = _row_step(posted, rows, held)
+        found, bridged = (_on_steps(even, posted, row, settings, held, gap) for gap in (_NO_GAP, SHORTEST_GAP))
+        # what the log or an earlier post gave stays where these rows give nothing; only what is left is bridged
+        even = found.combine_first(even).combine_first(bridged)
         refuse_mixed_units(even)
         archive.keep_log(even[even.index.isin(found.index)], EVEN)
         archive.forget_log(EVEN, posted.index[-1] - _KEPT)
@@ -160,9 +164,17 @@ def _row_step(posted: pd.DataFrame, rows: pd.DataFrame, held: Sequence[str]) -> 
 
 
 def _on_steps(
-    even: pd.DataFrame, posted: pd.DataFrame, row: pd.Timedelta | None, settings: Settings, held: Sequence[str]
+    even: pd.DataFrame,
+    posted: pd.DataFrame,
+    row: pd.Timedelta | None,
+    settings: Settings,
+    held: Sequence[str],
+    max_gap: pd.Timedelta,
 ) -> pd.DataFrame:
-    """Posted rows, one per ``row``, at even steps, up to the last step that they fill; none where that is not known."""
+    """Posted rows, one per ``row``, at even steps, up to the last step that they fill; none where that is not known.
+
+    Gaps of inputs are filled up to ``max_gap``.
+    """
     if settings.label == "right":
         posted = to_left_label(posted) if len(posted) > 1 else posted.iloc[:0]
     if posted.empty:
@@ -175,7 +187,7 @@ def _on_steps(
         )
     if row is None:  # it may be a part of a step, or a whole one
         return posted.iloc[:0]
-    found, report = on_even_steps(rows, settings, held)
+    found, report = on_even_steps(rows, settings, held, max_gap)
     found = found[found.index <= posted.index[-1] + row - report.step]
     return found[found.index > before.index[-1]] if len(before) else found
 
