@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import json
 import os
@@ -363,6 +364,23 @@ def test_a_wrong_body_is_refused_in_one_sentence(case, made, cheap):
     assert answer.status_code == code
     assert re.search(words, answer.json()["detail"]), answer.json()
     assert "\n" not in answer.json()["detail"]
+
+
+def test_a_client_that_leaves_within_a_body_raises_no_error_in_the_server(made):
+    headers = [(b"host", b"127.0.0.1"), (b"content-type", b"application/json")]
+    scope = {"type": "http", "method": "POST", "path": "/rows", "query_string": b"", "headers": headers}
+    come = iter([{"type": "http.request", "body": b"[{", "more_body": True}, {"type": "http.disconnect"}])
+    sent = []
+
+    async def receive():
+        return next(come)
+
+    async def send(message):
+        sent.append(message)
+
+    asyncio.run(make_app(made)(scope, receive, send))
+    assert sent[0]["status"] == 400
+    assert b"the connection ended before the body was complete" in sent[1]["body"]
 
 
 @pytest.mark.parametrize(

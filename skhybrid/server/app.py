@@ -15,6 +15,7 @@ from fastapi.responses import HTMLResponse, JSONResponse
 from pydantic import ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import ClientDisconnect
 
 from .. import __version__
 from .._warnings import warnings_to, without_python
@@ -180,10 +181,13 @@ def _add_refusals(app: FastAPI) -> None:
 async def _body(request: Request) -> bytes:
     """The body, read as far as it may go."""
     body = bytearray()
-    async for piece in request.stream():
-        body += piece
-        if len(body) > _MOST_BYTES:
-            raise HTTPException(413, f"the body has more than {_MOST_BYTES // 2**20} MiB; post the rows in parts.")
+    try:
+        async for piece in request.stream():
+            body += piece
+            if len(body) > _MOST_BYTES:
+                raise HTTPException(413, f"the body has more than {_MOST_BYTES // 2**20} MiB; post the rows in parts.")
+    except ClientDisconnect:  # nobody reads the answer, but the log of the server has a line and no traceback
+        raise HTTPException(400, "the connection ended before the body was complete; post the rows again.") from None
     return bytes(body)
 
 
