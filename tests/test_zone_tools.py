@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from types import SimpleNamespace
 
 import numpy as np
@@ -145,3 +146,9 @@ def test_a_search_trains_on_the_training_rows_and_keeps_its_results(monkeypatch,
     assert (training[-1], scored[0], scored[-1]) == (47, 72, 95)
     assert made[0]["store"].parent == store
     assert made[0]["refit"] is False
+
+
+@pytest.mark.skipif(os.name != "posix", reason="it has no device that is a file")
+def test_a_search_whose_folder_cannot_be_made_says_what_to_do():
+    with pytest.raises(OSError, match=r"store /dev/null/zone/search.sqlite cannot be created .* give the path of anot"):
+        zone_search.search_zone(SETTINGS, _data(), "/dev/null/zone", ["ridge"], "small", 1)

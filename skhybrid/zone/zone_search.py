@@ -35,13 +35,11 @@ def search_zone(
     rows = [(np.arange(len(data.train)), np.arange(first, len(whole)))]
     common = {"horizon": settings.horizon, "holidays": settings.holidays, "random_state": settings.random_state}
     estimator = HybridPredictor(make_gray_box(settings), DisturbanceForecaster("ridge"), **common)
-    folder = Path(store)
-    folder.mkdir(parents=True, exist_ok=True)
     search = DesignMatrixSearchCV(
         estimator,
         design_matrix([name.strip() for name in models], size=size, disturbance="input"),
         cv=rows,
-        store=folder / "search.sqlite",
+        store=Path(store) / "search.sqlite",
         n_jobs=n_jobs,
         refit=False,
         verbose=verbose,
