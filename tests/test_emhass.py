@@ -130,6 +130,9 @@ def test_a_plan_that_cannot_be(identified, office):
         emhass_parameters(identified, _settings(), sense="warm")
     with pytest.raises(ValueError, match="block='battery' is not one of 'thermal_config', 'thermal_battery'"):
         emhass_parameters(identified, _settings(), office.X).runtime_parameters("battery")
+    for hours in (1e6, np.inf):
+        with pytest.raises(ValueError, match="longer than a year"):
+            emhass_parameters(identified, _settings(), hours=hours)
     heated = office.X[:672].assign(Q_hvac=6.0 * office.X["u_heat"]).drop(columns=["u_heat", "u_cool"])
     gray_box = GrayBoxRC(n_starts=1, random_state=0).fit(heated, office.y[:672])
     with pytest.raises(ValueError, match="none that can cool"):

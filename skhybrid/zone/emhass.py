@@ -25,6 +25,7 @@ from ..study.settings import Settings, is_scaled
 
 _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]
 _LARGE = 0.99  # quantile of the logged heat that is its nominal power, where no setting gives it
+_LONGEST = 8760.0  # hours of a plan
 _SIGNS = {"heat": 1.0, "cool": -1.0}
 _UNITS = {
     "heating_rate": "K/h",
@@ -124,6 +125,8 @@ def emhass_parameters(
     """
     if not (step > 0 and hours >= 2 * step):
         raise ValueError(f"a plan of {hours:g} h in steps of {step:g} h is too short; give two steps or more.")
+    if hours > _LONGEST:
+        raise ValueError(f"a plan of {hours:g} h is longer than a year; give hours that the load stays on at a time.")
     plant = _plant(gray_box, settings, rows, sense)
     time = step * np.arange(1, round(hours / step) + 1)
     found = with_errors(gray_box, lambda theta: _values(gray_box, theta, plant, time))
