@@ -10,6 +10,7 @@ from scipy.signal import cont2discrete
 
 from skhybrid.datasets import make_house, make_office, make_prbs, make_weather
 from skhybrid.datasets._gains import HOME_STANDBY_KW
+from skhybrid.datasets._thermostat_plan import first_weekend
 
 INPUTS = ["T_oa", "q_sol", "u_heat", "u_cool"]
 
@@ -143,6 +144,12 @@ def test_perturbed_weekend_drives_heating_and_cooling(climate, start):
     assert still.setpoints["T_cool_set"][weekend].min() >= 28
     pd.testing.assert_series_equal(still.X["T_oa"], log.X["T_oa"])  # all else is the same run
     pd.testing.assert_frame_equal(still.setpoints[~weekend], log.setpoints[~weekend])
+
+
+def test_the_first_weekend_of_a_log_that_begins_on_a_sunday_is_the_next():
+    time = pd.date_range("2023-07-09", periods=24 * 15, freq="1h")
+    found = time[first_weekend(time)]
+    assert (found[0], found[-1], len(found)) == (pd.Timestamp("2023-07-15 00:00"), pd.Timestamp("2023-07-16 23:00"), 48)
 
 
 def test_gains_follow_the_week():

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import multivariate_normal
 from sklearn.base import clone
 
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor, SchedulePredictor
@@ -14,6 +15,8 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.filtering import learn_normal
 from skhybrid.fleet import FleetPrior
+from skhybrid.forecasting.arx_design import Moments
+from skhybrid.forecasting.arx_prior import ARXPrior
 from skhybrid.persistence import load_model, save_model
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
@@ -65,6 +68,20 @@ def test_the_normal_distribution_of_coefficients_is_found():
     found, precision = learn_normal(D.swapaxes(1, 2) @ D, np.einsum("nij,ni->nj", D, d), 0.0)
     np.testing.assert_allclose(found, mean, atol=0.1)
     np.testing.assert_allclose(np.linalg.inv(precision), covariance, atol=0.1)
+
+
+def test_a_size_is_as_likely_as_the_rows_under_it():
+    """The evidence of a map from shared coefficients to those of a zone, against the density of the zone's rows."""
+    rng = np.random.default_rng(1)
+    mean, covariance, noise = np.array([1.0, -2.0]), np.array([[0.5, 0.3], [0.3, 0.4]]), 0.2
+    D = rng.normal(size=(30, 2))
+    d = D @ np.array([0.6, -1.5]) + np.sqrt(noise) * rng.normal(size=30)
+    prior = ARXPrior(None, mean, np.linalg.inv(covariance), noise, 10.0)
+    maps = [np.diag([1.0 / size, 1.0]) for size in (0.5, 1.0, 2.0)]
+    found = [prior._evidence(A, Moments(D.T @ D, D.T @ d), noise) for A in maps]
+    spread = [noise * np.eye(30) + D @ A @ covariance @ A.T @ D.T for A in maps]
+    exact = [multivariate_normal(D @ A @ mean, S).logpdf(d) for A, S in zip(maps, spread, strict=True)]
+    np.testing.assert_allclose(np.diff(found), np.diff(exact), rtol=1e-9)
 
 
 def test_zones_of_one_size_differ_less_than_zones_of_all(arx_prior):

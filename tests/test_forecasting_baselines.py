@@ -44,6 +44,16 @@ def test_profile_falls_back_to_day_type_and_then_to_the_mean():
     np.testing.assert_allclose(short.predict(later), y.iloc[:24].mean())
 
 
+@pytest.mark.parametrize("missing", range(7))
+def test_the_profile_of_a_day_never_measured_is_that_of_its_kind(missing):
+    X, y = _weeks(14)
+    y = y.mask(y.index.day_of_week == missing)
+    predicted = DisturbanceForecaster("profile").fit(X, y).predict(_weeks(21)[0].iloc[14 * 24 :])
+    alike = y[(y.index.day_of_week >= 5) == (missing >= 5)]
+    by_hand = alike.groupby(alike.index.hour).mean()
+    np.testing.assert_allclose(predicted[24 * missing : 24 * (missing + 1)], by_hand)
+
+
 def test_profile_follows_local_time_and_the_step():
     index = pd.date_range(
         "2023-10-02", periods=96 * 35, freq="15min", tz="Europe/Amsterdam"
