@@ -139,11 +139,39 @@ def frame():
         ("室温", "T_za", None),
         ("室外温度", "T_oa", None),
         ("暖房出力 [kW]", "Q_heat", "kW"),
+        ("Heating_kWh_15min", "Q_heat", "kWh"),  # it was a stage in percent
+        ("P_heating_kW_1", "Q_heat", "kW"),
+        ("GHI kW/m2 avg", "q_sol", None),
+        ("Fan coil cooling [%]", "u_cool", "percent"),  # nothing read it
+        ("Fan coil fan [%]", None, "percent"),
+        ("Ventilation [%]", None, "percent"),  # it was a radiator's valve
+        ("Ventilöffnung [%]", "u_heat", "percent"),
+        ("Solar thermal power [kW]", None, "kW"),  # it was the plant's heat
+        ("Zone Windows Total Heat Gain Rate [W]", None, "W"),
+        ("Heat recovery efficiency [%]", None, "percent"),
+        ("target_temp_low", "T_heat_set", None),
+        ("target_temp_high", "T_cool_set", None),  # it was that of heating
+        ("Upper floor setpoint", "T_heat_set", None),
+        ("Occupied Cooling Setpoint", "T_cool_set", None),  # nothing read it
+        ("Boiler setpoint", None, None),  # it was a room's, in degF
+        ("Boiler room setpoint", "T_heat_set", None),
     ],
 )
 def test_names_in_the_languages_of_buildings(name, role, unit):
     assert unit_in_name(name) == unit
     assert guess_role(name, unit).role == role
+
+
+def test_a_counter_of_hours_or_starts_is_no_meter_of_heat():
+    """Their values only rise, so they were read as kWh."""
+    for name in ("Betriebsstundenzähler Brenner", "Heating starts counter"):
+        assert guess_role(name).role == "u_heat"  # whose values, as those of a counter, are refused
+    assert guess_role("Heat counter").role == "Q_heat"
+
+
+def test_two_set_points_without_a_side_are_the_lower_and_the_upper():
+    found = assign_roles(dict.fromkeys(("Max setpoint", "target_temp_high", "target_temp_low")))
+    assert [guess.role for guess in found.values()] == [None, "T_cool_set", "T_heat_set"]
 
 
 def test_a_name_without_a_quantity_says_so():

@@ -51,7 +51,10 @@ _SET_POINT = (
     r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt"
 )
 _IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
-_OF_A_MODE = r"\b(un)?occ\b|night|standby|stand by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
+_OF_A_MODE = r"\b(un)?occ(upied)?\b|night|stand ?by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
+_ENDS = r"( (temp\w*|deg\w*|[cfk]|set\w*|sp|target))*$"  # of a name, after what tells two set-points apart
+_LOWER, _UPPER = rf"\b(low|lo|lower){_ENDS}", rf"\b(high|hi|upper){_ENDS}"
+_OF_WATER_SET = r"boiler|kessel|\bketel|chaudiere|caldaia|caldera|\bcurve\b|heizkurve|stooklijn"  # not of a room
 HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
@@ -75,6 +78,7 @@ _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
 _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
+_COUNTS = r"hour|stunden|\b(draai)?uren\b|heures|starts?\b"  # what a meter beside that of heat counts
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
 _ELECTRICITY = (
     r"elec|strom(?!ung)|stroom|heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor|"
@@ -91,14 +95,15 @@ _OF_PULSES = "; if they are those of a heat meter, give Q_heat, its unit as 'kWh
 _HINTS = dict.fromkeys(("m3", "ccf"), _OF_FUEL) | dict.fromkeys(("l/h", "l/min", "l/s", "m3/h"), _OF_WATER)
 #: what no model reads
 _OTHER = (
-    r"humid|feucht|vocht|\brh\b|co2|occup|people|person|batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|"
-    r"\bfan\b|(?<!heat)(?<!heat )pump\b|supply|return|\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
+    r"humid|feucht|vocht|\brh\b|co2|occup(?!ied .*(\bset|\bsp\b|stpt))|people|person|batter|rssi|\blux\b|illumin|"
+    r"pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|(?<!heat)(?<!heat )pump\b|supply|return|"
+    r"\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
     r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
     r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
-    r"\bpv\b|photovolt|solar (power|energy|prod|yield)|inverter|\bgrid\b|\bev\b|charger|dishwash|washing|dryer|freezer|"
-    r"fridge|\bcpu\b"
+    r"\bpv\b|photovolt|solar (power|energy|prod|yield|therm|collector|heat(?! flux))|inverter|\bgrid\b|\bev\b|charger|"
+    r"dishwash|washing|dryer|freezer|fridge|\bcpu\b"
     r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
-    r"\bshift|adjust|verschieb|korrektur"
+    r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|efficien|voltage"
 )
 
 _OF_FLOOR = "its unit is that of heat per area; give {0}, its unit as 'W', and the area [m2] under [scale]"
@@ -146,6 +151,8 @@ def unit_in_name(name: str) -> str | None:
         last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
         is_time = last and last[1].lower() in _TIMES and len(last[1]) > 1 and not re.search(r"(?i)temp", name)
         text = last[1] if last and is_time else None  # temp_min is a minimum
+    if text is None and (inner := re.search(r"(?i)(?<![a-z/])(kwh?|mwh|wh)(?![a-z/]|[ _]*(m2|m²|per m))", name)):
+        text = inner[1]  # such as Heating_kWh_15min
     return None if text is None else unit_or_energy(text) or _TIMES.get(text.lower())
 
 
@@ -173,7 +180,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         of_pulses = re.search(_PULSES, words) and f"it counts pulses{_OF_PULSES}"
         return Guess(None, 0, of_pulses or "no model reads such a quantity")
     heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (HEAT, COOL, _SET))
-    is_meter = (heat or cool) and unit is None and unit_text(name) is None and re.search(_METER, words)
+    is_meter = (heat or cool) and unit is None and unit_text(name) is None and _is_of_heat_meter(words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
@@ -199,11 +206,16 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give u_heat or u_cool")
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
-    if of == "stage" and re.search(r"valve|ventil|klep|vanne|radiat", words):
+    if of == "stage" and re.search(r"valve|ventil(?!at|az|ac|o? ?conv)|klep|vanne|radiat", words):
         return Guess("u_heat", 1, "its name is that of a valve, taken for a radiator's")
     if re.search(_ROOM, words) or re.search(_OUT, words):
         return Guess(None, 0, "its name says where it measures, but not what")
     return Guess(None, 0, "its name says nothing of a role")
+
+
+def _is_of_heat_meter(words: str) -> bool:
+    """Whether a name is that of a meter, and not of one that counts hours or starts."""
+    return bool(re.search(_METER, words)) and not re.search(_COUNTS, words)
 
 
 def _temperature(words: str) -> Guess:
@@ -218,6 +230,11 @@ def _temperature(words: str) -> Guess:
 
 def _set_point(words: str, heat: bool, cool: bool) -> Guess:
     """The role of a set-point."""
+    if re.search(_OF_WATER_SET, words) and not re.search(_ROOM, words):
+        return Guess(None, 0, "its name is that of a set-point of the plant's water")
+    lower, upper = (bool(re.search(pattern, words)) for pattern in (_LOWER, _UPPER))
+    if heat == cool and lower != upper:
+        return Guess("T_cool_set" if upper else "T_heat_set", 2, "its name is that of one of two set-points")
     if heat == cool:
         return Guess("T_heat_set", 1, f"its name is that of a set-point, {FOR_HEATING}")
     reason = "its name is that of a set-point" if _preference(words) >= 0 else OF_A_MODE
