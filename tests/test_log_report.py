@@ -142,6 +142,9 @@ def frame():
         ("Heating_kWh_15min", "Q_heat", "kWh"),  # it was a stage in percent
         ("P_heating_kW_1", "Q_heat", "kW"),
         ("GHI kW/m2 avg", "q_sol", None),
+        ("Heat pump cooling electricity [kWh]", "Q_cool", "kWh"),  # it was left out beside that of heating
+        ("Heat pump heating electricity [kWh]", "Q_heat", "kWh"),
+        ("Wärmepumpe Kühlen [%]", "u_cool", "percent"),
         ("Fan coil cooling [%]", "u_cool", "percent"),  # nothing read it
         ("Fan coil fan [%]", None, "percent"),
         ("Ventilation [%]", None, "percent"),  # it was a radiator's valve

@@ -719,6 +719,17 @@ def test_points_one_below_the_other_are_an_error(write):
     assert told[0].startswith("120 of 180 rows have the stamp of another row and other values")
 
 
+def test_a_meter_that_the_mode_makes_negative_is_no_mistake():
+    """The report asked to give its heat as Q_hvac, which has a sign, but a meter of electricity has none."""
+    mode = np.repeat([1.0, -1.0], 30)
+    frame = pd.DataFrame({"T_za": ROOM, "T_oa": ROOM - 15.0, "hp": np.arange(60) % 3.0, "m": mode}, STAMPS)
+    columns = {"T_za": "T_za", "T_oa": "T_oa", "Q_heat": "hp", "mode": "m"}
+    columns |= dict.fromkeys(("T_heat_set", "T_cool_set"), "set")
+    report = LogReport(frame.assign(set=21.0), columns)
+    assert report.frame["Q_heat"].min() < 0.0 < report.frame["Q_heat"].max()
+    assert not [found for found in report.findings if "goes from" in found.text]
+
+
 @pytest.mark.parametrize(
     ("columns", "where", "told"),
     [
@@ -733,6 +744,14 @@ def test_points_one_below_the_other_are_an_error(write):
             "could be heat or cold of the plant beside",
         ),
         ({"Heat (kW)": ROOM, "Heating (W)": 1e3 * ROOM}, 1, None),  # the same in other units
+        (
+            {
+                "Radiator (kWh)": np.arange(60) // 2,
+                "Floor heating (kWh)": np.cumsum(np.arange(60) % 7),
+            },  # both only rise
+            1,
+            "could be heat or cold of the plant beside",
+        ),
     ],
 )
 def test_columns_that_are_not_what_their_role_needs(columns, where, told):

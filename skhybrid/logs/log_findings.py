@@ -34,6 +34,11 @@ _OFTEN = 0.05  # share of the rows in which a plant heats or cools
 _ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
 _COARSE = 6.0  # hours of a step of a counter, beyond which the course of a day is lost
 
+SEEMS_ELECTRIC = (
+    "this seems to be electricity, not heat: give a coefficient of performance ([plant] electricity = true, cop = 3.0) "
+    "or another column."
+)
+
 
 class Finding(NamedTuple):
     """One remark on a log."""

@@ -19,6 +19,7 @@ from .column_spans import lost_columns, one_after_the_other
 from .conversion import Channel, counter_of, fill_remarks, refuse_unlogged, to_roles
 from .even_steps import regularize, usual_step
 from .log_findings import (
+    SEEMS_ELECTRIC,
     Finding,
     clash,
     clock_findings,
@@ -219,15 +220,16 @@ class LogReport:
                 found.append(Finding("error", channel.name, text))
             role = "T_za" if channel.role.removeprefix("T_za_") in self.zones else channel.role
             controlled = controlled_rows(self.frame, channel.role) if role == "T_za" else None
-            found += sensor_findings(role, channel.name, self.frame[channel.role], self.even[channel.role], controlled)
+            values = self.frame[channel.role]
+            if role.startswith("Q_heat") and self.raw.frame[channel.name].min() >= 0.0 < values.max():
+                values = values.abs()  # it is negative where the mode cools
+            found += sensor_findings(role, channel.name, values, self.even[channel.role], controlled)
             if (counter := counter_of(raw, channel)) is not None:
                 found += counter_findings(channel.name, counter)
             if role == "T_za" and "T_oa" in self.frame:
                 found += swap_findings(channel.name, self.frame[channel.role], self.frame["T_oa"])
             if self._read.seems_electric(channel):
-                remedy = "give a coefficient of performance ([plant] electricity = true, cop = 3.0)"
-                text = f"this seems to be electricity, not heat: {remedy} or another column."
-                found.append(Finding("warning", channel.name, text))
+                found.append(Finding("warning", channel.name, SEEMS_ELECTRIC))
             if why := self._read.assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]

@@ -80,9 +80,10 @@ _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 _COUNTS = r"hour|stunden|\b(draai)?uren\b|heures|starts?\b"  # what a meter beside that of heat counts
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
+_HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
 _ELECTRICITY = (
-    r"elec|strom(?!ung)|stroom|heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor|"
-    r"\b(pac|wp|hp|ac)\b|air ?con|compressor|consum(ption|ed)|verbrauch|plug|socket"
+    rf"elec|strom(?!ung)|stroom|{_HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
+    r"consum(ption|ed)|verbrauch|plug|socket"
 )
 _DELIVERED = (
     r"thermal|thermique|termic|produced|delivered|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
@@ -179,7 +180,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if re.search(rf"{_OTHER}|{_PULSES}", words):
         of_pulses = re.search(_PULSES, words) and f"it counts pulses{_OF_PULSES}"
         return Guess(None, 0, of_pulses or "no model reads such a quantity")
-    heat, cool, wanted = (bool(re.search(pattern, words)) for pattern in (HEAT, COOL, _SET))
+    cool, wanted = (bool(re.search(pattern, words)) for pattern in (COOL, _SET))
+    heat = bool(re.search(HEAT, re.sub(_HEAT_PUMP, "", words) if cool else words))
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and _is_of_heat_meter(words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
@@ -190,13 +192,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         if re.search(_PART_OF_SUN, words):
             return Guess("q_sol", 2, PART_OF_SUN)
         return Guess("q_sol", 3, "its name or unit is that of irradiance")
-    electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
     if of == "power" and not wanted and (heat or cool or re.search(_PLANT, words)):
-        one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
-        role = "Q_hvac" if "hvac" in words else one_way
-        reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
-        certainty = 2 + bool(re.search(_DELIVERED, words)) - bool(re.search(_LIMIT, words))
-        return Guess(role, certainty, reason + " (electricity?)" * electric, electric)
+        return _power(words, unit, heat, cool)
     if of == "power":
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
     if of in ("stage", None) and heat and cool:
@@ -211,6 +208,16 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if re.search(_ROOM, words) or re.search(_OUT, words):
         return Guess(None, 0, "its name says where it measures, but not what")
     return Guess(None, 0, "its name says nothing of a role")
+
+
+def _power(words: str, unit: str | None, heat: bool, cool: bool) -> Guess:
+    """The role of a power or energy of the plant."""
+    electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
+    one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
+    role = "Q_hvac" if "hvac" in words else one_way
+    reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
+    certainty = 2 + bool(re.search(_DELIVERED, words)) - bool(re.search(_LIMIT, words))
+    return Guess(role, certainty, reason + " (electricity?)" * electric, electric)
 
 
 def _is_of_heat_meter(words: str) -> bool:

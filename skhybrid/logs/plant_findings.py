@@ -8,12 +8,14 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant, listed, plant_roles
 from .._warnings import percent
+from .counters import is_counter
 from .log_findings import RUNS, Finding
 
 _AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
 _HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so that no heating is needed [K]
 _COLDER_OUT = 10.0  # outdoors than in the room, so that few rooms are cooled [K]
 _MOST_RUN = 0.4  # share of such hours in which a heater may give more
+_STEADY = 0.01  # relative deviation of the rises of a counter that counts evenly
 _ALIKE = 0.95  # correlation of two meters of the same heat
 
 
@@ -25,10 +27,16 @@ def parallel_findings(frame: pd.DataFrame, used: Mapping[str, str], others: Mapp
     for name, role in others.items():
         if not is_plant(role) or role not in used or not frame[name].abs().max() > 0.0:
             continue
-        if not abs(float(frame[name].corr(frame[used[role]]))) > _ALIKE:
+        if not abs(float(_as_it_ran(frame[name]).corr(_as_it_ran(frame[used[role]])))) > _ALIKE:
             text = f"could be heat or cold of the plant beside {used[role]!r}, and is not used"
             both = "one stage of both, from 0 to 1," if role.startswith("u_") else "their sum"
             yield Finding("warning", name, f"{text}: if the room gets both, write {both} in one column.")
+
+
+def _as_it_ran(values: pd.Series) -> pd.Series:
+    """The rises of a counter, since any two counters are alike; other values as they are."""
+    rises = values.diff().clip(lower=0.0)
+    return rises if is_counter(values) and rises.std() > _STEADY * rises.mean() else values
 
 
 def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> Iterator[Finding]:
