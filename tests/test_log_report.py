@@ -145,6 +145,7 @@ def frame():
         ("Heat pump cooling electricity [kWh]", "Q_cool", "kWh"),  # it was left out beside that of heating
         ("Heat pump heating electricity [kWh]", "Q_heat", "kWh"),
         ("Wärmepumpe Kühlen [%]", "u_cool", "percent"),
+        ("AC heat pump power kW", "Q_hvac", "kW"),
         ("Fan coil cooling [%]", "u_cool", "percent"),  # nothing read it
         ("Fan coil fan [%]", None, "percent"),
         ("Ventilation [%]", None, "percent"),  # it was a radiator's valve
@@ -169,7 +170,8 @@ def test_a_counter_of_hours_or_starts_is_no_meter_of_heat():
     """Their values only rise, so they were read as kWh."""
     for name in ("Betriebsstundenzähler Brenner", "Heating starts counter"):
         assert guess_role(name).role == "u_heat"  # whose values, as those of a counter, are refused
-    assert guess_role("Heat counter").role == "Q_heat"
+    for name in ("Heat counter", "Hourly heat counter", "Stundenwert Wärmezähler"):
+        assert guess_role(name).role == "Q_heat"
 
 
 def test_two_set_points_without_a_side_are_the_lower_and_the_upper():

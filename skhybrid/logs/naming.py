@@ -78,7 +78,8 @@ _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
 _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
-_COUNTS = r"hour|stunden|\b(draai)?uren\b|heures|starts?\b"  # what a meter beside that of heat counts
+#: what a meter beside that of heat counts
+_COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
 _SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
 _HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
 _ELECTRICITY = (
@@ -181,7 +182,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         of_pulses = re.search(_PULSES, words) and f"it counts pulses{_OF_PULSES}"
         return Guess(None, 0, of_pulses or "no model reads such a quantity")
     cool, wanted = (bool(re.search(pattern, words)) for pattern in (COOL, _SET))
-    heat = bool(re.search(HEAT, re.sub(_HEAT_PUMP, "", words) if cool else words))
+    heat = _heats(words, cool)
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and _is_of_heat_meter(words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
@@ -208,6 +209,12 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if re.search(_ROOM, words) or re.search(_OUT, words):
         return Guess(None, 0, "its name says where it measures, but not what")
     return Guess(None, 0, "its name says nothing of a role")
+
+
+def _heats(words: str, cool: bool) -> bool:
+    """Whether a name says that it heats; the cooling of a heat pump does not, but an air conditioner may."""
+    is_of_cooling = cool and not re.search(r"\bac\b|air ?con|climati", words)
+    return bool(re.search(HEAT, re.sub(_HEAT_PUMP, "", words) if is_of_cooling else words))
 
 
 def _power(words: str, unit: str | None, heat: bool, cool: bool) -> Guess:
