@@ -485,3 +485,23 @@ def test_a_history_that_repeats_the_known_rows_adds_nothing(make):
         pd.testing.assert_frame_equal(model.forecast(history, later), expected, rtol=1e-12)
     moved = X[:end].assign(T_za=X["T_za"][:end] + 1.0)
     assert not np.allclose(model.forecast(moved, ahead)["T_za"], model.forecast(None, ahead)["T_za"], atol=0.1)
+
+
+@pytest.mark.parametrize("days", [(5, 9), (2, 10)])
+def test_an_outage_of_the_training_may_fill_most_of_a_part(days, office):
+    """Intervals need forecasters that are fitted without a week, of what is left more may be missing than of ``y``."""
+    X, y = office.X[: 21 * 96], office.y[: 21 * 96].copy()
+    y.iloc[slice(*(96 * day for day in days))] = np.nan
+    gray_box = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=1, random_state=0)
+    model = TwoStagePredictor(gray_box, disturbance="output").fit(X.assign(T_za=y), y)
+    assert model.predict_quantiles(office.X[21 * 96 :][:96]).shape == (96, 3)
+
+
+def test_a_forecast_after_weeks_without_a_measurement(office):
+    """A span of the weekly refits in which no disturbance is known is not compared."""
+    (X, y), end, days = (office.X, office.y), 7 * 96, 22
+    gray_box = OutputDisturbanceID(known={"Q_h": 6.0}, n_starts=1, random_state=0)
+    model = TwoStagePredictor(gray_box, disturbance="output", intervals=False).fit(X[:end], y[:end])
+    gone = X[end : end + 96 * days].assign(T_za=np.nan)
+    model.update(gone)
+    assert np.isfinite(model.forecast(None, X[end + 96 * days :][:96])["T_za"]).all()

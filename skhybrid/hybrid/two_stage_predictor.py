@@ -10,7 +10,6 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from .._table import read_max_missing
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
 from ..forecasting.named_models import check_parameters, refuse_unread, require_networks
@@ -154,8 +153,8 @@ class BaseTwoStage(BaseHybrid):
         wanted = {name: value for name, value in passed.items() if name in params and params[name] is None}
         if self.verbose and not params.get("verbose", True):
             wanted["verbose"] = self.verbose
-        if "max_missing" in params:  # what this estimator accepts its parts do
-            wanted["max_missing"] = max(params["max_missing"], read_max_missing(self.max_missing))
+        if "max_missing" in params:  # checked of y here; of a left-out week or an outage more may be missing
+            wanted["max_missing"] = 1.0
         part.set_params(**wanted)
         return part  # FrozenEstimator.set_params returns nothing
 
@@ -190,7 +189,7 @@ class BaseTwoStage(BaseHybrid):
             raise ValueError("rows were taken in since fit; fit again before other forecasters are fitted.")
         kind = self.disturbance if disturbance is None else disturbance
         made = [clone(self).set_params(forecaster=one, disturbance=kind) for one in forecasters]
-        read = ("n_features_in_", "feature_names_in_", "preprocess_")
+        read = ("n_features_in_", "feature_names_in_", "preprocess_", "_n_before")
         for one, fitted in zip(made, scheme.with_forecasters([m._forecaster_part() for m in made], kind), strict=True):
             vars(one).update({name: value for name, value in vars(self).items() if name in read})
             one._take(fitted, intervals=False)

@@ -49,7 +49,7 @@ class WeeklyRefit:
 
     def _span(self, steps: ZoneTable) -> pd.Timedelta | None:
         before = steps.rows(slice(0, steps.n_rows - int(_WEEK / steps.step)))
-        long_enough = [s for s in SPANS if s is None or int(s / steps.step) < before.n_rows]
+        long_enough = [s for s in SPANS if s is None or _knows(before, int(s / steps.step))]
         if len(long_enough) < 2:
             return None
         errors = [_last_week_error(self._fit(before, span), steps) for span in long_enough]
@@ -65,6 +65,11 @@ class WeeklyRefit:
             # only the fits of this week and of the one before are wanted again
             self._fits = {k: v for k, v in self._fits.items() if k[0] >= n - int(_WEEK / steps.step)}
         return self._fits[key]
+
+
+def _knows(steps: ZoneTable, n_last: int) -> bool:
+    """Whether there are more steps than the last so many, and a disturbance is known in one of these."""
+    return n_last < steps.n_rows and bool(np.isfinite(steps.history["zeta"][-n_last:]).any())
 
 
 def _last_week_error(forecaster: Any, steps: ZoneTable) -> float:
