@@ -131,3 +131,19 @@ def with_measured(table: ZoneTable, row: int, T: float, role: str = "T_za") -> Z
     values = table.measured(role).copy()
     values[row] = T
     return table.replace(history={**table.history, role: values})
+
+
+def from_first_measured(table: ZoneTable, target: np.ndarray, multiple: int = 1) -> tuple[ZoneTable, np.ndarray]:
+    """A training table and its target (n,) or (n, o) from the first measured row on.
+
+    Rows before it tell a model nothing, but it would have to guess a state or a disturbance for them.  A ``multiple``
+    of rows is left out, and every segment keeps at least two.
+    """
+    measured = np.isfinite(target).reshape(table.n_rows, -1).any(axis=1)
+    first = int(np.argmax(measured)) // multiple * multiple
+    if first + 1 in (*table.breaks, table.n_rows):
+        first -= multiple
+    if first <= 0:
+        return table, target
+    breaks = (0, *(row - first for row in table.breaks if row > first))
+    return table.rows(slice(first, None)).replace(breaks=breaks), target[first:]

@@ -5,10 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 
-from skhybrid import ARXRegressor, GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
+from skhybrid import (
+    ARXRegressor,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+    TwoStagePredictor,
+)
 from skhybrid._time import segments
 from skhybrid.datasets import make_office
+from skhybrid.forecasting import BoostedRegressor
 from skhybrid.identification.fitting.starts import random_starts
 
 KNOWN = {"Q_h": 6.0}
@@ -142,3 +152,49 @@ def test_each_stretch_has_its_own_initial_state(office):
     X, y = cut(office)
     model = OutputDisturbanceID(known=KNOWN, n_starts=2, random_state=0).fit(X, y)
     assert {"T0_w", "T0_w_2"} <= set(model.disturbance_.index)
+
+
+# -------------------------------------------------------------------------------- rows before the first measurement
+LATE = {
+    **{model.__name__: model(known=KNOWN, n_starts=1, random_state=0, horizon="1D") for model in MODELS},
+    "ARXRegressor": ARXRegressor(intervals=False),
+    "BoostedRegressor": BoostedRegressor(max_iter=5, residual_of="arx"),
+    "TwoStagePredictor": TwoStagePredictor(InputDisturbanceID(known=KNOWN, n_starts=1, random_state=0)),
+    "HybridPredictor": HybridPredictor(known=KNOWN, intervals=False),
+}
+
+
+def late(office, n_rows):
+    """The log whose sensor came so many rows later."""
+    y = office.y.where(np.arange(len(office.y)) >= n_rows)
+    return office.X.assign(T_za=y), y
+
+
+@pytest.mark.parametrize("name", LATE)
+def test_rows_before_the_first_measurement_teach_nothing(name, office):
+    (X, y), end, model = late(office, 2 * 96), 7 * 96, LATE[name]
+    whole = clone(model).fit(X[:end], y[:end]).predict(X[end:])
+    np.testing.assert_array_equal(whole, clone(model).fit(X[2 * 96 : end], y[2 * 96 : end]).predict(X[end:]))
+
+
+def test_a_stretch_without_a_measurement_is_left_out(office):
+    X, y = cut(office)
+    y[X.index < "2023-07-12 20:00"] = np.nan
+    model = GrayBoxRC(known=KNOWN, n_starts=1, random_state=0, max_missing=0.6)
+    later = model.fit(X[-y.notna().sum() :], y[-y.notna().sum() :]).theta_
+    pd.testing.assert_series_equal(clone(model).fit(X, y).theta_, later)
+
+
+@pytest.mark.parametrize("gray_box", [InputDisturbanceID, OutputDisturbanceID])
+def test_no_disturbance_is_estimated_before_the_first_measurement(gray_box, office):
+    model = TwoStagePredictor(gray_box(known=KNOWN, n_starts=1, random_state=0), intervals=False)
+    known = model.fit(*late(office, 60)).zeta_.notna().to_numpy()
+    np.testing.assert_array_equal(np.flatnonzero(~known), np.arange(15))  # hours
+
+
+def test_left_out_errors_are_of_rows_of_the_table_that_was_given(office):
+    model = TwoStagePredictor(InputDisturbanceID(known=KNOWN, n_starts=1, random_state=0))
+    X, y = late(office, 2 * 96)
+    found, later = model.fit(X, y).left_out_errors(), clone(model).fit(X[2 * 96 :], y[2 * 96 :]).left_out_errors()
+    np.testing.assert_array_equal(found.origins, later.origins + 2 * 96)
+    np.testing.assert_array_equal(found.errors, later.errors)

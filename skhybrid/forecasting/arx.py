@@ -11,6 +11,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import check_bool, check_integer, check_rate, store_arguments
+from .._joining import from_first_measured
 from .._summary import TrainingRecord
 from .._table import ZoneTable, read_target
 from .._threads import one_blas_thread
@@ -130,6 +131,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self._check_parameters(like)
         table = read_zone(self, X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
+        table, T = from_first_measured(table, T, rows_per_day(table.step))
         self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)

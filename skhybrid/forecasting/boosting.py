@@ -11,6 +11,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 
 from .._arguments import check_integer, check_rate, store_arguments
 from .._clock import hour_of_day
+from .._joining import from_first_measured
 from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
@@ -108,6 +109,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         check_rate("learning_rate", self.learning_rate)
         table = read_zone(self, X, reset=True)
         T = read_target(y, table, max_missing=self.max_missing, role="T_za")
+        table, T = from_first_measured(table, T, rows_per_day(table.step))
         self._check_spans(table.step)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self._roles, self._mean = list(table.inputs), float(np.nanmean(T))

@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import check_bool
+from .._joining import from_first_measured
 from .._summary import TrainingRecord, network_tables
 from .._table import (
     SETPOINT_ROLES,
@@ -22,6 +23,7 @@ from .._table import (
     read_target,
 )
 from .._threads import one_blas_thread
+from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
 from ..forecasting.quantiles import LeftOut
 from .affine_frames import AffineFramesMixin
@@ -53,6 +55,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     max_missing: float
     intervals: bool  # whether fit learns them
     _law: ClosedLoop | None  # of thermostat and plant; None where the training had no set-points
+    _n_before = 0  # rows of the training table before those that were learned from
     _usual_law: ClosedLoop | None = None  # of a plant without set-points, where those of other zones are known
 
     def _make_scheme(self) -> Scheme:
@@ -99,9 +102,12 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             )
         table = self._read(X, network, reset=True)
         target = read_target(y, table, max_missing=self.max_missing, role="T_za")
+        n_rows = table.n_rows
+        table, target = from_first_measured(table, target, rows_per_day(table.step))  # origins stay at their hours
         self._check_spans(table.step)
         check_setpoints(table, self._column_of)
         fitted = scheme.fit(_measured(table, target), _scheme_of(like))
+        self._n_before = n_rows - table.n_rows
         self._take(fitted, intervals=self.intervals)
         return self
 
@@ -234,7 +240,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             ``errors`` (n_origins, n_leads), measured less forecast [K], and ``origins`` (n_origins,), training rows.
         """
         check_is_fitted(self)
-        return self._scheme.left_out_errors(self._most_leads(self.sampling_time_))
+        found = self._scheme.left_out_errors(self._most_leads(self.sampling_time_))
+        return found._replace(origins=found.origins + self._n_before)
 
     @unchanged_on_failure
     @one_blas_thread
@@ -304,7 +311,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         if new.n_rows:
             rows.refuse_unless_following(new)
         self._scheme = self._present_scheme().relearned(new if new.n_rows else None)
-        self._learned_to = self._scheme.rows.last_stamp
+        self._learned_to, self._n_before = self._scheme.rows.last_stamp, 0
         self._law, self._usual_law = ClosedLoop.fit(self._scheme, self._most_leads(table.step)), None
         self.training_ = TrainingRecord.of(self._scheme.rows.training, self._scheme.rows.latest)
         return self

@@ -83,6 +83,7 @@ class TwoStageScheme(EarlierStates):
         """The training disturbance by rows (n_rows,); by steps it becomes ``steps``."""
         training = with_stamps(self.rows.training, ASSUMED_START)
         zeta = self.gray_box_.estimate_disturbance(training, kind=self.disturbance).to_numpy()
+        zeta = _since_measured(zeta, training.history["T_za"])
         self.steps = average(training, zeta, self.disturbance_step_, time_zone_of(training)).table
         return zeta
 
@@ -128,7 +129,7 @@ class TwoStageScheme(EarlierStates):
 
     def _known_zeta(self, zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
         """NaN before the first measurement: nothing is estimated there, and what comes later must not be known."""
-        return np.where(np.logical_or.accumulate(np.isfinite(measured)) | self._seen_since, zeta, np.nan)
+        return zeta if self._seen_since else _since_measured(zeta, measured)
 
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:
         scheme, rest = self._at_origin(future, T_za)
@@ -328,10 +329,9 @@ class TwoStageScheme(EarlierStates):
             rows = table.rows(slice(table.n_history, None))
             known = self._rows_of(rows, self._known_zeta(zeta, measured))
             return self._aggregation.extended(stamps_ns(rows), known, self._n_kept), 1 - table.n_history
-        seen = np.logical_or.accumulate(np.isfinite(measured))
         padded = with_step_before(here, self.disturbance_step_)
         n_before = padded.n_rows - here.n_rows
-        zeta = np.append(np.full(n_before, np.nan), np.where(seen, zeta, np.nan))
+        zeta = np.append(np.full(n_before, np.nan), _since_measured(zeta, measured))
         return average(padded, zeta, self.disturbance_step_, time_zone_of(self.rows.training)), n_before
 
     def _forecasters(self, steps: Steps, known: np.ndarray, following: bool) -> Iterator[tuple[Any, np.ndarray]]:
@@ -368,6 +368,11 @@ class TwoStageScheme(EarlierStates):
 def refits_fast(forecaster: Any) -> bool:
     """Whether a forecaster is one of the baselines, which are refitted in a fraction of a second."""
     return isinstance(model := getattr(forecaster, "model", None), str) and model in BASELINES
+
+
+def _since_measured(zeta: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """A disturbance by rows, NaN before the first measured temperature: nothing is estimated there."""
+    return np.where(np.logical_or.accumulate(np.isfinite(measured)), zeta, np.nan)
 
 
 def _path(forecaster: Any, steps: Steps, known: np.ndarray, n_steps: int) -> np.ndarray:

@@ -12,6 +12,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import as_mapping, check_integer, check_n_jobs, check_verbose
+from .._joining import from_first_measured
 from .._summary import TrainingRecord, network_tables
 from .._table import HISTORY_ROLES, ZoneTable, read_table
 from .._threads import one_blas_thread
@@ -180,6 +181,7 @@ class NetworkIdentifier(ForecastingNetwork):
         settings = self._given()
         table = self._read(X, network, reset=True)
         target = read_outputs(y, table, network, max_missing=self.max_missing)
+        table, target = from_first_measured(table, target)
         self._check_spans(table.step)
         rows_covering(self.warmup, table.step)  # refuses what is no duration before the search
         experiment = make_experiment(network, tuple(sorted(table.inputs)), table, target)
@@ -308,6 +310,7 @@ class NetworkIdentifier(ForecastingNetwork):
         check_is_fitted(self)
         table = self._read_X(X)
         target = read_outputs(y, table, self.network_, max_missing=self.max_missing)
+        table, target = from_first_measured(table, target)
         experiment = make_experiment(self.network_, self.filtered_network_.roles, table, target)
         made, kalman = copy(self), self.filtered_network_.kalman
         made._begin_at(experiment, kalman)
