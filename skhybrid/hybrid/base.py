@@ -335,7 +335,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features), optional
-            Rows with ``T_za``, after the training or elsewhere.  By default the rows that :meth:`update` has taken in.
+            Rows with ``T_za``, after the training or elsewhere.  By default the rows that :meth:`update` has taken in,
+            of which the two-stage scheme reports a day once a row after it is known.
 
         Returns
         -------
