@@ -73,6 +73,14 @@ def test_set_points_leave_a_forecast_under_given_heat_as_it_is(log, model):
     assert "Q_hvac" in model.forecast(None, both, setpoint=(20.0, 24.0))
 
 
+def test_a_thermostat_does_not_depend_on_the_order_of_the_training_s_columns(log, model):
+    """The outdoor temperature is compared with that of a day and a week before, not whichever column comes first."""
+    train = log[:TRAINED].iloc[:, ::-1]
+    other = SchedulePredictor("2R2C", known={"Q_h": 6.0}).fit(train, train["T_za"])
+    found, expected = (one.forecast(None, ahead(log, TRAINED), quantiles=[0.1, 0.9]) for one in (other, model))
+    pd.testing.assert_frame_equal(found, expected, rtol=1e-6)
+
+
 def test_origins_of_the_closed_loop_increase(log, model):
     for origins in ([20, 10], [10, 10], []):
         with pytest.raises(ValueError, match="origins must be increasing row numbers"):

@@ -35,7 +35,8 @@ class LawRows(NamedTuple):
 
     @classmethod
     def of(cls, table: ZoneTable, heat: np.ndarray, band: Band) -> Self:
-        chosen = [v for role, v in table.inputs.items() if role == "T_oa" or role.startswith("q_sol")]
+        # T_oa is the first of them, whatever the order of the columns
+        chosen = [table.inputs[role] for role in sorted(table.inputs) if role == "T_oa" or role.startswith("q_sol")]
         weather = np.column_stack(chosen) if chosen else np.empty((table.n_rows, 0))
         beside = tuple(v for role, v in table.inputs.items() if role.startswith(NEXT))
         clock = np.column_stack([hour_of_day(table.time), table.day_of_week, table.weekend])
