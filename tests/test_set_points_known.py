@@ -363,8 +363,9 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
     for wrong in ((1.0, 2.0), 3.0, (0.0, np.ones(DAY))):
         with pytest.raises(ValueError, match="limits"):
             model.forecast(None, future, limits=wrong)
-    with pytest.warns(UnitWarning, match="limits= ranges from 0 to 5000: likely W"):
-        model.forecast(None, future, limits=(0.0, 5000.0))
+    for most in (5000.0, 6000.0):
+        with pytest.warns(UnitWarning, match=f"the upper limit is {most:.0f}: likely W"):
+            model.forecast(None, future, limits=(0.0, most))
 
 
 def test_what_cannot_be_right_is_refused(log, model):

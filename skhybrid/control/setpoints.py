@@ -96,18 +96,15 @@ def read_limits(limits: Any, table: ZoneTable) -> Limits:
     return out
 
 
-def read_plant_limits(limits: Any) -> tuple[float, float] | None:
+def read_plant_limits(limits: Any, table: ZoneTable) -> tuple[float, float] | None:
     """Least and most heat of a plant [kW] in all rows, from a pair of numbers or None; None without limits."""
     if limits is None:
         return None
     if not isinstance(limits, tuple | list) or len(limits) != 2 or any(np.ndim(side) for side in limits):
         raise ValueError("limits is a pair of numbers (lowest, highest) [kW]; those by row are for predict_load.")
-    lowest, highest = (
-        free if side is None else float(as_numbers(side, "limits")) for side, free in zip(limits, FREE, strict=True)
-    )
-    if not lowest <= min(highest, 0.0) or not highest >= 0.0:
+    lowest, highest = (float(side[0]) for side in read_limits(limits, table))
+    if not lowest <= 0.0 <= highest:
         raise ValueError(f"limits=({limits[0]}, {limits[1]}) must have 0 kW, a plant that is off, between them.")
-    check_range(np.array([lowest, highest]), "Q_hvac", "limits=", pd.Index(["the lowest", "the highest"]))
     return lowest, highest
 
 

@@ -94,7 +94,7 @@ class FramesForecastMixin(FramesReadingMixin):
                 raise ValueError("limits= are for a plant that a thermostat runs; with given heat leave limits=None.")
             return self._under_heat(history, future, now, levels, weather)
         self._refuse_without_plant("set-points do nothing: leave setpoint=None")
-        return self._under_thermostat(history, future, now, levels, setpoint, read_plant_limits(limits), weather)
+        return self._under_thermostat(history, future, now, levels, setpoint, limits, weather)
 
     def _under_heat(
         self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
@@ -142,7 +142,7 @@ class FramesForecastMixin(FramesReadingMixin):
         now: float | None,
         levels: np.ndarray | None,
         setpoint: Any,
-        limits: tuple[float, float] | None,
+        limits: tuple[float | None, float | None] | None,
         weather: WeatherError | None,
     ) -> pd.DataFrame:
         """The forecast in which the plant follows set-points."""
@@ -163,13 +163,14 @@ class FramesForecastMixin(FramesReadingMixin):
             self._check_setpoints_ahead(ahead)
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
+        within = read_plant_limits(limits, ahead)
         # the heat of the last known row has been delivered; that of a row whose temperature is now is to be decided
         delivered = None if now is not None else scheme.plant_heat(table)[origin]
         if self._law is None:
-            load = self._ideal(scheme, table, int(origin[0]), levels, limits, delivered)
+            load = self._ideal(scheme, table, int(origin[0]), levels, within, delivered)
             return load.iloc[-n_ahead:].set_axis(future.index)
         found = self._law.paths(
-            scheme, table, origin, n_ahead + (now is None), levels, limits, delivered, weather=weather
+            scheme, table, origin, n_ahead + (now is None), levels, within, delivered, weather=weather
         )
         if now is not None:
             found = found.after(now)
