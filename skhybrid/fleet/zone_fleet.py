@@ -37,8 +37,9 @@ class ZoneFleet(BaseEstimator):
     folder per zone (``DIR/zone=kitchen/*.parquet``, time as index or in the column ``time``); tables, each with the
     column ``key``; or pairs of a zone and its table.  ``y`` is aligned with a long table; without it, and for the other
     kinds, it is the column ``T_za``.  Each zone may have its own step and time zone.  Gaps of inputs of up to three
-    hours are filled, as :class:`~skhybrid.preprocessing.GapFiller` does.  Methods return one long table with the
-    columns that the estimator gives, and the key.
+    hours are filled, as :class:`~skhybrid.preprocessing.GapFiller` does.  Rows to learn from or to take in may also
+    have outages of up to four days: inputs are interpolated there, and no temperature is known.  Methods return one
+    long table with the columns that the estimator gives, and the key.
 
     Work is spread by joblib: over ``n_jobs`` processes, or a cluster by ``joblib.parallel_config(backend="dask")`` or
     ``"ray"``.  Workers read rows and models from files, so all must see the store and the dataset; tables are first
