@@ -24,7 +24,8 @@ class HybridPredictor(BaseTwoStage):
         Default is 4R3C for the schedule model, 2R2C for the two-stage scheme; refused if the ``gray_box`` has one.
     known : dict of str to float, optional
         Values of parameters that are known, such as ``{"Q_h": 6.0}`` [kW]; the schedule model takes capacities only.
-        Capacities of plants that the training does not have are ignored, so that several zones may share one setting.
+        ``Q_h`` or ``Q_c`` of a plant that the training does not have is ignored, so that several zones may share one
+        setting; any other name that the network does not have is refused.
     %(purpose)s
     %(disturbance)s
     %(horizon)s

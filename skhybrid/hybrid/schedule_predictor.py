@@ -36,9 +36,9 @@ class SchedulePredictor(BaseHybrid):
     network : str or RCNetwork, default="4R3C"
         The thermal network.
     known : dict of str to float, optional
-        Given capacities [kW], such as ``{"Q_h": 6.0}``; those of plants that the training does not have are not used,
-        so that zones may share them.  Without one or measured heat, all heat is relative: the first stage that runs is
-        taken to have 6 kW.
+        Given capacities [kW], such as ``{"Q_h": 6.0}``; ``Q_h`` or ``Q_c`` of a plant that the training does not have
+        is ignored, so that zones may share them.  Without one or measured heat, all heat is relative: the first stage
+        that runs is taken to have 6 kW.
     %(purpose)s
     %(horizon)s
     adapt : {None, "linear", "full"}, default="full"
