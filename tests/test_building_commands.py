@@ -140,6 +140,49 @@ def test_rooms_are_found_in_names(case):
     assert report.roles == expected
 
 
+def _of_rooms(columns: list[str], rooms: tuple[str, ...]) -> pd.DataFrame:
+    """A log of rooms of the same columns, with their names before these if there are several; percents are whole."""
+    index, rng = pd.date_range("2024-01-01", periods=96, freq="1h"), np.random.default_rng(0)
+    frame = pd.DataFrame({"outdoor temp": rng.uniform(0.0, 9.0, 96)}, index)
+    for room in rooms:
+        own = {"room temp": rng.uniform(19.0, 22.0, 96)}
+        own |= {name: rng.uniform(0.1, 0.9, 96) for name in columns}
+        own |= {name: np.round(100.0 * own[name]) for name in columns if name == "heating power"}
+        frame = frame.assign(**{f"{room} {name}".strip(): values for name, values in own.items()})
+    return frame
+
+
+COLUMNS = {
+    "percent": ["heating power"],
+    "set-points of modes": ["heating valve", "heating setpoint unocc", "effective heating setpoint"],
+    "a sum and its part": ["hvac power kW", "heating power kW"],
+    "heat and a cooling stage": ["heating power kW", "heating valve", "cooling valve"],
+    "electricity and heat": ["heat pump power kW", "delivered heat kW"],
+}
+
+
+@pytest.mark.parametrize("case", list(COLUMNS))
+def test_columns_of_rooms_have_the_roles_that_those_of_one_have(case):
+    """Of two columns for a role the first was taken, not the better; a meter left out the stage of the other side."""
+    one, two = (LogReport(_of_rooms(COLUMNS[case], rooms)) for rooms in (("",), ("kitchen", "hall")))
+    expected = {role: name for role, name in one.roles.items() if role == "T_oa"}
+    for room in ("kitchen", "hall"):
+        expected |= {f"{role}_{room}": f"{room} {name}" for role, name in one.roles.items() if role != "T_oa"}
+    assert two.roles == expected
+    assert len(one.roles) > 2
+
+
+def test_an_unused_meter_of_a_room_is_its_own_and_shared_by_none():
+    """With roles given, a second meter of one room counted as a plant that all rooms share, an attic as the room."""
+    frame = _of_rooms(["heating power kW", "radiator power kW", "heating setpoint", "heating setpoint unocc"], ZONES)
+    found = LogReport(frame)
+    given = LogReport(frame.assign(**{"attic room temp": frame["hall room temp"]}), found.roles)
+    assert given.roles == found.roles
+    assert not [text for text in given.cannot if "share the plant" in text]
+    asked = [finding.where for finding in found.findings if "could be heat or cold" in finding.text]
+    assert asked == ["kitchen radiator power kW", "hall radiator power kW"]
+
+
 def test_a_room_that_was_renamed_is_an_error_that_names_both():
     index = pd.date_range("2024-01-01", periods=48, freq="1h")
     rng = np.random.default_rng(0)

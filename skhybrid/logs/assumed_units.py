@@ -57,12 +57,12 @@ def reread_percent(
             low, high = known.min(), known.max()
             if not (len(known) and low >= 0.0 and _LEAST_PERCENT < high <= 100.0):
                 continue
-            if role in ("Q_heat", "Q_cool") and (known % 1.0 == 0.0).all():
+            if role.startswith(("Q_heat", "Q_cool")) and (known % 1.0 == 0.0).all():
                 reason = "its name is that of a power, but its values are whole numbers up to 100, as those of a stage"
                 found[name] = Guess(f"u_{role[2:]}", guess.certainty, reason)
             elif role.startswith("q_sol"):
                 why = f"values up to {high:g} may be percent, or W/m2 of a dark season"
-                found[name] = Guess(None, 0, f"{why}; give q_sol and its unit, or 0.01 under [scale] for percent")
+                found[name] = Guess(None, 0, f"{why}; give {role} and its unit, or 0.01 under [scale] for percent")
     return found
 
 

@@ -13,11 +13,11 @@ from .conversion import Channel, contract_unit, fitting_unit, to_roles
 from .counters import is_counter
 from .fill_values import fill_values
 from .log_findings import Finding
-from .naming import FOR_HEATING, NAMED_BY_ROLE, TAKEN, Guess, assign_roles, guess_role, unit_in_name
+from .naming import FOR_HEATING, NAMED_BY_ROLE, TAKEN, Guess, unit_in_name
 from .raw_log import RawLog
 from .setpoint_modes import MODE, further_roles, one_role_each, shared_zones
 from .unit_names import ENERGY
-from .zone_names import further_rooms, zone_guesses, zone_roles, zones_of
+from .zone_names import assign_zone_roles, further_rooms, guess_in_zone, zone_guesses, zone_roles, zones_of
 
 
 class ColumnRoles:
@@ -60,8 +60,8 @@ class ColumnRoles:
         }
         rooms = {} if given else zone_roles(stated)
         own = [one_role_each(one) for one in (columns, raw.roles)]
-        guesses = zone_guesses(stated, rooms) if rooms else assign_roles(stated, *own)
-        self.guesses = guesses if rooms else reread_percent(guesses, stated, raw.frame)
+        guesses = zone_guesses(stated, rooms) if rooms else assign_zone_roles(stated, *own)
+        self.guesses = reread_percent(guesses, stated, raw.frame)
         self.zones = zones_of(columns or rooms)
         channels = [
             self._channel(name, guess, stated[name], units, scale)
@@ -98,7 +98,8 @@ class ColumnRoles:
         """The roles of columns that are not used since others were taken for them."""
         guesses = () if self.raw.roles else self.guesses.items()
         taken = [name for name, guess in guesses if guess.role is None and guess.reason.endswith(TAKEN)]
-        found = {name: guess_role(name, self.raw.units.get(name, unit_in_name(name))) for name in taken}
+        units = {name: self.raw.units.get(name, unit_in_name(name)) for name in taken}
+        found = {name: guess_in_zone(name, unit, self.zones) for name, unit in units.items()}
         sure = {guess.role: guess.certainty for _, guess in guesses}
         alike = {n: g for n, g in found.items() if not g.is_electricity and g.certainty >= sure.get(g.role, 0)}
         return {name: str(guess.role) for name, guess in alike.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..preprocessing._units import UNITS
@@ -276,27 +276,35 @@ def _kind(words: str, unit: str | None) -> str | None:
     return "power" if re.search(r"\bkw\b|power|heat rate|leistung|vermogen|puissance", words) else None
 
 
-def assign_roles(
-    units: Mapping[str, str | None], given: Mapping[str, str] | None = None, of_format: Mapping[str, str] | None = None
-) -> dict[str, Guess]:
-    """The role of each column, each role once: those given, those of the format, the most certain, then the first.
+def assign_roles(units: Mapping[str, str | None]) -> dict[str, Guess]:
+    """The role of each column by its name and unit; ``units`` are those of the columns in their order."""
+    return one_column_each({column: guess_role(column, unit) for column, unit in units.items()})
 
-    ``units`` are those of the columns in their order; ``given`` and ``of_format`` are columns by role.
+
+def one_column_each(guesses: Mapping[str, Guess], zones: Sequence[str] = ()) -> dict[str, Guess]:
+    """Guesses in which each role has one column: that which was given, or the most certain one, then the first.
+
+    A role that all of some ``zones`` would share is not guessed beside that of a zone.
     """
-    known = {column: Guess(role, SURE, "this format names it so") for role, column in (of_format or {}).items()}
-    known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}
-    for own, column in (given or {}).items():
-        known[column] = Guess(own, SURE, NAMED_BY_ROLE if own == column else "it was given")
-    guesses = {c: known.get(c) or guess_role(c, u) for c, u in units.items()}
-    taken: dict[str, str] = {}
+    found, taken = dict(guesses), dict[str, str]()
     rank = {c: (-g.certainty, g.is_electricity, str(g.role).startswith("u_")) for c, g in guesses.items()}
     for column in sorted(guesses, key=rank.__getitem__):
-        role = guesses[column].role
+        role, certainty = guesses[column].role, guesses[column].certainty
         if role is None:
             continue
-        rival = next((taken[r] for r in (role, *_EXCLUDED.get(role, ())) if r in taken), None)
+        rivals = _rivals(role, () if certainty == SURE else zones)
+        rival = next((taken[r] for r in rivals if r in taken), None)
         if rival is None:
             taken[role] = column
         else:
-            guesses[column] = Guess(None, 1, f"{rival!r} {TAKEN}")
-    return guesses
+            found[column] = Guess(None, 1, f"{rival!r} {TAKEN}")
+    return found
+
+
+def _rivals(role: str, zones: Sequence[str]) -> list[str]:
+    """The roles that exclude one, itself among them: of its zone, or of any zone if it is shared."""
+    ends = [f"_{zone}" for zone in zones]
+    own = max((end for end in ends if role.endswith(end)), key=len, default="")
+    plain_role = role.removesuffix(own)
+    among = [own] if own or role == "q_sol" else ["", *ends]
+    return [one + end for one in (plain_role, *_EXCLUDED.get(plain_role, ())) for end in among]

@@ -20,6 +20,7 @@ from .naming import (
     Guess,
     assign_roles,
     guess_role,
+    one_column_each,
     plain,
 )
 
@@ -48,14 +49,8 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
     words = {c: _words(c, zones) for c in units}
     for zone, measured in zones.items():
         of_zone = {c: u for c, u in units.items() if zone in words[c] and c != measured}
-        own: dict[str, str] = {}
-        for name, unit in of_zone.items():
-            role = _role_of(name, zone, unit)
-            if role is not None and role not in own:
-                own[role] = name
-        if "Q_hvac" in own or "Q_heat" in own or "Q_cool" in own:  # a stage adds nothing to the heat that it delivered
-            own = {role: name for role, name in own.items() if not role.startswith("u_")}
-        found |= {f"T_za_{zone}": measured} | {f"{role}_{zone}": name for role, name in own.items()}
+        own = one_column_each({name: _guess_of(name, zone, unit) for name, unit in of_zone.items()})
+        found |= {f"T_za_{zone}": measured} | {f"{g.role}_{zone}": name for name, g in own.items() if g.role}
     if len([zone for zone in zones if any(f"{role}_{zone}" in found for role in _OWN[:5])]) < 2:
         return {}
     others = {c: unit for c, unit in units.items() if not set(words[c]) & set(zones)}
@@ -97,22 +92,48 @@ def plants_of_zone(roles: Iterable[object], ending: str) -> list[str]:
     return own or plants
 
 
+def assign_zone_roles(
+    units: Mapping[str, str | None], given: Mapping[str, str] | None = None, of_format: Mapping[str, str] | None = None
+) -> dict[str, Guess]:
+    """The role of each column, each role once: those given, those of the format, the most certain, then the first.
+
+    ``units`` are those of the columns in their order; ``given`` and ``of_format`` are columns by role.  If several
+    zones are given, the role of a column with the name of one ends with it.
+    """
+    zones = zones_of(given or {})
+    known = {column: Guess(role, SURE, "this format names it so") for role, column in (of_format or {}).items()}
+    known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}
+    for own, column in (given or {}).items():
+        known[column] = Guess(own, SURE, NAMED_BY_ROLE if own == column else "it was given")
+    return one_column_each({c: known.get(c) or guess_in_zone(c, unit, zones) for c, unit in units.items()}, zones)
+
+
 def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> dict[str, Guess]:
     """The role of each column, or none, by the column of each role."""
     by_name = {name: role for role, name in roles.items()}
     zones = zones_of(roles)
     found = {}
     for name, unit in units.items():
-        role, plain_guess = by_name.get(name), guess_role(name, unit)
-        reason = plain_guess.reason
-        if role is None and plain_guess.role is not None:
+        role, guess = by_name.get(name), guess_in_zone(name, unit, zones)
+        reason = guess.reason
+        if role is None and guess.role is not None:
             reason = f"another column {TAKEN}"
         elif role == name:
             reason = NAMED_BY_ROLE
         elif role is not None and any(role.endswith(f"_{zone}") for zone in zones):
             reason = "its name is that of a quantity and a room"
-        found[name] = Guess(role, SURE, reason, role is not None and plain_guess.is_electricity)
+        found[name] = Guess(role, guess.certainty, reason, role is not None and guess.is_electricity)
     return found
+
+
+def guess_in_zone(name: str, unit: str | None, zones: Sequence[str]) -> Guess:
+    """The role that a name and a unit suggest; of a column with the name of a zone, it ends with that of the zone."""
+    words = _words(name, map(str.lower, zones))
+    zone = next((zone for zone in zones if zone.lower() in words), None)
+    if zone is None:
+        return guess_role(name, unit)
+    guess = _guess_of(name, zone, unit)
+    return guess if guess.role is None else guess._replace(role=f"{guess.role}_{zone}")
 
 
 def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
@@ -153,12 +174,15 @@ def _is_room(name: str, unit: str | None) -> bool:
     return guess.role == "T_za" and guess_role(name, unit).role in (None, "T_za")
 
 
-def _role_of(name: str, zone: str, unit: str | None) -> str | None:
-    """The role of a zone's column, by its name without the zone's."""
+def _guess_of(name: str, zone: str, unit: str | None) -> Guess:
+    """The guess of a zone's column, by its name without the zone's."""
     spelled = re.sub(r"(?<=[a-z])(?=\d)|_", r"[\\W_]*", re.escape(zone))
     rest = re.sub(rf"(?i)[\W_]*(?<![^\W_]){spelled}(?![^\W_])", "", name)
     guess = guess_role(rest, unit)
-    if guess.role in _OWN or guess.role == "q_sol":
-        return guess.role
+    if guess.role in (*_OWN, "q_sol"):
+        return guess
     power = rest == "Q" or unit in ENERGY or (unit in UNITS and UNITS[unit].kind == "power")
-    return "Q_hvac" if power and guess_role(f"hvac {rest}", unit or "kW").role == "Q_hvac" else None
+    of_plant = guess_role(f"hvac {rest}", unit or "kW")
+    if power and of_plant.role == "Q_hvac":
+        return of_plant
+    return guess if guess.role is None else Guess(None, 0, f"another column {TAKEN}")
