@@ -16,16 +16,20 @@ import pytest
 from skhybrid.cli import main
 from skhybrid.cli._output import Progress
 from skhybrid.cli._study import read_study
+from skhybrid.datasets import make_house
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
-from skhybrid.study import read_log, read_settings, split_log
+from skhybrid.study import propose_settings, read_log, read_settings, split_log
+from skhybrid.study.judgement import of_whole_plant
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
+from skhybrid.zone.building import describe_rooms
 from skhybrid.zone.day_ahead import _summary
 from skhybrid.zone.rows_ahead import rows_ahead, schedules_of
 from skhybrid.zone.training_rows import refuse_empty
+from skhybrid.zone.zone_state import measured_rows
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import make_rooms
@@ -208,6 +212,46 @@ def test_one_plant_is_one_zone():
     wanted = "name the column of the room temperature ('kitchen_temp_C' or 'hall_temp_C'?) as T_za, or log it."
     assert wanted in report.next_steps
     assert "to forecast several rooms, name each of them, such as T_za_kitchen and T_za_hall." in report.next_steps
+
+
+@pytest.fixture(scope="module")
+def staged() -> pd.DataFrame:
+    """Two weeks of two rooms with the stages of their heaters."""
+    return make_house(14, 2, sampling_time="1h", random_state=3).X
+
+
+@pytest.mark.parametrize(
+    "known", [{"Q_h": 2.0}, {"Q_h_living": 2.0, "Q_h_kitchen": 2.0}, {"Q_h": 9.0, "Q_h_living": 2.0}]
+)
+def test_capacities_of_rooms_hold_for_identification_and_forecast(known, staged):
+    """The identification took those of rooms alone, and the forecast that of all alone."""
+    content = {"columns": {role: role for role in staged}, "step": "1h", "adjacency": [["living", "kitchen"]]}
+    estimator = {"name": "conventional", "n_starts": 1, "known": known}
+    settings = settings_from(content | {"estimator": estimator, "network": {"name": "1R1C"}})
+    rooms = describe_rooms(settings, staged).rooms["value"]
+    model = ZoneModel.fit(settings, staged)
+    assert model.scaled
+    for zone in settings.zones:
+        capacity = known.get(f"Q_h_{zone}", known.get("Q_h"))
+        assert rooms[zone, "capacity Q_h"] == capacity
+        assert model.parts()[zone].settings.capacities == {"Q_h": capacity}
+        assert model.predictor.own_[zone].known == {"Q_h": capacity}
+    delivered = measured_rows(staged, settings, staged.index[-1])
+    np.testing.assert_allclose(delivered["Q_hvac_living"], 2.0 * staged["u_heat_living"])
+    one_unknown = settings_from(content | {"estimator": estimator | {"known": {"Q_h_living": 2.0}}})
+    assert not ZoneModel(model.predictor, one_unknown).scaled
+
+
+def test_a_proposal_asks_for_the_capacity_of_each_room(staged, tmp_path):
+    staged.to_csv(tmp_path / "log.csv")
+    assert "# known = { Q_h_living = 6.0, Q_h_kitchen = 6.0 }" in propose_settings(tmp_path / "log.csv")
+
+
+def test_the_load_of_a_room_is_that_of_its_meter_and_its_stage():
+    names = ["Q_hvac_hall", "Q_total_hall", "Q_hvac_unclipped_hall", "Q_total_unclipped_hall", "Q_hvac_attic"]
+    load = pd.DataFrame([[1.0, 3.0, 2.0, 4.0, 5.0]], columns=names)
+    found = of_whole_plant(load)
+    assert found.to_dict("list") == {"Q_hvac_hall": [3.0], "Q_hvac_unclipped_hall": [4.0], "Q_hvac_attic": [5.0]}
 
 
 # ------------------------------------------------------------------------------------------------------ the whole path

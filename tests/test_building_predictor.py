@@ -640,6 +640,22 @@ def test_quantiles_of_a_load_stay_within_the_plant():
         assert (np.diff(loads[:, [0, 1, 3, 4]], axis=1) >= 0.0).all()
 
 
+def test_each_zone_may_have_a_capacity_of_its_own():
+    """A capacity was that of all zones, and one of a single zone was refused."""
+    house = make_house(12, 2, sampling_time="1h", random_state=3)
+    X, y = house.X[: 10 * DAY], house.X[["T_za_living", "T_za_kitchen"]][: 10 * DAY]
+    given = {"Q_h": 2.0, "Q_h_living": 3.0}
+    template = HybridPredictor(network="1R1C", known=given, intervals=False)
+    model = BuildingPredictor(template, adjacency=[("living", "kitchen")]).fit(X, y)
+    for zone, known in (("living", {"Q_h": 3.0}), ("kitchen", {"Q_h": 2.0})):
+        own = X[["T_oa", f"q_sol_{zone}"]].assign(u_heat=X[f"u_heat_{zone}"], T_za=y[f"T_za_{zone}"])
+        alone = clone(template).set_params(known=known).fit(own, own["T_za"])
+        np.testing.assert_allclose(model.own_[zone].predict(X[-DAY:]), alone.predict(own[-DAY:]))
+        assert model.own_[zone].known == model.coupled_[zone].model.known == known
+    with pytest.raises(ValueError, match="zone 'living': known= names 'Q_h_attic', but the capacities are"):
+        clone(model).set_params(estimator__known={"Q_h_attic": 1.0}).fit(X, y)
+
+
 def test_new_rows_are_learned_by_each_zone(rooms, later, tomorrow):
     """The predictors learn as they do by themselves, whether the rows were taken in before or not."""
     X, y = rooms

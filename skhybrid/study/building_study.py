@@ -233,7 +233,7 @@ def _judged(
     """The verdicts on a zone's temperature and, where something heats or cools it, its load."""
     own = data_of(data, settings, zone)
     doubts = Doubts.of(model.own_[zone], data.later, own, setpoints_known=of_day)
-    scaled = is_scaled(own.train, settings.capacities)
+    scaled = is_scaled(own.train, settings_of_zone(settings, zone).capacities)
     if held is not None:
         return held.zones[zone].verdicts(zone_of(frames[YESTERDAY], zone), doubts, scaled=scaled)
     out = [judge_zone(frames, zone, doubts.temperature)]
@@ -272,9 +272,9 @@ def _loads(model: BuildingPredictor, settings: Settings, data: StudyData) -> dic
     held = {zone: rows[zone]["T_za"].interpolate(limit_direction="both") for zone in heated}
     found, out = model.predict_load(data.later, held), {}
     for zone, roles in heated.items():
-        spans = data_of(data, settings, zone)
-        delivered = load_of(pd.concat([spans.train, spans.later]), settings, roles)
-        own = load_of(forecast_of(found, settings, zone), settings, roles)
+        spans, of_zone = data_of(data, settings, zone), settings_of_zone(settings, zone)
+        delivered = load_of(pd.concat([spans.train, spans.later]), of_zone, roles)
+        own = load_of(forecast_of(found, settings, zone), of_zone, roles)
         assert own is not None  # as the zone has a plant
         assert delivered is not None
         out[zone] = ZoneLoads(own, delivered, loads_by_rule(spans, delivered.values))
@@ -339,7 +339,7 @@ def _next_day(
         out = out.join(held.add_suffix(f"_{zone}"))
         if data.held_out:
             out[f"T_za_measured_{zone}"] = data.future[role]
-            delivered = load_of(rows, settings, plant_roles(rows))
+            delivered = load_of(rows, settings_of_zone(settings, zone), plant_roles(rows))
             if delivered is not None and delivered.unit == "kW":
                 out[f"Q_hvac_delivered_{zone}"] = delivered.values
     return out.rename_axis("time")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -13,6 +14,8 @@ from .compared_models import make_gray_box
 from .identified_building import UNSCALED, describe, has_scale, not_identified, remark_on
 from .settings import Settings
 from .zone_part import roles_of
+
+_GIVEN = ("known", "bounds")  # parameters of an identification by the name of a network's parameter
 
 
 class IdentifiedRooms(NamedTuple):
@@ -56,7 +59,17 @@ def _fitted(settings: Settings, pairs: list[tuple[str, str]], inputs: pd.DataFra
         solar[zone] = tuple(sun)
         heated[zone] = tuple(role for role in own if is_plant(role))
     network = building_network(settings.zones, pairs, room=gray_box.network, solar=solar, heated=heated)
-    return identify_rooms(gray_box.set_params(network=network), inputs, measured)
+    names = {parameter.name for parameter in network.parameters(map(str, inputs))}
+    given = {name: _by_zone(value, names, settings.zones) for name in _GIVEN if (value := getattr(gray_box, name))}
+    return identify_rooms(gray_box.set_params(network=network, **given), inputs, measured)
+
+
+def _by_zone(given: Mapping[str, Any], names: Collection[str], zones: Sequence[str]) -> dict[str, Any]:
+    """Values of parameters by the ``names`` of a building's; that of no zone's parameter holds for all zones."""
+    own = {name: value for name, value in given.items() if name in names}
+    others = {name: value for name, value in given.items() if name not in names}
+    of_all = {name: [one for zone in zones if (one := f"{name}_{zone}") in names] or [name] for name in others}
+    return {one: value for name, value in others.items() for one in of_all[name]} | own
 
 
 def _of_room(gray_box: Any, zone: str) -> pd.DataFrame:

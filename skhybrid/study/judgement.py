@@ -126,6 +126,10 @@ def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Loa
 
 
 def of_whole_plant(load: pd.DataFrame) -> pd.DataFrame:
-    """A load whose ``Q_hvac`` is the heat of the whole plant also where a meter beside stages has that name."""
-    whole = {f"Q_hvac{end}": f"Q_total{end}" for end in ("", "_unclipped") if f"Q_total{end}" in load}
+    """A load whose ``Q_hvac`` is the heat of the whole plant also where a meter beside stages has that name.
+
+    The same holds for ``Q_hvac_<zone>`` of several zones.
+    """
+    totals = [str(name) for name in load if str(name).startswith("Q_total")]
+    whole = {total.replace("Q_total", "Q_hvac", 1): total for total in totals}
     return load.drop(columns=list(whole)).rename(columns={total: name for name, total in whole.items()})

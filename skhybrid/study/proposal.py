@@ -14,6 +14,7 @@ from ..logs import LogReport, read_log, to_left_label
 from ..logs.bridges import stretches
 from ..logs.log_findings import is_local
 from ..logs.setpoint_modes import MODE
+from ..thermal.declaration import capacity_name
 from .settings import SCHEDULE, as_toml
 
 _SHORTEST_LOG = 4  # fewest days to train and test on
@@ -130,7 +131,8 @@ def _unit_lines(report: LogReport) -> list[list[str]]:
 
 def _model_lines(report: LogReport) -> list[list[str]]:
     estimator = ["[estimator]", 'name = "periodic"  # the identification that gives the parameters']
-    capacities = [text for role, text in (("u_heat", "Q_h = 6.0"), ("u_cool", "Q_c = -5.0")) if role in report.roles]
+    sides = (("u_heat", "6.0"), ("u_cool", "-5.0"))
+    capacities = [f"{capacity_name(role)} = {kw}" for u, kw in sides for role in report.roles if role.startswith(u)]
     if capacities:
         note = "nameplate capacity [kW]: without one no kW is certain"
         estimator.append(f"# known = {{ {', '.join(capacities)} }}  # {note}")

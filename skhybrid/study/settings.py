@@ -75,7 +75,8 @@ class Settings:
         ``name`` of the catalogue, or a declaration as for :class:`skhybrid.thermal.RCNetwork`; by default the
         identifications take 2R2C and the hybrid the network of :class:`skhybrid.hybrid.HybridPredictor`.
     estimator : mapping
-        ``name`` of the identification (conventional, input, output, periodic), and parameters of that class.
+        ``name`` of the identification (conventional, input, output, periodic), and parameters of that class.  Of
+        several zones, a parameter in ``known`` and ``bounds`` is that of a zone, as ``Q_h_<zone>``, or of all.
     forecaster : mapping
         ``model``: ``"schedule"`` is the default of :class:`~skhybrid.hybrid.HybridPredictor`, which takes from the
         estimator's settings only the capacities in ``known``; with any other model the hybrid is the two-stage scheme,

@@ -17,7 +17,10 @@ def settings_of_zone(settings: Settings, zone: str) -> Settings:
     """The settings of one zone, as if it were alone."""
     roles = roles_of(settings.columns, settings, zone)
     columns = {own: settings.columns[role] for own, role in roles.items()}
-    return replace(settings, name=zone, adjacency=None, columns=columns)
+    estimator = dict(settings.estimator)
+    if "known" in estimator:
+        estimator["known"] = _columns_of(settings.columns, settings).known_in_zone(zone, estimator["known"])
+    return replace(settings, name=zone, adjacency=None, columns=columns, estimator=estimator)
 
 
 def rows_of_zone(rows: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
@@ -59,5 +62,9 @@ def forecast_of(found: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFr
 
 def roles_of(roles: Iterable[str], settings: Settings, zone: str) -> dict[str, str]:
     """The building's role of each of a zone's roles."""
-    columns = ZoneColumns(tuple(settings.zones), {role: role for role in roles})
+    columns = _columns_of(roles, settings)
     return {own: role for own, role in columns.of_zone(zone).items() if role is not None}
+
+
+def _columns_of(roles: Iterable[str], settings: Settings) -> ZoneColumns:
+    return ZoneColumns(tuple(settings.zones), {role: role for role in roles})

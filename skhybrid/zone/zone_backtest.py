@@ -27,7 +27,7 @@ from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings, is_scaled
 from ..study.spans import train_and_test
 from ..study.verdict import Verdict
-from ..study.zone_part import rows_of_zone
+from ..study.zone_part import rows_of_zone, settings_of_zone
 from .dead_meters import without_dead_meters
 from .outages import complete_rows
 
@@ -118,7 +118,7 @@ def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progres
     if held is not None:
         own, whole = own.join(held.whole.columns), held.with_zones
         for zone, one in held.zones.items():
-            scaled = is_scaled(rows_of_zone(train, settings, zone), settings.capacities)
+            scaled = is_scaled(rows_of_zone(train, settings, zone), settings_of_zone(settings, zone).capacities)
             verdicts[zone] = one.verdicts(zone_of(frames[YESTERDAY], zone), Doubts([], []), scaled=scaled)
     found, unit = tuple(verdicts_by_zone(verdicts)), "" if whole is None else whole.unit
     return ZoneBacktest(table, own, coverage, found, unit, whole, tuple(dict.fromkeys(remarks)))

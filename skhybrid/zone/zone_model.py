@@ -130,9 +130,8 @@ class ZoneModel:
     @property
     def scaled(self) -> bool:
         """Whether measured heat or known capacities fix what a kW is, in every zone with a plant."""
-        inputs = [part.covered() for part in self.parts().values()]
-        capacities = self.settings.capacities
-        return all(is_scaled(roles, capacities) for roles in inputs if any(map(is_plant, roles)))
+        inputs = [(part.covered(), part.settings.capacities) for part in self.parts().values()]
+        return all(is_scaled(roles, capacities) for roles, capacities in inputs if any(map(is_plant, roles)))
 
     def facts(self) -> dict[str, Any]:
         """Name, training span and inputs, as plain values."""

@@ -62,6 +62,7 @@ class BuildingPredictor(
     ----------
     estimator : HybridPredictor, SchedulePredictor or TwoStagePredictor, optional
         The predictor of a zone; default ``HybridPredictor()``.  Its ``preprocess`` is applied to the whole table, once.
+        In its ``known``, ``Q_h_north`` is the capacity of ``u_heat_north``, and ``Q_h`` that of zones without one.
         Zones of the two-stage scheme are forecast by themselves.
     adjacency : sequence of pairs of zones, optional
         Which zones exchange heat, by the floor plan; ``[]``: none.  Default: up to three zones whose temperatures
@@ -173,7 +174,10 @@ class BuildingPredictor(
         """The predictor of a zone, by itself or with its neighbours, which then is ``like`` that by itself."""
         settings: dict[str, Any] = {"preprocess": None}
         if isinstance(X, pd.DataFrame):
-            settings["columns"] = self._columns.in_zone(str(y.name), template.columns or {}) or None
+            zone = str(y.name)
+            settings["columns"] = self._columns.in_zone(zone, template.columns or {}) or None
+            known = {name: value for name, value in template.get_params().items() if name.endswith("known") and value}
+            settings |= {name: self._columns.known_in_zone(zone, value) or None for name, value in known.items()}
         if neighbours:
             network = get_network(template.get_params()["network"] or DEFAULT_NETWORK)
             settings |= {"network": with_neighbours(network, neighbours), "intervals": False}

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..._last_known import carried_forward
 from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, is_plant, listed, numeric, role_of
+from ...thermal.declaration import capacity_name
 from ...thermal.joined_rooms import checked_pairs
 from ..scheme import NEXT as NEXT
 
@@ -80,6 +81,17 @@ class ZoneColumns:
         own = self.of_zone(zone)
         moved = {column for role, column in own.items() if given.get(role) != column and column is not None}
         return {role: column for role, column in given.items() if column not in moved} | own
+
+    def known_in_zone(self, zone: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Parameters that are ``given`` as known, by the names that they have for a predictor of that zone alone.
+
+        ``Q_h_<zone>``, the capacity of a zone's own stage, holds in place of ``Q_h``, that of all zones.
+        """
+        roles = {column: role for role, column in self.of_zone(zone).items() if column is not None}
+        stages = [role for role in self.columns if role.startswith("u_") and self.owner(role) is not None]
+        own = {capacity_name(role): roles.get(self.columns[role]) for role in stages}
+        shared = {name: value for name, value in given.items() if name not in own}
+        return shared | {capacity_name(role): given[name] for name, role in own.items() if role and name in given}
 
     @staticmethod
     def _plain(role: str, zone: str) -> str:
