@@ -176,6 +176,14 @@ def test_columns_of_rooms_have_the_roles_that_those_of_one_have(case):
     assert len(one.roles) > 2
 
 
+def test_the_electricity_of_rooms_is_to_be_replaced():
+    """A coefficient of performance was asked for, which is refused for several zones."""
+    found = LogReport(_of_rooms(["heat pump power kW"], ZONES)).findings
+    texts = {finding.text for finding in found if "electricity" in finding.text}
+    remedy = "of several zones only heat and stages can be read; give another column."
+    assert texts == {f"this seems to be electricity, not heat: {remedy}"}
+
+
 def test_an_unused_meter_of_a_room_is_its_own_and_shared_by_none():
     """With roles given, a second meter of one room counted as a plant that all rooms share, an attic as the room."""
     frame = _of_rooms(["heating power kW", "radiator power kW", "heating setpoint", "heating setpoint unocc"], ZONES)

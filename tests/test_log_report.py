@@ -452,12 +452,12 @@ def test_a_room_that_its_plant_holds_is_not_stuck(zone):
     assert [text for text in doubts_on_temperatures(outdoors, [T]) if text.startswith("T_oa is 21 degC")]  # no plant
 
 
-@pytest.mark.parametrize("name", ["Q_hvac", "Q_heat", "Q_hvac_hall"])
+@pytest.mark.parametrize("name", ["Q_hvac", "Q_heat", "Q_hvac_hall", "Q_hall"])
 def test_cooling_that_is_positive_is_asked_about(name):
     """No heater runs for hours while it is hotter outdoors than in the room."""
     office = make_office(14, "chicago", start="2023-07-10", random_state=2)
     role, zone = (
-        f"T_za{name.removeprefix('Q_hvac').removeprefix('Q_heat')}",
+        "T_za_hall" if name.endswith("hall") else "T_za",
         office.X.drop(columns=["u_heat", "u_cool"]),
     )
     log, heat = zone.rename(columns={"T_za": role}), 6.0 * office.X["u_heat"] - 6.0 * office.X["u_cool"]
@@ -516,6 +516,9 @@ def test_a_plant_that_fails_for_days_is_told(zone, side):
     assert (level, where, others) == ("warning", T, [])
     assert said.startswith(text)
     assert not found(failed.drop(columns="Q_hvac").assign(**{"u_cool" if sign > 0 else "u_heat": 0.5}))
+    if zone:  # what heats another room tells nothing of this one
+        other = "u_cool_hall" if sign > 0 else "u_heat_hall"
+        assert not found(failed.drop(columns="Q_hvac").assign(**{"T_za_attic": held, other: 0.5, "Q_hvac_attic": 2.0}))
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])

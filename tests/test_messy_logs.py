@@ -12,7 +12,7 @@ from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.blank_setpoints import filled_setpoints
 from skhybrid.logs.log_findings import doubts_on_log
 from skhybrid.logs.naming import guess_role, unit_in_name
-from skhybrid.logs.setpoint_modes import COOLS, mode_of_plant
+from skhybrid.logs.setpoint_modes import COOLS, HEATS, in_force, mode_of_plant, sides_of_plant
 from skhybrid.logs.standstills import without_standstills
 from skhybrid.logs.sun_clock import clock_jumps
 from skhybrid.study import propose_settings, read_settings
@@ -478,6 +478,47 @@ def test_a_zone_whose_name_ends_that_of_another_has_its_own_plant_alone():
     assert without_standstills(stuck, "T_za_bedroom").isna().sum() == len(frame) - 1
     mode, _ = mode_of_plant(stuck.assign(Q_hvac_bedroom=-1.0), "_bedroom")
     assert set(mode) == {COOLS}
+
+
+def test_a_blank_set_point_is_that_of_the_plants_of_its_room():
+    """The plants of other rooms counted as its own: by the end of their names, or where it had none."""
+    heats = {"u_heat_hall": lambda day, t: 0.5 * day, "u_heat_big_hall": lambda day, t: 1.0 - day}
+    frame, day = blank_at_night(heats, "_hall")
+    found = filled_setpoints(frame.assign(T_za_big_hall=frame["T_za_hall"]))[0]
+    np.testing.assert_array_equal(found["T_heat_set_hall"], np.where(day, 21.0, 14.0))
+    unheated = frame.assign(T_za_attic=10.0, T_heat_set_attic=frame["T_heat_set_hall"])
+    assert "T_heat_set_attic is missing in 48 rows, first" in filled_setpoints(unheated)[1][-1]
+    # heat that is named by the room alone is negative where it cools
+    frame, day = blank_at_night({"Q_hall": lambda day, t: np.where(day, 2.0, -1.0)}, "_hall")
+    np.testing.assert_array_equal(filled_setpoints(frame)[0]["T_heat_set_hall"], np.where(day, 21.0, 14.0))
+
+
+def test_a_blank_set_point_that_rooms_share_is_that_of_all_their_plants():
+    """It was held over the night, as that of a single zone is not."""
+    heats = {f"u_heat_{zone}": lambda day, t: 0.5 * day for zone in ("hall", "attic")}
+    frame, day = blank_at_night(heats, "_hall")
+    frame = frame.rename(columns={"T_heat_set_hall": "T_heat_set"}).assign(T_za_attic=frame["T_za_hall"] - 2.0)
+    np.testing.assert_array_equal(filled_setpoints(frame)[0]["T_heat_set"], np.where(day, 21.0, 12.0))
+    runs = frame.assign(u_heat_attic=1.0 - 0.5 * day)
+    assert filled_setpoints(runs)[0]["T_heat_set"].min() == 21.0
+
+
+@pytest.mark.parametrize("role", ["Q_hvac_hall", "Q_heat_hall", "Q_hall"])
+@pytest.mark.parametrize("mode", ["mode", "mode_hall"])
+def test_heat_of_a_room_cools_where_its_mode_says_so(role, mode):
+    """Heat that is named by the room alone stayed positive, as if cold were heat."""
+    stamps = pd.date_range("2024-06-01", periods=48, freq="1h")
+    signs = np.where(np.arange(48) < 24, 1.0, -1.0)
+    log = pd.DataFrame({"T_za_hall": 20.0, "T_oa": 9.0, role: 2.0, mode: signs, "T_za_attic": 20.0}, stamps)
+    assert in_force(log, [], [])[role].tolist() == (2.0 * signs).tolist()
+
+
+def test_the_mode_of_a_room_is_that_of_its_own_plant():
+    """A room whose name ends with that of another has plants of its own."""
+    stamps = pd.date_range("2024-06-01", periods=96, freq="1h")
+    log = pd.DataFrame({"T_za_hall": 20.0, "u_heat_hall": 0.5, "T_za_big_hall": 20.0, "u_cool_big_hall": 1.0}, stamps)
+    assert sides_of_plant(log, "_hall") == ({HEATS}, True)
+    assert sides_of_plant(log, "_big_hall") == ({COOLS}, True)
 
 
 def test_single_blanks_of_a_set_point_are_gaps():

@@ -8,12 +8,13 @@ import pandas as pd
 from .._table import SETPOINT_ROLES
 from .._time import SHORTEST_GAP
 from .._warnings import several
-from .zone_names import plants_of_zone
+from .zone_names import plants_of_room
 
 _BEYOND = 3.0  # from the lowest or highest measured temperature to one that the room does not reach [K]
 _RUNS = 0.02  # of its peaks, from which on a plant runs
 _MAY_RUN = 0.02  # share of the rows of a blank in which it may run on
 _SIGNS = dict(zip(SETPOINT_ROLES, (1.0, -1.0), strict=True))
+_ONE_SIDED = ("u_", "Q_heat", "Q_cool")  # other heat is negative where it cools
 _OTHER_SIDE = {1.0: ("u_cool", "Q_cool"), -1.0: ("u_heat", "Q_heat")}
 
 
@@ -49,11 +50,12 @@ def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
         if side is None or not frame[role].isna().any() or frame[role].isna().all():
             continue
         zone, sign = role.removeprefix(side), _SIGNS[side]
-        runs, room = _runs(frame, zone, sign), f"T_za{zone}"
-        if runs is None or room not in frame:
+        runs = _runs(frame, zone, sign)
+        rooms = [name for name in map(str, frame) if name == f"T_za{zone}" or (not zone and name.startswith("T_za_"))]
+        if runs is None or not rooms:
             continue
         off = _blanks_without(runs, _lasting(frame[role].isna()))
-        beyond = np.floor(sign * frame[room].quantile(0.0 if sign > 0.0 else 1.0) - _BEYOND) * sign
+        beyond = np.floor((sign * frame[rooms]).min().min() - _BEYOND) * sign
         if off.any():
             filled[role] = frame[role].mask(off, beyond)
             text = f"{role} is missing in {several(int(off.sum()), 'row')} in which the plant is off: {beyond:g} degC"
@@ -63,10 +65,11 @@ def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
 
 def _runs(frame: pd.DataFrame, zone: str, sign: float) -> pd.Series | None:
     """Whether the plant of one side runs, NaN where that is not known; None without a plant."""
-    own = plants_of_zone((role for role in frame if not str(role).startswith(_OTHER_SIDE[sign])), zone)
+    others = frame.drop(columns=[role for role in frame if str(role).startswith(_OTHER_SIDE[sign])])
+    own = plants_of_room(others, zone)
     if not own:
         return None
-    signed = [frame[role] * sign if role.startswith("Q_hvac") else frame[role].abs() for role in own]
+    signed = [frame[role].abs() if role.startswith(_ONE_SIDED) else frame[role] * sign for role in own]
     peaks = [values[values > 0.0].quantile(0.99) for values in signed]
     running = [(values > _RUNS * peak).where(values.notna()) for values, peak in zip(signed, peaks, strict=True)]
     return pd.concat(running, axis=1).astype(np.float64).max(axis=1, skipna=False)

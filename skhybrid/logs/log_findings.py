@@ -34,11 +34,6 @@ _OFTEN = 0.05  # share of the rows in which a plant heats or cools
 _ONE_PERCENT = 0.0101  # a stage that never gets further is a fraction, read as percent
 _COARSE = 6.0  # hours of a step of a counter, beyond which the course of a day is lost
 
-SEEMS_ELECTRIC = (
-    "this seems to be electricity, not heat: give a coefficient of performance ([plant] electricity = true, cop = 3.0) "
-    "or another column."
-)
-
 
 class Finding(NamedTuple):
     """One remark on a log."""
@@ -192,6 +187,14 @@ def has_both_signs(heat: pd.Series) -> bool:
     """Whether the values of a plant are often above and often below 0 [kW], beside their largest."""
     runs = heat[heat.abs() > RUNS * heat.abs().quantile(0.99)]
     return bool(len(runs)) and min((runs > 0.0).mean(), (runs < 0.0).mean()) > _OFTEN
+
+
+def electricity_finding(name: str, *, of_several: bool) -> Finding:
+    """A remark on a column that seems to be electricity, of one zone or of one of several."""
+    remedy = "give a coefficient of performance ([plant] electricity = true, cop = 3.0) or another column"
+    if of_several:
+        remedy = "of several zones only heat and stages can be read; give another column"
+    return Finding("warning", name, f"this seems to be electricity, not heat: {remedy}.")
 
 
 def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:

@@ -19,11 +19,11 @@ from .column_spans import lost_columns, one_after_the_other
 from .conversion import Channel, counter_of, fill_remarks, refuse_unlogged, to_roles
 from .even_steps import regularize, usual_step
 from .log_findings import (
-    SEEMS_ELECTRIC,
     Finding,
     clash,
     clock_findings,
     counter_findings,
+    electricity_finding,
     gap_findings,
     gaps_of,
     guessed_label,
@@ -229,7 +229,7 @@ class LogReport:
             if role == "T_za" and "T_oa" in self.frame:
                 found += swap_findings(channel.name, self.frame[channel.role], self.frame["T_oa"])
             if self._read.seems_electric(channel):
-                found.append(Finding("warning", channel.name, SEEMS_ELECTRIC))
+                found.append(electricity_finding(channel.name, of_several=bool(self.zones)))
             if why := self._read.assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
@@ -245,7 +245,8 @@ class LogReport:
         found += shared_plant_findings(columns, self._read.further_rooms)
         found += plant_findings(self.even, self._read.rooms)
         found += parallel_findings(raw.frame, columns, self._read.taken())
-        heat = [c for c in channels if c.role.startswith(("Q_hvac", "Q_heat")) and c.role not in self._scaled]
+        begins = ("Q_hvac", "Q_heat", *(f"Q_{zone}" for zone in self.zones))
+        heat = [c for c in channels if c.role.startswith(begins) and c.role not in self._scaled]
         found += cooling_findings(self.even, {c.role: c.name for c in heat})
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant, listed, plant_roles
+from .._table import SETPOINT_ROLES, is_plant, listed
 from .._warnings import percent
 from .counters import is_counter
 from .log_findings import RUNS, Finding
+from .zone_names import plants_of_room
 
 _AWAY, _AWAY_FOR = 3.0, pd.Timedelta("12h")  # a plant that works brings a room back sooner, or stops it before [K]
 _HOTTER, _HOTTER_FOR = 1.0, pd.Timedelta("12h")  # outdoors than in the room, so that no heating is needed [K]
@@ -49,12 +50,11 @@ def shared_plant_findings(columns: Mapping[str, str], others: Sequence[str]) -> 
 
 def plant_findings(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[Finding]:
     """A remark on each room that goes on leaving a set-point, as where a plant has failed; columns are roles."""
-    plants = plant_roles(frame)
     sides = zip(SETPOINT_ROLES, (1.0, -1.0), ("below", "above"), ("u_cool", "u_heat"), strict=True)
     for side, sign, beyond, other in sides:
-        if all(plant.startswith(other) for plant in plants):
-            continue
         for role in (role for role in rooms if role in frame):
+            if all(plant.startswith(other) for plant in plants_of_room(frame, role.removeprefix("T_za"))):
+                continue
             set_point = next((name for name in (side + role.removeprefix("T_za"), side) if name in frame), None)
             spell = None if set_point is None else _left_alone(sign * (frame[set_point] - frame[role]))
             if spell is not None:
@@ -67,12 +67,13 @@ def cooling_findings(frame: pd.DataFrame, meters: Mapping[str, str]) -> Iterator
     """A remark on each meter of heat with a sign that seems wrong; columns are roles, ``meters`` columns by role."""
     step = pd.DatetimeIndex(frame.index).to_series().diff().median()
     for role, name in meters.items():
-        room, heat = "T_za" + role.removeprefix("Q_hvac").removeprefix("Q_heat"), frame[role]
+        end = next(role.removeprefix(begin) for begin in ("Q_hvac", "Q_heat", "Q") if role.startswith(begin))
+        room, heat = f"T_za{end}", frame[role]
         if room not in frame or "T_oa" not in frame:
             continue
         cold = heat[frame["T_oa"] < frame[room] - _COLDER_OUT].dropna() / heat.abs().quantile(0.99)
         share = float((cold < -RUNS).mean()) if len(cold) * step >= _HOTTER_FOR else 0.0
-        if role.startswith("Q_hvac") and share > max(RUNS, 10.0 * (cold > RUNS).mean()):
+        if not role.startswith("Q_heat") and share > max(RUNS, 10.0 * (cold > RUNS).mean()):
             text = (
                 f"is negative in {percent(share)} of the hours when it is {_COLDER_OUT:g} K colder outdoors than in the"
             )
@@ -83,9 +84,8 @@ def cooling_findings(frame: pd.DataFrame, meters: Mapping[str, str]) -> Iterator
         share = float((hot > RUNS * heat.quantile(0.99)).mean()) if len(hot) * step >= _HOTTER_FOR else 0.0
         if share > _MOST_RUN:
             text = f"is positive in {percent(share)} of the hours when it is hotter outdoors than in the room"
-            advice = (
-                "Heat into the room is positive: make cooling negative, give it in a column of its own as Q_cool, or "
-            )
+            advice = "Heat into the room is positive: make cooling negative, give it in a column of its own as "
+            advice += f"Q_cool{end}, or "
             advice += "give a column that says heat or cool as mode"
             yield Finding("warning", name, f"{text}: is it cooling? {advice}.")
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, plant_roles
 from .._time import wall_clock
 from .naming import FOR_HEATING, guess_role, plain
-from .zone_names import plants_of_zone
+from .zone_names import plants_of_room
 
 MODE = "mode"  # the role, or mode_<zone>: which set-points are in force
 HEATS, COOLS, OFF, BOTH = 1.0, -1.0, 0.0, 2.0  # its values
@@ -112,8 +112,10 @@ def further_roles(
 
 def _zones_of(roles: Iterable[object]) -> list[str]:
     """The endings of zones with a set-point or a meter of heat."""
-    sides = (*NEVER, "Q_hvac", "Q_heat")
-    return sorted({str(role).removeprefix(side) for role in roles for side in sides if str(role).startswith(side)})
+    sides, names = (*NEVER, "Q_hvac", "Q_heat"), set(map(str, roles))
+    rooms = {name.removeprefix("T_za") for name in names if name.startswith("T_za_")}
+    by_room = {room for room in rooms if f"Q{room}" in names}
+    return sorted(by_room | {name.removeprefix(side) for name in names for side in sides if name.startswith(side)})
 
 
 def sides_of_plant(frame: pd.DataFrame, zone: str) -> tuple[set[float], bool]:
@@ -133,7 +135,8 @@ def in_force(frame: pd.DataFrame, shared: Collection[str], held: Collection[str]
     for zone in _zones_of(out):
         own = next((frame[role] for role in (MODE + zone, MODE) if role in frame), None)
         if own is not None and not {f"Q_cool{zone}", f"u_cool{zone}"} & set(out):
-            meters = [role for role in (f"Q_hvac{zone}", f"Q_heat{zone}") if role in out and not out[role].min() < 0.0]
+            named = (f"Q_hvac{zone}", f"Q_heat{zone}", f"Q{zone}")
+            meters = [role for role in named if role in out and not out[role].min() < 0.0]
             out = out.assign(**{role: out[role].where(own.ffill().bfill() != COOLS, -out[role]) for role in meters})
         if own is None and zone not in shared:
             continue
@@ -151,8 +154,9 @@ def mode_of_plant(frame: pd.DataFrame, zone: str) -> tuple[pd.Series, bool]:
     The day itself would say what is delivered after the origin of a forecast.  The mode is both where heating and
     cooling are mixed, and NaN where no plant runs.
     """
+    plants = plants_of_room(frame, zone) or plant_roles(frame)
     heat, cold = np.zeros((2, len(frame)))
-    for role in plants_of_zone(frame, zone):
+    for role in plants:
         values = frame[role].to_numpy(dtype=np.float64)
         signed = (
             np.nan_to_num(values / (np.nanquantile(np.abs(values), 0.99) or 1.0)) if frame[role].any() else heat * 0.0

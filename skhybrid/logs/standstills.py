@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
-from .zone_names import plants_of_zone
+from .zone_names import plants_of_room
 
 _STANDSTILL = pd.Timedelta("1D")  # the temperature of no room rests for so long, nor that outdoors
 _HELD = 0.05  # farthest from its set-point that a room without a free degree is held, as in a simulation [K]
@@ -53,6 +53,6 @@ def controlled_rows(frame: pd.DataFrame, role: str) -> pd.Series:
     """
     zone = role.removeprefix("T_za")
     set_points = [name for name in (*(s + zone for s in SETPOINT_ROLES), *SETPOINT_ROLES, "setpoint") if name in frame]
-    heat = frame[plants_of_zone(frame, zone)].ffill()
+    heat = frame[plants_of_room(frame, zone)].ffill()
     held = (frame[set_points].ffill().sub(frame[role], axis=0).abs() <= _HELD).any(axis=1)
     return held & (heat.diff().abs() > 0.0).any(axis=1)

@@ -42,6 +42,19 @@ def shared_plants(roles: Iterable[str], zones: Collection[str]) -> list[str]:
     return [role for role in roles if not any(role.endswith(f"_{zone}") for zone in zones)]
 
 
+def plants_of_room(roles: Iterable[object], zone: str) -> list[str]:
+    """The plants that act on a room: its own, else those that rooms share; all of them where ``zone`` is empty.
+
+    ``zone`` is the end of the room's roles, such as ``"_hall"``; roles of other rooms are known by their temperatures.
+    """
+    names = list(map(str, roles))
+    plants = plant_roles(names)
+    ends = {zone, *(name.removeprefix("T_za") for name in names if name.startswith("T_za_"))} - {""}
+    owners = {role: max((end for end in ends if role.endswith(end)), key=len, default="") for role in plants}
+    own = [role for role in plants if owners[role] == zone]
+    return (own or [role for role in plants if not owners[role]]) if zone else plants
+
+
 def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
     """Column of each role with the zone's name, such as ``T_za_kitchen``; empty unless two rooms have plants."""
     zones = _zones(units)
@@ -78,18 +91,6 @@ def zones_of(roles: Iterable[str]) -> list[str]:
     """The zones whose temperatures are among some roles; none where ``T_za`` is the only zone's."""
     roles = list(roles)
     return [] if "T_za" in roles else [role.removeprefix("T_za_") for role in roles if role.startswith("T_za_")]
-
-
-def plants_of_zone(roles: Iterable[object], ending: str) -> list[str]:
-    """The plants of a zone, by the ending of its roles, such as ``"_hall"``; all plants where none has that ending.
-
-    ``u_heat_master_bedroom`` is not of the zone ``bedroom`` where ``T_za_master_bedroom`` is among the roles too.
-    """
-    names = [str(role) for role in roles]
-    plants = plant_roles(names)
-    longer = tuple(f"_{zone}" for zone in zones_of(names) if zone.endswith(ending))
-    own = [role for role in plants if ending and role.endswith(ending) and not role.endswith(longer)]
-    return own or plants
 
 
 def assign_zone_roles(
