@@ -22,8 +22,10 @@ from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import propose_settings, read_log, read_settings, split_log
 from skhybrid.study.judgement import of_whole_plant
+from skhybrid.study.log_split import with_facades
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
+from skhybrid.study.zone_part import rows_of_zone, settings_of_zone
 from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
 from skhybrid.zone.building import describe_rooms
 from skhybrid.zone.day_ahead import _summary
@@ -220,6 +222,21 @@ def test_one_plant_is_one_zone():
     wanted = "name the column of the room temperature ('kitchen_temp_C' or 'hall_temp_C'?) as T_za, or log it."
     assert wanted in report.next_steps
     assert "to forecast several rooms, name each of them, such as T_za_kitchen and T_za_hall." in report.next_steps
+
+
+def test_a_room_that_is_named_by_a_direction_has_the_sun_of_all_facades(log):
+    """The irradiance on the south facade was the room's own, so that no other room had it."""
+    names = {"T_out_degC": "T_oa", "ghi_kW_m2": "q_sol", "T_hall_degC": "T_za_south", "T_kitchen_degC": "T_za_north"}
+    rows = log.rename(columns=names).tz_localize("UTC")[[*names.values()]]
+    site = {"latitude": 52.4, "longitude": 4.9}
+    settings = settings_from({"columns": {role: role for role in rows}, "step": "1h", "site": site})
+    whole = with_facades(rows, settings)
+    one = with_facades(rows.rename(columns={"T_za_south": "T_za"}), settings_of_zone(settings, "south"))
+    for zone in ("south", "north"):
+        own = rows_of_zone(whole, settings, zone)
+        sun = [role for role in own if role.startswith("q_sol")]
+        assert sun == ["q_sol", "q_sol_east", "q_sol_south_facade", "q_sol_west", "q_sol_north_facade"]
+        np.testing.assert_array_equal(own[sun], one.filter(like="q_sol"))
 
 
 @pytest.fixture(scope="module")

@@ -154,10 +154,14 @@ def _refuse_constant(temperature: pd.Series, least: int) -> None:
 
 
 def with_facades(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
-    """The rows with the irradiance on the facades of the site, where the settings have one."""
+    """The rows with the irradiance on the facades of the site, where the settings have one.
+
+    All zones share them: beside a zone that is named south, that of the south is ``q_sol_south_facade``.
+    """
     if not settings.site or "q_sol" not in frame or any(str(c).startswith("q_sol_") for c in frame):
         return frame
-    return FacadeIrradiance(settings.site["latitude"], settings.site["longitude"]).fit_transform(frame)
+    found = FacadeIrradiance(settings.site["latitude"], settings.site["longitude"]).fit_transform(frame)
+    return found.rename(columns={f"q_sol_{zone}": f"q_sol_{zone}_facade" for zone in settings.zones})
 
 
 def _checked(frame: Any, temperatures: Sequence[str]) -> pd.DataFrame:
