@@ -155,6 +155,12 @@ def test_one_fixed_offset_is_kept(write):
     assert frame.index.hour[0] == 0
 
 
+@pytest.mark.parametrize("name", ["columns", "units"])
+def test_a_list_in_place_of_a_mapping_is_named(write, name):
+    with pytest.raises(ValueError, match=rf"{name}=\['T_za'\] must be a mapping of roles to"):
+        read_zone_csv(write(SIMPLE), **{name: ["T_za"]})
+
+
 # ------------------------------------------------------------------------------------------------------------ labels
 def test_right_labels_move_means_and_keep_temperatures(write):
     rows = [f"2024-01-01 {k // 4:02}:{k % 4 * 15:02},{k},{100 + k},{k / 10}" for k in range(1, 6)]

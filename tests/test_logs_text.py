@@ -496,6 +496,8 @@ HEAD = "time,T,x\n"
             "columns= names 'y', which is not in 'log.csv'; its channels are",
         ),
         (HEAD + "2024-01-01,1,2\n", {"columns": "T"}, "columns='T' is one text; give a list"),
+        (HEAD + "2024-01-01,1,2\n", {"columns": True}, "columns=True is no list; give a list of channels"),
+        (HEAD + "2024-01-01,1,2\n", {"held": 5}, "held=5 is no list; give a list of channels"),
         (HEAD + "2024-01-01,1,2\n", {"time_column": "zeit"}, "time_column= names 'zeit', which is not in 'log.csv'"),
         (HEAD + "2024-01-01,1,2\n", {"sheet": 1}, "format CSV takes no option 'sheet'; it takes sep, decimal, columns"),
         (HEAD + "2024-01-01,1,2\n", {"format": "XML"}, "format='XML' is not one of 'Home Assistant'"),

@@ -48,9 +48,10 @@ class Choice:
     year: int | None = None  # of the first stamp, where stamps have none
 
     def __post_init__(self) -> None:
-        for name in ("columns", "held"):
-            if isinstance(getattr(self, name), str):
-                raise ValueError(f"{name}={getattr(self, name)!r} is one text; give a list of channels.")
+        for name, given in (("columns", self.columns), ("held", None if isinstance(self.held, bool) else self.held)):
+            if isinstance(given, str) or not isinstance(given, Iterable | None):
+                what = "one text" if isinstance(given, str) else "no list"
+                raise ValueError(f"{name}={given!r} is {what}; give a list of channels.")
         if self.year is not None:
             check_integer("year", self.year, *YEARS)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from .._arguments import as_mapping
 from .._table import is_instant, role_of
 from ..preprocessing._units import conversion_of, convert
 from .even_steps import CONTIGUOUS, typical_step, usual_step
@@ -69,10 +70,12 @@ def read_zone_csv(
     """
     if label not in ("left", "right"):
         raise ValueError(f"label={label!r} must be 'left' or 'right'.")
+    units = as_mapping("units", units, "roles to units")
+    roles = None if columns is None else as_mapping("columns", columns, "roles to columns of the file")
     file, where = existing(path)
     table = _read_cells(file, where, sep, decimal)
     of_stamps = find_stamp_columns(table, time_column, where)
-    chosen = _columns_by_role(table, columns, of_stamps, where)
+    chosen = _columns_by_role(table, roles, of_stamps, where)
     cells = joined_cells(table, of_stamps)
     found = zoned_stamps(cells, of_stamps, where, dayfirst=dayfirst, timezone=timezone, guesses=False)
     stamps = in_zone(found.stamps, timezone, cells, where)
@@ -80,7 +83,7 @@ def read_zone_csv(
     frame.index = stamps.rename("time")
     if stamps[0] > stamps[-1]:  # the newest row comes first
         frame = frame[::-1]
-    for role, unit in (units or {}).items():
+    for role, unit in units.items():
         if role not in frame:
             raise ValueError(f"units= names {role!r}, which is not among the columns: {', '.join(map(repr, frame))}.")
         frame[role] = convert(frame[role].to_numpy(), conversion_of(unit, role))
