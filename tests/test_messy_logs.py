@@ -631,6 +631,19 @@ def test_one_set_point_heats_or_cools_as_the_mode_says(write, name, held):
     pd.testing.assert_frame_equal(rows[list(true)], true, check_freq=False, check_names=False)
 
 
+def test_the_mode_of_a_room_is_not_that_of_another_whose_name_has_its_name(write):
+    """The bedroom had none, as two modes have its name."""
+    house, rooms = one_set_point()[0], ("bedroom", "master bedroom", "kitchen")
+    frame = pd.concat([house.drop(columns="Outdoor temp").add_prefix(f"{room} ") for room in rooms], axis=1)
+    modes = {
+        f"{room} mode": np.where(np.arange(len(frame)) // 24 % 9 == k, "cool", "heat") for k, room in enumerate(rooms)
+    }
+    roles = LogReport(read_log(write(frame.assign(**{"Outdoor temp": house["Outdoor temp"]}, **modes).to_csv()))).roles
+    assert {role: name for role, name in roles.items() if role.startswith("mode")} == {
+        f"mode_{room.replace(' ', '_')}": f"{room} mode" for room in rooms
+    }
+
+
 def test_one_set_point_heats_or_cools_as_the_plant_did(write):
     frame, cools, true = one_set_point()
     frame.iloc[-24:, [0, 3, 4]] = np.nan

@@ -10,8 +10,8 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, plant_roles
 from .._time import wall_clock
-from .naming import FOR_HEATING, guess_role, plain
-from .zone_names import plants_of_room
+from .naming import FOR_HEATING, guess_role
+from .zone_names import plants_of_room, words_of
 
 MODE = "mode"  # the role, or mode_<zone>: which set-points are in force
 HEATS, COOLS, OFF, BOTH = 1.0, -1.0, 0.0, 2.0  # its values
@@ -88,8 +88,10 @@ def further_roles(
     heat, cool = SETPOINT_ROLES
     told = [str(name) for name in modes if modes[name].isin((HEATS, COOLS)).any()]
     found, reasons, doubts = {}, {}, {}
-    for zone in _zones_of(columns):
-        own = [name for name in told if zone and zone.strip("_").replace("_", " ") in plain(name)] or told
+    zones = _zones_of(columns)
+    words = {name: words_of(name, [zone.strip("_") for zone in zones]) for name in told}
+    for zone in zones:
+        own = [name for name in told if zone.strip("_") in words[name]] or told
         mode = own[0] if len(own) == 1 else None
         if mode is not None:
             found[MODE + zone * (len(told) > 1)] = mode

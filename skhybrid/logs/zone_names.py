@@ -59,7 +59,7 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
     """Column of each role with the zone's name, such as ``T_za_kitchen``; empty unless two rooms have plants."""
     zones = _zones(units)
     found: dict[str, str] = {}
-    words = {c: _words(c, zones) for c in units}
+    words = {c: words_of(c, zones) for c in units}
     for zone, measured in zones.items():
         of_zone = {c: u for c, u in units.items() if zone in words[c] and c != measured}
         own = one_column_each({name: _guess_of(name, zone, unit) for name, unit in of_zone.items()})
@@ -141,7 +141,7 @@ def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
     """Temperature column of each zone: the largest set of columns whose names differ in the words of a room only."""
     alike: dict[tuple[str, ...], dict[str, str]] = defaultdict(dict)
     for name, unit in units.items():
-        words = [word for word in _words(name) if word not in _ANY_ROOM]
+        words = [word for word in words_of(name) if word not in _ANY_ROOM]
         if not _is_room(name, unit):
             continue
         for n in range(1, _MOST_WORDS + 1):
@@ -161,8 +161,8 @@ def _no_room(words: Sequence[str]) -> bool:
     return any(map(_NO_ROOM.search, words)) or bool(_NO_PLACE.search(words[-1]))
 
 
-def _words(name: str, zones: Iterable[str] = ()) -> list[str]:
-    """The words of a name, those of a zone as one."""
+def words_of(name: str, zones: Iterable[str] = ()) -> list[str]:
+    """The words of a name, those of each zone as one: ``master_bedroom`` is not ``bedroom``."""
     text = _NUMBERED.sub(r"\1\2", plain(name))
     for zone in sorted(zones, key=len, reverse=True):
         text = re.sub(rf"\b{zone.replace('_', ' ')}\b", zone, text)
