@@ -654,6 +654,13 @@ def test_a_unit_of_irradiation_is_for_the_sun_alone(role, unit):
         LogReport(log, units={role: unit})
 
 
+@pytest.mark.parametrize("what", ["unit", "scale"])
+def test_what_is_given_for_a_role_without_a_column_is_named(frame, what):
+    given = {"units": {"T_ground": "degF"}} if what == "unit" else {"scale": {"T_ground": 0.1}}
+    (told,) = [found for found in LogReport(frame, **given).findings if found.where == "T_ground"]
+    assert told == ("warning", "T_ground", f"its {what} is given, but no column has this role; name its column too.")
+
+
 def test_columns_without_numbers_are_named(frame):
     odd = frame.assign(mode="auto", wave=1j)
     report = LogReport(odd)

@@ -47,14 +47,14 @@ def command(
     from ..logs import LogReport
     from ..logs import read_log as read_any_log
     from ..study import propose_settings, read_settings
-    from ..study.log_reading import read_raw_log
+    from ..study.log_reading import SETPOINT, read_raw_log
 
     if config is not None and known:
         settings = read_settings(config)
         report = LogReport(
             read_raw_log(log, settings),
             settings.columns,
-            settings.units,
+            {role: unit for role, unit in settings.units.items() if role != SETPOINT},  # which has no role
             settings.scale,
             label=settings.label,
             holidays=settings.holidays,

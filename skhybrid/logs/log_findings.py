@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -314,6 +314,16 @@ def doubts_on_log(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterator[str]:
     yield from (f"{role} {text}" for role, text in lost_columns(frame))
     sun = next((str(role) for role in frame if str(role).startswith("q_sol")), None)
     yield from () if sun is None else (f"{sun}: {text}" for text in jump_texts(frame[sun].dropna()))
+
+
+def unused_findings(given: Mapping[str, Mapping[str, Any]], roles: Collection[str]) -> Iterator[Finding]:
+    """Warn of roles with a given unit or scale that no column has."""
+    for what, by_role in given.items():
+        for role in by_role:
+            if role not in roles:
+                yield Finding(
+                    "warning", role, f"its {what} is given, but no column has this role; name its column too."
+                )
 
 
 def partial_findings(reasons: Mapping[str, str]) -> Iterator[Finding]:

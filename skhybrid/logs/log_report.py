@@ -31,6 +31,7 @@ from .log_findings import (
     sensor_findings,
     set_point_findings,
     swap_findings,
+    unused_findings,
 )
 from .log_report_html import report_html
 from .naming import UNPLACED
@@ -111,6 +112,7 @@ class LogReport:
         self.even_step = next((s for s in _STEPS if s >= 0.9 * self.step), _STEPS[-1])
         self.label = label or raw.label
         self._scaled = set(scaled)
+        self._given = {"unit": units or {}, "scale": scale or {}}
         ordered = replace(raw, frame=raw.frame.sort_index(kind="stable"))
         self._read = read = ColumnRoles(ordered, columns or {}, units or {}, scale or {}, self._scaled)
         self.zones, channels = read.zones, read.channels
@@ -236,6 +238,7 @@ class LogReport:
         found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
         found += [Finding("warning", self.roles[role], text) for role, text in lost_columns(self.even)]
         found += set_point_findings(self.even)
+        found += unused_findings(self._given, {c.role for c in channels})
         columns = {c.role: c.name for c in channels}
         rooms = self.frame.reindex(columns=self._read.rooms).rename(columns=columns)
         if (text := one_after_the_other(rooms)) is not None:
