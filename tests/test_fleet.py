@@ -259,6 +259,15 @@ def test_a_fit_that_fails_for_all_zones_leaves_the_fleet_as_it_was():
     pd.testing.assert_frame_equal(fleet.predict({"a": ZONES["a"][NEW]}), before, check_exact=True)
 
 
+def test_the_status_tells_why_no_zone_could_be_fitted(tmp_path):
+    fleet = ZoneFleet(ARX, store=tmp_path / "store")
+    with pytest.raises(ValueError, match=r"no zone succeeded; .*T_oa"):
+        fleet.fit({"a": ZONES["a"][TRAIN].assign(T_oa=np.nan)})
+    with pytest.raises(ValueError, match=r"no zone succeeded; .*q_sol"):
+        fleet.fit({"a": ZONES["a"][TRAIN].assign(q_sol=np.nan)})
+    assert "q_sol" in ModelStore(tmp_path / "store").failures()["a"]
+
+
 @pytest.mark.parametrize(
     ("X", "said"),
     [

@@ -374,6 +374,8 @@ class ZoneFleet(BaseEstimator):
         self.errors_ = {**known, **{files.labels[o.zone]: o.error for o in ordered if o.error is not None}}
         self.warnings_ = {files.labels[o.zone]: o.warnings for o in ordered if o.warnings}
         if ordered and all(o.error is not None for o in ordered):
+            if fitting:  # the store tells why, also of a fit that raises
+                models.keep_failures({str(zone): why for zone, why in self.errors_.items()})
             raise ValueError(f"no zone succeeded; the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
         return ordered
 
