@@ -385,6 +385,19 @@ def test_an_archive_that_is_none_is_refused(log, zone, tmp_path):
         zone.tick(write(log, tmp_path / "log.csv", DAYS))
 
 
+def test_a_database_of_another_program_is_refused_and_left_as_it_is(tmp_path):
+    path = tmp_path / "archive.sqlite"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE photos (name TEXT)")
+    before = path.read_bytes()
+    with (
+        pytest.raises(OSError, match=r"archive.sqlite is a database of another program, with a table 'photos'; move"),
+        forecast_archive.open_archive(path),
+    ):
+        pass
+    assert path.read_bytes() == before
+
+
 def test_a_model_that_cannot_be_read_may_be_made_again(zone):
     zone.model.write_bytes(zone.model.read_bytes()[:-9])
     with pytest.raises(ModelFileError, match=r"truncated .* remove it and run skhybrid zone init again"):

@@ -201,6 +201,9 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
     busy = f"another command is at work on {fspath(path)}; try again when it has ended."
     remedy = "check disk and permissions, or move the file away to begin a new archive."
     with open_database(path, busy, remedy) as database:
+        made = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        if made and "forecast" not in made:  # the first table that is made here
+            raise OSError(f"{fspath(path)} is a database of another program, with a table {made[0]!r}; move it away.")
         for statement in _TABLES:
             database.execute(statement)
         yield ForecastArchive(database)
