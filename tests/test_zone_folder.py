@@ -458,6 +458,16 @@ def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
     assert (tmp_path / "kitchen" / "zone.toml").read_text() == given.read_text()
 
 
+def test_a_configuration_that_cannot_be_used_does_not_replace_that_of_the_folder(log, tmp_path):
+    own, given = tmp_path / "kitchen" / "zone.toml", tmp_path / "mine.toml"
+    own.parent.mkdir()
+    own.write_text('[columns]\nT_za = "corrected by hand"\n')
+    given.write_text('[columns]\nT_zone = "room"\n')
+    with pytest.raises(ValueError, match="does not say which column is T_za"):
+        ZoneFolder.init(own.parent, write(log, tmp_path / "log.csv", DAYS), given)
+    assert own.read_text() == '[columns]\nT_za = "corrected by hand"\n'
+
+
 def test_zones_that_differ_in_case_only_are_refused(tmp_path):
     rows = pd.DataFrame({"T_za_Hall": 20.0, "T_za_hall": 21.0}, pd.date_range("2024-01-01", periods=2, freq="1h"))
     with (

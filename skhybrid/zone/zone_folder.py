@@ -98,6 +98,8 @@ class ZoneFolder:
             folder._refuse_model()  # another process may have made one meanwhile
             folder._remove_leftovers()
             if config is not None or not folder.config.exists():
+                if config is not None:
+                    read_settings(config)  # one that cannot be used does not replace that of the folder
                 text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
                 write_text(folder.config, text)
             settings = read_settings(folder.config)
