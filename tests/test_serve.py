@@ -256,6 +256,16 @@ def test_rows_of_the_log_between_posted_ones_stay(kind, log, client, folder, tmp
     assert kept.index[-1] == log.index[first + 4]
 
 
+def test_rows_that_a_kill_left_in_the_model_alone_are_forecast_from(log, client, folder):
+    """The model is saved before the archive keeps the rows."""
+    before = (folder / "archive.sqlite").read_bytes()
+    rows = as_json(log.iloc[24 * DAYS : 24 * DAYS + 3])
+    first = client.post("/rows", json=rows).json()
+    (folder / "archive.sqlite").write_bytes(before)
+    again = client.post("/rows", json=rows).json()
+    assert again["forecast_from"] == first["forecast_from"] == log.index[24 * DAYS + 2].isoformat()
+
+
 def test_rows_finer_than_the_step_count_when_it_is_whole(log, client, folder):
     fine = log.iloc[24 * DAYS : 24 * DAYS + 30].resample("10min").interpolate()
     day = client.post("/rows", json=as_json(fine.iloc[: 24 * 6])).json()

@@ -202,15 +202,17 @@ class ZoneFolder:
             frame, n_ahead = keep_posted(archive, given, settings, held)
             corrected = corrected_since(frame, archive, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
+            origin, last = zone.history(frame).index[-1], archive.last_measured()
+            # a kill between model and archive leaves rows that only the model has taken in
+            behind = last is None or like_index(last, pd.DatetimeIndex([origin])) < origin
             found = None
             try:
-                if n_new or n_ahead or why:
+                if n_new or n_ahead or why or behind:
                     found = day_ahead(zone, frame, weather, schedule)
                 elif unread := zone.unread(frame):
                     remarks.append(str(unread))
             except (ValueError, OSError) as error:
                 remarks.append(f"there is no new forecast: {error}")
-            origin = zone.history(frame).index[-1]
             self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
         return Tick(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
 
