@@ -25,15 +25,17 @@ import pandas as pd
 import pytest
 from fastapi.testclient import TestClient
 
-from skhybrid._warnings import warn_user
+from skhybrid._warnings import warn_user, warnings_to
 from skhybrid.cli import main
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.server.app import make_app
 from skhybrid.server.listen import check_token, is_loopback
 from skhybrid.study import propose_settings
+from skhybrid.study.settings import Settings
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import DayAhead, ZoneFolder, zone_folder
 from skhybrid.zone.forecast_archive import EVEN, POSTED, open_archive
+from skhybrid.zone.posted_rows import read_posted
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning")  # few days of heat
 DAYS = 10  # of the log that the zone has learned from
@@ -264,6 +266,25 @@ def test_rows_that_a_kill_left_in_the_model_alone_are_forecast_from(log, client,
     (folder / "archive.sqlite").write_bytes(before)
     again = client.post("/rows", json=rows).json()
     assert again["forecast_from"] == first["forecast_from"] == log.index[24 * DAYS + 2].isoformat()
+
+
+@pytest.mark.parametrize(
+    ("stamps", "remarks"),
+    [
+        (["2024-10-27T02:30:00"], ["2024-10-27 02:30:00 comes twice in Europe/Amsterdam and is read as summer time"]),
+        (["2024-10-27T02:30:00", "2024-10-27T02:30:00"], []),
+        (["2024-10-27T02:30:00+01:00"], []),
+        (["2024-10-27T03:30:00"], []),
+    ],
+)
+def test_a_row_alone_in_the_hour_that_comes_twice_is_named(stamps, remarks, tmp_path):
+    """Rows that were posted one by one were both of summer time, and the second replaced the first in silence."""
+    path, said = tmp_path / "rows.csv", []
+    path.write_text("time,T_za,T_oa\n" + "".join(f"{stamp},20,5\n" for stamp in stamps))
+    settings = Settings(columns={"T_za": "T_za", "T_oa": "T_oa"}, timezone="Europe/Amsterdam")
+    with warnings_to(said.append):
+        assert len(read_posted(path, settings, [], plain=True)[0]) == len(stamps)
+    assert [str(text).partition(";")[0] for text in said] == remarks
 
 
 def test_rows_finer_than_the_step_count_when_it_is_whole(log, client, folder):

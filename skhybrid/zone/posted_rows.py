@@ -12,7 +12,7 @@ import pandas as pd
 
 from .._ranges import check_range
 from .._table import listed, refuse_infinite_columns, role_of
-from .._time import SHORTEST_GAP
+from .._time import SHORTEST_GAP, wall_clock
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..logs.conversion import TIMES, Channel, is_energy
@@ -42,6 +42,7 @@ def read_posted(
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
     raw = read_raw_log(path, settings)
+    _remark_repeated_hour(raw, path, settings)
     log = by_role(raw, _with_changes(raw, settings, known or ()))
     for channel in log.channels:
         _refuse_sums(channel)
@@ -66,6 +67,24 @@ def read_posted(
     if frame.empty:
         raise ValueError("no posted row has a value; the columns are those of zone.toml.")
     return frame.groupby(level=0).last(), [*held, *meters]
+
+
+def _remark_repeated_hour(raw: RawLog, path: str | PathLike[str], settings: Settings) -> None:
+    """Warn of stamps without an offset in the hour that comes twice in autumn, if no other shows which pass it is."""
+    clock = wall_clock(pd.DatetimeIndex(raw.frame.index))
+    if settings.timezone is None or not len(_repeated(clock, settings.timezone)):
+        return
+    written = pd.DatetimeIndex(read_raw_log(path, replace(settings, timezone=None)).frame.index)
+    if written.tz is None and len(once := _repeated(written, settings.timezone)) and once.is_unique:
+        warn_user(
+            f"{once[0]} comes twice in {settings.timezone} and is read as summer time; post stamps with an offset.",
+            SkhybridWarning,
+        )
+
+
+def _repeated(stamps: pd.DatetimeIndex, timezone: str) -> pd.DatetimeIndex:
+    """Stamps of a clock that it shows twice."""
+    return stamps[np.asarray(stamps.tz_localize(timezone, ambiguous="NaT", nonexistent="shift_forward").isna())]
 
 
 def _with_changes(raw: RawLog, settings: Settings, known: Sequence[str]) -> Settings:
