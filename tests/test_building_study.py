@@ -313,6 +313,18 @@ def test_the_server_takes_and_gives_columns_per_zone(folder, log, monkeypatch):
     assert client.post("/rows", json=[{"time": "2024-01-21T00:00", "T_za_hall": 500.0}]).status_code == 422
 
 
+def test_the_page_of_a_building_before_its_first_forecast(folder):
+    pytest.importorskip("fastapi")
+    from fastapi.testclient import TestClient
+
+    from skhybrid.server.app import make_app
+
+    (folder / "archive.sqlite").unlink()
+    answer = TestClient(make_app(folder), base_url="http://127.0.0.1:8765").get("/")
+    assert answer.status_code == 200
+    assert "There is no forecast yet" in answer.text
+
+
 def test_set_points_of_an_unknown_zone_are_refused(folder, place, capsys):
     assert run("zone", "tick", folder, "--log", place / "known.csv", "--setpoint", "attic:20") == 1
     assert "--setpoint names the zone 'attic'" in capsys.readouterr().err

@@ -69,7 +69,7 @@ def _yesterday(views: Mapping[str, ZoneView]) -> str:
 
 
 def _week(views: Mapping[str, ZoneView]) -> str:
-    known = {zone: compared(view.past).assign(zone=zone) for zone, view in views.items()}
+    known = {zone: compared(view.past).assign(zone=zone) for zone, view in views.items() if len(view.past)}
     known = {
         zone: rows for zone, rows in known.items() if len(rows["origin"].unique()) > 1 and rows["y_true"].notna().any()
     }
