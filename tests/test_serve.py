@@ -332,6 +332,16 @@ def test_remarks_are_those_of_the_rows_and_not_of_another_request(log, client, m
     assert "of a page" not in found["remarks"]
 
 
+def test_a_column_that_the_configuration_loses_is_not_learned_from_again(log, client, folder):
+    """The new model needed the sun of the kept log, which nobody posts any more."""
+    lines = (folder / "zone.toml").read_text().splitlines()
+    (folder / "zone.toml").write_text("\n".join(line for line in lines if not line.startswith("q_sol")))
+    rows = log.iloc[24 * DAYS : 24 * DAYS + 4].drop(columns="q_sol")
+    first = client.post("/rows", json=as_json(rows.iloc[:2])).json()
+    assert (first["new_steps"], first["fitted_again_because"]) == (2, "zone.toml has changed")
+    assert client.post("/rows", json=as_json(rows.iloc[2:])).json()["new_steps"] == 2
+
+
 def test_rows_without_weather_to_come_are_kept_and_the_answer_says_so(log, folder):
     client = client_of(folder, schedule=SCHEDULE)
     found = client.post("/rows", json=as_json(log.iloc[24 * DAYS : 24 * DAYS + 3])).json()

@@ -19,7 +19,15 @@ from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.raw_log import RawLog
 from ..logs.zone_csv import to_left_label
-from ..study.log_reading import by_role, metered_heat, meters_of, on_even_steps, read_raw_log, refuse_mixed_units
+from ..study.log_reading import (
+    SETPOINT,
+    by_role,
+    metered_heat,
+    meters_of,
+    on_even_steps,
+    read_raw_log,
+    refuse_mixed_units,
+)
 from ..study.settings import Settings
 from .forecast_archive import AHEAD, EVEN, POSTED, ForecastArchive
 
@@ -132,7 +140,7 @@ def keep_posted(
     n_measured = _n_measured(rows, settings, held)
     refuse_future(rows.iloc[:n_measured], "the sender's clock")
     tz = pd.DatetimeIndex(rows.index).tz
-    even = _local(archive.log(EVEN), tz)
+    even = _kept_log(archive, EVEN, tz, settings)
     if len(even) and (pd.DatetimeIndex(even.index).tz is None) != (tz is None):
         have, give = ("no", "without an offset") if tz is not None else ("a", "with an offset, such as +01:00")
         raise ValueError(
@@ -140,7 +148,7 @@ def keep_posted(
         )
     archive.keep_log(rows.iloc[:n_measured], POSTED)
     archive.keep_log(rows.iloc[n_measured:], AHEAD)
-    posted = _local(archive.log(POSTED), tz)
+    posted = _kept_log(archive, POSTED, tz, settings)
     if len(posted):
         row = _row_step(posted, rows, held)
         found, bridged = (_on_steps(even, posted, row, settings, held, gap) for gap in (_NO_GAP, SHORTEST_GAP))
@@ -152,7 +160,7 @@ def keep_posted(
         whole = found.index[found.index <= posted.index[-1] - _TAIL]
         if len(whole):
             archive.forget_log(POSTED, whole[-1])
-    ahead = _local(archive.log(AHEAD), tz)
+    ahead = _kept_log(archive, AHEAD, tz, settings)
     if len(even):
         last = even.index[-1]
         archive.forget_log(AHEAD, last + pd.Timedelta("1s"))
@@ -211,9 +219,12 @@ def _on_steps(
     return found[found.index > before.index[-1]] if len(before) else found
 
 
-def _local(frame: pd.DataFrame, tz: Any) -> pd.DataFrame:
-    """A frame of the archive in a time zone, where it has one."""
+def _kept_log(archive: ForecastArchive, kind: int, tz: Any, settings: Settings) -> pd.DataFrame:
+    """The rows of one kind in a time zone, where they have one, without roles that left the settings."""
+    frame = archive.log(kind)
     if frame.empty:
         return frame.set_axis(pd.DatetimeIndex([], tz=tz), axis=0)
+    roles = {*settings.columns, SETPOINT, *meters_of(settings.columns, settings.zones)}
+    frame = frame[[role for role in frame if role in roles]]
     aware = pd.DatetimeIndex(frame.index).tz is not None
     return frame.tz_convert(tz) if aware and tz is not None else frame
