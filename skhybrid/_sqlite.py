@@ -26,6 +26,12 @@ def open_database(path: str | PathLike[str], busy: str, remedy: str) -> Iterator
         raise OSError(f"{fspath(path)} cannot be used ({error}); {remedy}") from error
 
 
+def table_of_others(database: sqlite3.Connection, own: str) -> str | None:
+    """A table of a database of another program, which has tables, but none named ``own``; else None."""
+    names = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+    return names[0] if names and own not in names else None
+
+
 @contextmanager
 def transaction(database: sqlite3.Connection) -> Iterator[None]:
     """Keep all that the block writes, or nothing; no other process can begin one meanwhile.

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,16 @@ def test_another_kind_of_file_is_refused(path):
     ):
         ResultStore(path, {})
     assert path.read_text().startswith("a table")
+
+
+def test_a_database_of_another_program_is_left_as_it_is(path):
+    path.parent.mkdir()
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE photos (name TEXT)")
+    before = path.read_bytes()
+    with pytest.raises(OSError, match="is a database of another program, with a table 'photos'; give the path of ano"):
+        ResultStore(path, {})
+    assert path.read_bytes() == before
 
 
 def test_failed_ones_are_tried_again_when_asked(path):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._sqlite import open_database, transaction
+from .._sqlite import open_database, table_of_others, transaction
 
 _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
@@ -201,9 +201,8 @@ def open_archive(path: str | PathLike[str]) -> Iterator[ForecastArchive]:
     busy = f"another command is at work on {fspath(path)}; try again when it has ended."
     remedy = "check disk and permissions, or move the file away to begin a new archive."
     with open_database(path, busy, remedy) as database:
-        made = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-        if made and "forecast" not in made:  # the first table that is made here
-            raise OSError(f"{fspath(path)} is a database of another program, with a table {made[0]!r}; move it away.")
+        if (other := table_of_others(database, "forecast")) is not None:
+            raise OSError(f"{fspath(path)} is a database of another program, with a table {other!r}; move it away.")
         for statement in _TABLES:
             database.execute(statement)
         yield ForecastArchive(database)

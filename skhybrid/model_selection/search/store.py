@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import NamedTuple, Self
 
-from ..._sqlite import transaction
+from ..._sqlite import table_of_others, transaction
 from ...parallel.stored_settings import check_settings
 
 _FORMAT = "1"  # format of the file; another one is refused
@@ -103,6 +103,11 @@ class ResultStore:
         self._heartbeat.start()
 
     def _open(self, settings: Mapping[str, str]) -> None:
+        with suppress(sqlite3.Error):  # what cannot be read is explained below
+            if (other := table_of_others(self._db, "setting")) is not None:
+                raise StoreError(
+                    f"store {self.path} is a database of another program, with a table {other!r}; {_OTHER_FILE}"
+                )
         with self._explained():
             self._write_ahead()
         with self._transaction() as db:
