@@ -129,7 +129,7 @@ def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> d
 
 def guess_in_zone(name: str, unit: str | None, zones: Sequence[str]) -> Guess:
     """The role that a name and a unit suggest; of a column with the name of a zone, it ends with that of the zone."""
-    words = _words(name, map(str.lower, zones))
+    words = words_of(name, map(str.lower, zones))
     zone = next((zone for zone in zones if zone.lower() in words), None)
     if zone is None:
         return guess_role(name, unit)
