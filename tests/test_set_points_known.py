@@ -368,6 +368,17 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
             model.forecast(None, future, limits=(0.0, most))
 
 
+def test_limits_of_an_ideal_plant_are_reached(log):
+    """Where no thermostat was learned."""
+    plain = log.drop(columns=SIDES)
+    model = SchedulePredictor("2R2C", known={"Q_h": 6.0}, intervals=False).fit(plain[:TRAINED], plain["T_za"][:TRAINED])
+    for setpoint, side in ((23.0, 1), (16.0, 0)):
+        loads = [model.forecast(None, ahead(plain, TRAINED), setpoint=setpoint, limits=limits)["Q_hvac"]
+                 for limits in (None, (-0.5, 1.5))]  # fmt: skip
+        free, held = ((load.min(), load.max())[side] for load in loads)
+        assert abs(free) > abs((-0.5, 1.5)[side]) == pytest.approx(abs(held))
+
+
 def test_what_cannot_be_right_is_refused(log, model):
     train, future = log[:TRAINED], ahead(log, TRAINED)
     broken = train.assign(T_heat_set=train["T_heat_set"].where(np.arange(TRAINED) != 40))
