@@ -98,7 +98,6 @@ def test_check_proposes_a_configuration_with_the_rooms(folder, tmp_path, capsys)
     assert dict(made.columns) == tomllib.loads(CONFIG)["columns"]
     assert made.zones == list(ZONES)
     assert "T_za =" not in text
-    assert "tariff" not in text
 
 
 ROOMS = {
@@ -178,12 +177,13 @@ def test_columns_of_rooms_have_the_roles_that_those_of_one_have(case):
     assert len(one.roles) > 2
 
 
-def test_the_electricity_of_rooms_is_to_be_replaced():
-    """A coefficient of performance was asked for, which is refused for several zones."""
-    found = LogReport(_of_rooms(["heat pump power kW"], ZONES)).findings
-    texts = {finding.text for finding in found if "electricity" in finding.text}
-    remedy = "of several zones only heat and stages can be read; give another column."
-    assert texts == {f"this seems to be electricity, not heat: {remedy}"}
+def test_electricity_of_rooms_is_proposed_with_a_coefficient_of_performance():
+    report = LogReport(_of_rooms(["heat pump power kW"], ZONES))
+    (text,) = {finding.text for finding in report.findings if "electricity" in finding.text}
+    assert "[plant] electricity = true, cop = 3.0" in text
+    made = propose_settings("log.csv", report)
+    assert tomllib.loads(made)["plant"] == {"electricity": True, "cop": 3.0}
+    assert "most_heat" not in made
 
 
 def test_an_unused_meter_of_a_room_is_its_own_and_shared_by_none():
@@ -520,7 +520,7 @@ def test_commands_of_one_zone_refuse_several(command, folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("[columns]", "[plant]\nmost_heat = 8.0\n[columns]"), r"\[plant\] is of one zone"),
+        (("[columns]", "[plant]\nmost_heat = 8.0\n[columns]"), r"\[plant\] most_heat is of one zone"),
         (('"hall"]]', '"attic"]]'), "names 'attic'"),
         (('[["kitchen", "hall"]]', '["hall"]'), "list of pairs"),
         (("T_za_kitchen", "T_za"), "adjacency is of several zones"),
@@ -602,11 +602,33 @@ def test_a_room_with_meters_of_heat_and_of_cold_has_their_difference(folder, log
         refuse_empty(frame.assign(Q_hvac_hall=np.nan), settings)
 
 
+@pytest.mark.parametrize("heat", ["Q_hvac_hall", "Q_hall", "Q_heat_hall"])
+def test_electricity_of_rooms_becomes_heat_and_costs(heat, log, tmp_path):
+    """As of one zone; the cost is that of all rooms."""
+    meters = [f"Q_{zone}_kW" for zone in ZONES]
+    log = log.assign(**{meter: log[meter].clip(lower=0.0) / 3.0 for meter in meters})
+    log[:N_KNOWN].to_csv(tmp_path / "log.csv")
+    log[N_KNOWN : N_KNOWN + 24][["T_out_degC", "ghi_kW_m2"]].to_csv(tmp_path / "weather.csv")
+    config = CONFIG.replace("Q_hvac_hall", heat) + "[plant]\nelectricity = true\ncop = 3.0\n[tariff]\nprice = 0.3\n"
+    settings = settings_from(tomllib.loads(config))
+    frame, _ = read_log(tmp_path / "log.csv", settings)
+    np.testing.assert_allclose(frame[["Q_hvac_kitchen", "Q_hvac_hall"]], 3.0 * log[meters][:N_KNOWN], atol=1e-9)
+    model = ZoneModel.fit(settings, frame)
+    found = day_ahead(model, tmp_path / "log.csv", tmp_path / "weather.csv", {"": Schedule.of_text("22")})
+    total = 0.0
+    for zone in ZONES:
+        np.testing.assert_allclose(found.frame[f"electricity_kW_{zone}"], found.frame[f"Q_hvac_{zone}"].abs() / 3.0)
+        total += found.frame[f"electricity_kW_{zone}"].sum()
+    assert total > 1.0
+    assert found.summary["electricity [kWh]"] == pytest.approx(total, abs=0.01)
+    assert found.summary["cost of electricity"] == pytest.approx(0.3 * total, abs=0.01)
+
+
 def test_the_heat_of_a_room_may_be_named_by_the_room_alone(log):
     settings = settings_from(tomllib.loads(CONFIG.replace("Q_hvac_hall", "Q_hall")))
     frame = log[:N_KNOWN].rename(columns={column: role for role, column in settings.columns.items()})
     model = ZoneModel.fit(settings, frame)
-    assert {"Q_hvac_kitchen", "Q_hall"} <= set(model.covered())
+    assert {"Q_hvac_kitchen", "Q_hvac_hall"} <= set(model.covered())
     assert model.not_learned == {}
 
 

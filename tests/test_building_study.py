@@ -51,6 +51,9 @@ end = 2024-01-15
 [test]
 start = 2024-01-16
 end = 2024-01-19
+[tariff]
+price = 0.3
+currency = "EUR"
 """
 
 
@@ -130,6 +133,9 @@ def test_the_forecast_of_a_study_is_that_of_its_model(study, place):
         np.testing.assert_allclose(found[f"T_za_{zone}"], expected[f"T_za_{zone}"], atol=1e-3)
         np.testing.assert_allclose(found[f"T_za_measured_{zone}"], data.future[f"T_za_{zone}"], atol=1e-3)
         np.testing.assert_allclose(found[f"Q_hvac_delivered_{zone}"], data.future[f"Q_hvac_{zone}"], atol=1e-3)
+    cost = json.loads((study / "metrics.json").read_text())["next_day_cost"]
+    assert cost["value"] == pytest.approx(0.3 * sum(found[f"Q_hvac_{zone}"].abs().sum() for zone in ZONES), abs=0.01)
+    assert f"{cost['value']:.2f}\u00a0EUR" in (study / "report.html").read_text()
 
 
 def test_the_report_has_a_verdict_a_row_and_panels_per_zone(study):

@@ -46,6 +46,18 @@ def test_the_ends_of_the_loads_intervals_bound_the_cost():
     assert cools.entries()["cost of heat, by the ends of the load's intervals"] == [12.0, 48.0]
 
 
+def test_the_cost_of_several_zones_is_that_of_all():
+    loads = {"Q_hvac_hall": 1.0, "Q_hvac_0.1_hall": 0.5, "Q_hvac_0.9_hall": 3.0, "Q_hvac_attic": -2.0}
+    rooms = _forecast(24, **loads).drop(columns="Q_hvac")
+    cost = energy_cost(rooms, {"price": 0.5}, {}, None, ["hall", "attic", "cellar"])
+    assert cost.value == pytest.approx(24 * 0.5 * 3.0)
+    assert cost.ends is None  # that of one room is not known
+    known = rooms.assign(**{"Q_hvac_0.1_attic": -4.0, "Q_hvac_0.9_attic": -1.0})
+    both = energy_cost(known, {"price": 0.5}, {}, None, ["hall", "attic", "cellar"])
+    assert both.ends == pytest.approx((24 * 0.5 * 1.5, 24 * 0.5 * 7.0))
+    assert energy_cost(rooms, {"price": 0.5}, {}, None, ["cellar"]) is None
+
+
 def test_without_a_tariff_or_a_load_there_is_no_cost():
     assert energy_cost(_forecast(), {}, {}, None) is None
     assert energy_cost(_forecast().drop(columns="Q_hvac"), {"price": 0.3}, {}, None) is None

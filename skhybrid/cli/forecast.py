@@ -74,6 +74,7 @@ def _titles(zones: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict[str,
     ends: dict[str, list[str]] = {}
     for zone in zones:
         titles |= {f"T_za_{zone}": (zone, "[degC]"), f"Q_hvac_{zone}": (f"{zone}, heat", "[kW]")}
+        titles |= {f"electricity_kW_{zone}": (f"{zone}, electricity", "[kW]")}
         ends |= {f"{name}_{zone}": [f"{end}_{zone}" for end in _ENDS[name]] for name in _ENDS}
     return titles | {name: _TITLES[name] for name in ("T_oa", "q_sol")}, ends
 

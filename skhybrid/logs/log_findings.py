@@ -189,11 +189,9 @@ def has_both_signs(heat: pd.Series) -> bool:
     return bool(len(runs)) and min((runs > 0.0).mean(), (runs < 0.0).mean()) > _OFTEN
 
 
-def electricity_finding(name: str, *, of_several: bool) -> Finding:
-    """A remark on a column that seems to be electricity, of one zone or of one of several."""
+def electricity_finding(name: str) -> Finding:
+    """A remark on a column that seems to be electricity."""
     remedy = "give a coefficient of performance ([plant] electricity = true, cop = 3.0) or another column"
-    if of_several:
-        remedy = "of several zones only heat and stages can be read; give another column"
     return Finding("warning", name, f"this seems to be electricity, not heat: {remedy}.")
 
 

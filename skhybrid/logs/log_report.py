@@ -231,7 +231,7 @@ class LogReport:
             if role == "T_za" and "T_oa" in self.frame:
                 found += swap_findings(channel.name, self.frame[channel.role], self.frame["T_oa"])
             if self._read.seems_electric(channel):
-                found.append(electricity_finding(channel.name, of_several=bool(self.zones)))
+                found.append(electricity_finding(channel.name))
             if why := self._read.assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]

@@ -139,17 +139,21 @@ def _with_setpoint_units(channels: list[Channel], raw: RawLog) -> list[Channel]:
 def metered_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The heat of each plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
     meters = meters_of(list(map(str, frame)), settings.zones)
-    heat = {whole: _net_heat(frame, parts, settings) for whole, parts in meters.items()}
-    if "Q_hvac" in frame:
-        heat["Q_hvac"] = _net_heat(frame, ["Q_hvac"], settings)
+    single = [role for role in ("Q_hvac", *(f"Q_hvac_{zone}" for zone in settings.zones)) if role in frame]
+    heat = {role: _net_heat(frame, parts, settings) for role, parts in (meters | {r: [r] for r in single}).items()}
     return frame.drop(columns=[role for parts in meters.values() for role in parts]).assign(**heat)
 
 
 def meters_of(roles: Collection[str], zones: Sequence[str]) -> dict[str, list[str]]:
-    """The meters of heat and of cold among some roles, by the role of their sum, such as ``Q_hvac_<zone>``."""
+    """The meters of heat and of cold among some roles, by the role of their sum, such as ``Q_hvac_<zone>``.
+
+    That of a room may also be named ``Q_<zone>``.
+    """
     found = {}
     for end in ("", *(f"_{zone}" for zone in zones)):
         parts = [meter + end for meter in (_HEAT, _COLD) if meter + end in roles]
+        if end and not parts and f"Q{end}" in roles:
+            parts = [f"Q{end}"]
         if parts and f"Q_hvac{end}" not in roles:
             found[f"Q_hvac{end}"] = parts
     return found

@@ -21,7 +21,7 @@ from .identified_building import identified_only
 from .report import study_picture, verdict, write_report
 from .run import StudyResult
 from .scores import coverage_of, side_by_side
-from .tariff import Cost, energy_cost
+from .tariff import next_day_cost
 from .verdict import Verdict
 
 
@@ -158,7 +158,7 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
         settings=result.settings.as_dict(),
         verdicts=result.verdicts,
         scaled=result.scaled,
-        cost=_cost(result),
+        cost=next_day_cost(result),
         notes=result.warnings,
         setpoints_known=result.setpoints_known,
     )
@@ -166,24 +166,14 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
 
 def metrics_text(result: StudyResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
-    cost, held = _cost(result), result.setpoints_known
+    held = result.setpoints_known
     return metrics_of(
         result,
         verdict(result.table, HYBRID),
         result.verdicts,
         setpoints_known=None if held is None else held.as_dict(),
         building=identified_only(result.building).to_dict(orient="index"),
-        next_day_cost=None if cost is None else cost._asdict(),
     )
-
-
-def _cost(result: StudyResult) -> Cost | None:
-    """Cost of the load of the next day; None without a tariff, or where its kW have no scale."""
-    if not result.scaled:
-        return None
-    given = result.settings
-    forecast = result.forecast.assign(T_oa=result.data.future["T_oa"])
-    return energy_cost(forecast, given.tariff, given.plant, given.holidays)
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:
@@ -205,6 +195,7 @@ def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:
 
 def metrics_of(result: Any, words: str, verdicts: Iterable[Verdict], **more: Any) -> str:
     """Errors, verdicts and settings of a study as JSON, with what else one of its kind has."""
+    cost = next_day_cost(result)
     content = {
         "skhybrid": __version__,
         "name": result.settings.name,
@@ -217,6 +208,7 @@ def metrics_of(result: Any, words: str, verdicts: Iterable[Verdict], **more: Any
         **result.data.spans(result.frames[HYBRID]),
         "next_day": str(result.forecast.index[0].date()),
         "next_day_held_out": result.data.held_out,
+        "next_day_cost": None if cost is None else cost._asdict(),
         "seconds": round(result.seconds, 2),
         "warnings": result.warnings,
         "settings": result.settings.as_dict(),

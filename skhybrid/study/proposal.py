@@ -143,11 +143,6 @@ def _plant_lines(report: LogReport) -> list[list[str]]:
     """Tables of the plant, and of the set-points of a day to come."""
     electric = report.electricity()
     thermostat = ["# [thermostat]  # set-points of a day to come", "# heat = 21", "# cool = 25"]
-    if report.zones:
-        notes = [
-            f"# {role} seems to be electricity; only heat and stages can be read of several zones" for role in electric
-        ]
-        return [notes, thermostat]
     plant = ["[plant]" if electric else "# [plant]"]
     if electric:
         seems = f"  # {electric[0]} seems to be electricity; false if it is heat"
@@ -157,7 +152,8 @@ def _plant_lines(report: LogReport) -> list[list[str]]:
         ]
     else:
         plant += ["# electricity = true  # where the plant's columns are electricity", "# cop = 3.0"]
-    plant.append("# most_heat = 8.0  # what the plant can deliver [kW]")
+    if not report.zones:
+        plant.append("# most_heat = 8.0  # what the plant can deliver [kW]")
     tariff = ["# [tariff]  # of electricity, or of heat where there is no cop"]
     tariff += ['# price = 0.30  # of a kWh; by the clock: { "7:00" = 0.35, "22:00" = 0.22 }', '# currency = "EUR"']
     return [plant, tariff, thermostat]

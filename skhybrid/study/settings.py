@@ -93,7 +93,8 @@ class Settings:
         Options of the reader of that format, such as ``sheet`` of an Excel file or ``table`` of a database.
     plant : mapping
         ``electricity`` (whether the columns of the plant are electricity, not heat), ``cop`` of heating and ``eer`` of
-        cooling (a number, or pairs ``[T_oa, value]``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW].
+        cooling (a number, or pairs ``[T_oa, value]``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW],
+        of one zone.
     thermostat : mapping
         ``heat`` and ``cool``, the set-points of a day to come [degC]: numbers, or tables of clock time and set-point;
         ``weekend``, a table of those that differ on weekends and holidays.
@@ -314,9 +315,9 @@ def _check_zones(settings: Settings) -> None:
     ):
         raise ValueError(f'adjacency = {pairs!r} must be a list of pairs of zones, such as [["kitchen", "hall"]].')
     neighbours_of(zones, pairs or ())
-    of_one = next((name for name in ("plant", "tariff") if zones and getattr(settings, name)), None)
+    of_one = next((key for key in ("most_heat", "most_cold") if zones and key in settings.plant), None)
     if of_one:
-        raise ValueError(f"[{of_one}] is of one zone, but [columns] has {listed(zones)}; remove it.")
+        raise ValueError(f"[plant] {of_one} is of one zone, but [columns] has {listed(zones)}; remove it.")
 
 
 def _inner_table(table: Mapping[str, Any], name: str, key: str) -> Mapping[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -50,6 +50,10 @@ class Cost(NamedTuple):
     energy: str  # electricity, or heat where no coefficient of performance is given
     currency: str
 
+    def card(self) -> tuple[str, str]:
+        """Value and words for a report."""
+        return f"{self.value:.2f}\u00a0{self.currency}".strip(), f"cost of the {self.energy} for it"
+
     def entries(self) -> dict[str, Any]:
         """Values by name, for a list."""
         name, unit = f"cost of {self.energy}", f" [{self.currency}]" if self.currency else ""
@@ -60,14 +64,20 @@ class Cost(NamedTuple):
 
 
 def energy_cost(
-    forecast: pd.DataFrame, tariff: Mapping[str, Any], plant: Mapping[str, Any], holidays: Any
+    forecast: pd.DataFrame,
+    tariff: Mapping[str, Any],
+    plant: Mapping[str, Any],
+    holidays: Any,
+    zones: Sequence[str] = (),
 ) -> Cost | None:
     """The cost of a day's plant energy by the settings of a study; None without a tariff or a load.
 
     ``forecast`` has ``Q_hvac`` [kW], cooling negative, its ends ``Q_hvac_0.1`` and ``Q_hvac_0.9`` if any, and ``T_oa``.
+    Of several zones, names end with the zone's, and the cost is that of all; it has ends where every load has them.
     """
     prices = Tariff.of(tariff)
-    if prices is None or "Q_hvac" not in forecast or len(forecast) < 2:
+    named = [one for one in ([f"_{zone}" for zone in zones] or [""]) if f"Q_hvac{one}" in forecast]
+    if prices is None or not named or len(forecast) < 2:
         return None
     index = pd.DatetimeIndex(forecast.index)
     hours = (index[1] - index[0]) / pd.Timedelta("1h")
@@ -80,14 +90,25 @@ def energy_cost(
             return price * np.abs(load)
         return price * performance.electricity(load, forecast["T_oa"].to_numpy(dtype=np.float64))
 
-    ends = None
-    if {"Q_hvac_0.1", "Q_hvac_0.9"} <= set(forecast):
-        both = np.array([costs("Q_hvac_0.1"), costs("Q_hvac_0.9")])
-        idle = (forecast["Q_hvac_0.1"] <= 0.0) & (forecast["Q_hvac_0.9"] >= 0.0)  # the plant may rest
+    def ends_of(lower: str, upper: str) -> np.ndarray:
+        both = np.array([costs(lower), costs(upper)])
+        idle = (forecast[lower] <= 0.0) & (forecast[upper] >= 0.0)  # the plant may rest
         low, high = (end(both, axis=0) for end in (np.min, np.max))
-        ends = (
-            float(np.where(idle, np.minimum(low, 0.0), low).sum()),
-            float(np.where(idle, np.maximum(high, 0.0), high).sum()),
-        )
+        low, high = np.where(idle, np.minimum(low, 0.0), low), np.where(idle, np.maximum(high, 0.0), high)
+        return np.array([low.sum(), high.sum()])
+
+    value = sum(float(costs(f"Q_hvac{one}").sum()) for one in named)
+    bands = [(f"Q_hvac_0.1{one}", f"Q_hvac_0.9{one}") for one in named]
+    known = all(set(band) <= set(forecast) for band in bands)
+    low, high = np.sum([ends_of(*band) for band in bands], axis=0).tolist() if known else (0.0, 0.0)
     energy = "heat" if performance is None else "electricity"
-    return Cost(float(costs("Q_hvac").sum()), ends, energy, prices.currency)
+    return Cost(value, (low, high) if known else None, energy, prices.currency)
+
+
+def next_day_cost(result: Any) -> Cost | None:
+    """Cost of the load of a study's next day; None without a tariff, or where its kW have no scale."""
+    if not result.scaled:
+        return None
+    given = result.settings
+    forecast = result.forecast.assign(T_oa=result.data.future["T_oa"])
+    return energy_cost(forecast, given.tariff, given.plant, given.holidays, given.zones)

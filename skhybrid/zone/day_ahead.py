@@ -29,6 +29,7 @@ from .outages import BRIDGED, like_index, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
+ELECTRICITY = "electricity_kW"  # the column of it; of several zones it ends with the zone's name
 _FIRST = 4  # rows on each side of the origin whose weather is compared
 _LARGEST_JUMP = 12.0  # of T_oa from these to those [K]
 _DARK = 0.01  # irradiance relative to its highest, below which an hour of the log is dark
@@ -172,10 +173,11 @@ def _outdoor(report: LogReport) -> str | None:
 def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The forecast with the plant's electricity [kW], where its coefficient of performance is known."""
     performance = Performance.of(settings.plant)
-    if performance is None or "Q_hvac" not in found:
+    if performance is None:
         return found
-    electricity = performance.electricity(found["Q_hvac"].to_numpy(), found["T_oa"].to_numpy())
-    return found.assign(electricity_kW=electricity)
+    loads = [role for role in settings.roles_of("Q_hvac") if role in found]
+    electricity = {role: performance.electricity(found[role].to_numpy(), found["T_oa"].to_numpy()) for role in loads}
+    return found.assign(**{role.replace("Q_hvac", ELECTRICITY): values for role, values in electricity.items()})
 
 
 def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, Any]:
@@ -195,9 +197,9 @@ def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, A
         heat, cold = (round(float(out[role].mul(sign).clip(lower=0).sum() * hours), 2) for sign in (1, -1))
         found |= {f"heating{of} [kWh]": heat} | ({f"cooling{of} [kWh]": cold} if cold else {})
     found["largest load [kW]"] = round(float(out[list(loads.values())].sum(axis=1).abs().max()), 2)
-    if "electricity_kW" in out:
-        found["electricity [kWh]"] = round(float(out["electricity_kW"].sum() * hours), 2)
-    cost = energy_cost(out, settings.tariff, settings.plant, settings.holidays)
+    if electricity := [role for role in settings.roles_of(ELECTRICITY) if role in out]:
+        found["electricity [kWh]"] = round(float(out[electricity].to_numpy().sum() * hours), 2)
+    cost = energy_cost(out, settings.tariff, settings.plant, settings.holidays, settings.zones)
     return found if cost is None else found | cost.entries()
 
 

@@ -16,6 +16,7 @@ from ..building_study import ALONE, BuildingResult, worst
 from ..compared_models import HYBRID
 from ..identified_building import identified_only
 from ..scores import has_intervals
+from ..tariff import next_day_cost
 from ..verdict import CARE, NOT, USABLE, Verdict
 from ..zone_part import forecast_of
 from .figures import (
@@ -103,6 +104,8 @@ def _head(result: BuildingResult) -> str:
     loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
     if result.scaled and loads:
         cards += day_energy(pd.DataFrame({"Q_hvac": result.forecast[loads].sum(axis=1)}))
+    if (cost := next_day_cost(result)) is not None:
+        cards.append(cost.card())
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of {len(result.verdicts)} zones</p>'
         f"<h1>{escape(result.settings.name)}</h1>\n"

@@ -119,7 +119,7 @@ def _head(
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {day_words(forecast.index)}"))
     cards += day_energy(forecast) if scaled else []
     if cost is not None:
-        cards.append((f"{cost.value:.2f}\u00a0{cost.currency}".strip(), f"cost of the {cost.energy} for it"))
+        cards.append(cost.card())
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
         + verdict_boxes(verdicts)
