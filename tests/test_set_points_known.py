@@ -369,8 +369,7 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
 
 
 def test_limits_of_an_ideal_plant_are_reached(log):
-    """Where no thermostat was learned."""
-    plain = log.drop(columns=SIDES)
+    plain = log.drop(columns=SIDES)  # no thermostat is learned
     model = SchedulePredictor("2R2C", known={"Q_h": 6.0}, intervals=False).fit(plain[:TRAINED], plain["T_za"][:TRAINED])
     for setpoint, side in ((23.0, 1), (16.0, 0)):
         loads = [model.forecast(None, ahead(plain, TRAINED), setpoint=setpoint, limits=limits)["Q_hvac"]
