@@ -25,6 +25,7 @@ import pytest
 
 import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
+from skhybrid._json import strict_json
 from skhybrid._warnings import recorded_warnings, warn_user
 from skhybrid.cli import _group, _output, main
 from skhybrid.cli._options import as_command
@@ -1099,6 +1100,12 @@ def test_a_store_of_a_search_that_is_a_file_is_refused(files, capsys):
     place = [str(log), "--config", str(files / "zone.toml"), "--models", "ridge", "-q"]
     assert main(["search", *place, "--store", str(log)]) == 1
     assert capsys.readouterr().err == f"skhybrid: error: --store {log} is a file; give a folder.\n"
+
+
+def test_json_has_numbers_of_numpy_as_numbers_and_none_that_is_not_finite():
+    content = {"n": np.int64(3), "x": np.float32(0.5), "gap": np.nan, "parts": (np.inf, np.bool_(True)), 2: Path("a")}
+    expected = {"n": 3, "x": 0.5, "gap": None, "parts": [None, True], "2": "a"}
+    assert json.loads(strict_json(content)) == expected
 
 
 def test_a_search_prints_its_candidates_with_units(files, capsys):

@@ -8,6 +8,7 @@ import pytest
 from sklearn.base import BaseEstimator
 from sklearn.linear_model import Ridge
 
+from skhybrid._last_known import carried_forward, last_known_row
 from skhybrid._table import read_table
 from skhybrid._time import rows_per_day
 from skhybrid.forecasting import BoostedRegressor, DisturbanceForecaster
@@ -42,6 +43,12 @@ def test_profile_falls_back_to_day_type_and_then_to_the_mean():
     assert predicted.iloc[6 * 24 + 9] == pytest.approx(at_nine[weekend].mean())  # a Sunday
     short = DisturbanceForecaster("profile").fit(X.iloc[:24], y.iloc[:24])
     np.testing.assert_allclose(short.predict(later), y.iloc[:24].mean())
+
+
+def test_a_value_is_carried_forward_and_never_back():
+    values = np.array([np.nan, 5.0, np.nan, 7.0, np.nan])
+    np.testing.assert_array_equal(carried_forward(values), [np.nan, 5.0, 5.0, 7.0, 7.0])
+    assert last_known_row(np.isfinite(values)).tolist() == [-1, 1, 1, 3, 3]
 
 
 @pytest.mark.parametrize("missing", range(7))

@@ -18,7 +18,7 @@ from skhybrid.control.setpoints import Band, Limits
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blending.blend import blend_weights, by_lead, faded, lead_groups, moments
-from skhybrid.hybrid.blending.members import DailyProfileMember
+from skhybrid.hybrid.blending.members import ARXMember, DailyProfileMember
 from skhybrid.hybrid.blending.numbered_table import NumberedTable
 from skhybrid.hybrid.blending.rolling_blend import BlendRecord, RollingBlend, residual_correction
 from skhybrid.hybrid.plausible_range import PlausibleRange
@@ -808,3 +808,10 @@ def test_stages_give_the_heat_that_is_asked_of_them(fitted, X):
 def test_a_capacity_of_none_is_refused():
     with pytest.raises(ValueError, match="known= gives Q_c no value; give a number, or leave it out"):
         make_schedule_scheme(None, {"Q_h": 6.0, "Q_c": None}, "1D", None, "forecast", None)
+
+
+@pytest.mark.parametrize(("hours", "n_lags"), [(47, 4), (48, 24)])
+def test_less_than_two_days_are_regressed_on_few_temperatures(hours, n_lags, office):
+    rows = slice(0, 2 * hours)
+    members = HybridPredictor(intervals=False).fit(office.X[rows], office.y[rows])._scheme._members
+    assert {member.arx_.n_lags for member in members if isinstance(member, ARXMember)} == {n_lags}
