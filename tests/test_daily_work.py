@@ -365,6 +365,28 @@ def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused
         read_posted(tmp_path / "posted.csv", replace(settings, label="right"))
 
 
+def test_blank_set_points_of_posted_rows_are_those_of_a_plant_that_is_off(tmp_path):
+    """As in a log that is read at once; they stayed missing, and a new fit would have left the nights out."""
+    index = pd.date_range("2024-01-01", periods=10 * 24, freq="1h", name="time")
+    day = (index.hour >= 7) & (index.hour < 19)
+    log = pd.DataFrame(
+        {"T_za": 20.0 + day, "T_oa": 5.0 + index.hour % 7, "T_heat_set": np.where(day, 21.0, np.nan)}, index
+    )
+    log["u_heat"] = np.where(day, 0.2 + 0.1 * (index.hour % 4), 0.0)
+    settings = settings_from({"columns": {name: name for name in log}, "step": "1h"})
+    paths = {name: tmp_path / f"{name}.csv" for name in ("whole", "past", "posted")}
+    log.to_csv(paths["whole"])
+    log[:-60].to_csv(paths["past"])
+    past, _, held = read_even_log(paths["past"], settings)
+    with open_archive(tmp_path / "archive.sqlite") as archive, archive.transaction():
+        keep_log(archive, past, past.index[-1], held)
+        for first in range(len(log) - 60, len(log), 12):
+            log[first : first + 12].to_csv(paths["posted"])
+            found, _ = keep_posted(archive, *read_posted(paths["posted"], settings, archive.held())[:1], settings)
+    expected = read_even_log(paths["whole"], settings)[0]
+    pd.testing.assert_frame_equal(found[expected.columns], expected, check_freq=False)
+
+
 def test_strict_counts_warnings(folder, capsys):
     arguments = ["check", str(folder / "log.csv")]
     assert main(arguments) == 0

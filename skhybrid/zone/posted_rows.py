@@ -15,6 +15,7 @@ from .._table import listed, refuse_infinite_columns, role_of
 from .._time import SHORTEST_GAP, wall_clock
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
+from ..logs.blank_setpoints import filled_setpoints
 from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.raw_log import RawLog
@@ -168,7 +169,8 @@ def keep_posted(
     if len(ahead) > 1:
         ahead = on_even_steps(ahead, settings)[0]
         ahead = ahead[ahead.index > even.index[-1]] if len(even) else ahead
-    return pd.concat([even, ahead]).rename_axis("time"), len(rows) - n_measured
+    whole, _ = filled_setpoints(pd.concat([even, ahead]))  # of the whole log, of which a post is too short a part
+    return whole.rename_axis("time"), len(rows) - n_measured
 
 
 def _n_measured(rows: pd.DataFrame, settings: Settings, held: Sequence[str]) -> int:
