@@ -68,7 +68,8 @@ class Declaration:
                 raise ValueError(f"network {self.name}: {name}={given!r} must be the name of a node, or several.")
             if not isinstance(given, str | Mapping):
                 nodes = tuple(given)
-                object.__setattr__(self, name, nodes[0] if len(nodes) == 1 else nodes)
+                one = len(nodes) == 1 and isinstance(nodes[0], str)
+                object.__setattr__(self, name, nodes[0] if one else nodes)
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -173,7 +174,7 @@ class Declaration:
         roles : iterable of str
         """
         out = []
-        for role in sorted(set(roles), key=_role_order):
+        for role in sorted(set(as_names(roles)), key=_role_order):
             if role.startswith(ROLE_PREFIXES["solar"]):
                 usual: str | None = "A_win" + role[len("q_sol") :]
                 parts = parts_of_role(self.solar, "solar", role)
@@ -197,7 +198,7 @@ class Declaration:
         ----------
         roles : iterable of str
         """
-        roles = set(roles)
+        roles = set(as_names(roles))
         return tuple(
             dict.fromkeys([*(b for b in self.boundaries if b in roles), *(s.role for s in self.sources(roles))])
         )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .declaration import Declaration, Source
+from .declaration import Declaration, Source, as_names
 
 
 def equations(network: Declaration, roles: Iterable[str] | None = None, *, latex: bool = False) -> str:
     """One line per node: ``C dT/dt`` = conduction + sources."""
-    roles = tuple(network.usual_roles if roles is None else roles)
+    roles = network.usual_roles if roles is None else as_names(roles)
     lines = []
     for node, capacitance in network.capacitances.items():
         flows = " + ".join([*_conduction(network, node, latex), *heat_inputs(network, node, roles, latex=latex)])

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .declaration import Declaration
+from .declaration import Declaration, as_names
 
 
 class Continuous(NamedTuple):
@@ -65,7 +65,7 @@ class MatrixBuilder:
         network : RCNetwork
         roles : iterable of str
         """
-        roles = tuple(roles)
+        roles = as_names(roles)
         names = tuple(p.name for p in network.parameters(roles))
         columns = (*network.inputs(roles), *network.gain_names)
         flows = _heat_flows(network, roles, columns, names)

@@ -13,7 +13,7 @@ import pandas as pd
 from .._arguments import check_rate
 from ..filtering import Discrete, discretize
 from .checks import check
-from .declaration import Declaration
+from .declaration import Declaration, as_names
 from .equations import equations
 from .matrices import Continuous, MatrixBuilder
 
@@ -118,7 +118,7 @@ class RCNetwork(Declaration):
         ----------
         roles : iterable of str
         """
-        key = tuple(sorted(set(roles)))
+        key = tuple(sorted(set(as_names(roles))))
         if key not in self._matrix_builders:
             self._matrix_builders[key] = MatrixBuilder.from_network(self, key)
         return self._matrix_builders[key]
@@ -140,7 +140,7 @@ class RCNetwork(Declaration):
         dt : float; step [h]
         """
         check_rate("dt", dt)
-        c = self.matrices(theta, tuple(roles))
+        c = self.matrices(theta, roles)
         return discretize(c.A, c.B, c.dA, c.dB, c.capacitance, dt)
 
     def parameter_table(self, roles: Iterable[str] | None = None) -> pd.DataFrame:
