@@ -23,6 +23,7 @@ def _problems(network: Declaration) -> Iterator[str]:
     """The unclear points; a check relies on those before it, so the first point is raised before the next is sought."""
     for kind in ("solar", "heated"):
         yield from _key_problems(network, kind)
+        yield from _target_problems(network, kind)
     yield from _name_problems(network)
     yield from _node_problems(network, "measured", network.measured_nodes)
     yield from _node_problems(network, "disturbed", network.disturbed_nodes)
@@ -69,7 +70,7 @@ def _node_problems(network: Declaration, role: str, nodes: tuple[str, ...]) -> I
     if not nodes:
         yield f"no node is {role}; name at least one."
     for node in nodes:
-        if node not in network.capacitances:
+        if not isinstance(node, str) or node not in network.capacitances:
             yield f"the {role} node {node!r} has no capacitance."
         if nodes.count(node) > 1:
             yield f"the {role} node {node!r} is named twice; name it once."
@@ -106,7 +107,7 @@ def _key_problems(network: Declaration, kind: str) -> Iterator[str]:
     if not is_by_role(declared, kind):
         return
     for role, target in declared.items():
-        if not role.startswith(prefixes):
+        if not str(role).startswith(prefixes):
             roles = ", ".join(f"{prefix}..." for prefix in prefixes)
             yield f"{kind} mixes {role!r} with roles; its keys must be all roles ({roles}) or all nodes."
         if not isinstance(target, str | Mapping):
@@ -122,6 +123,18 @@ def _key_problems(network: Declaration, kind: str) -> Iterator[str]:
     for parameter, count in sources.items():
         if count > 1:
             yield f"{kind} gives {parameter!r} to two sources; give every source its own."
+
+
+def _target_problems(network: Declaration, kind: str) -> Iterator[str]:
+    for shares in all_shares(getattr(network, kind), kind):
+        for node, fraction in shares:
+            if not isinstance(node, str):
+                yield f"{kind} names the node {node!r}; give the name of one with a capacitance."
+            if not isinstance(fraction, str | None):
+                yield (
+                    f"{kind} gives {node!r} the share {fraction!r}; give the name of a parameter, such as 'f', or None "
+                    "for the remainder."
+                )
 
 
 def _share_problems(network: Declaration, kind: str) -> Iterator[str]:
