@@ -320,6 +320,13 @@ def test_the_cumulative_periodogram_is_that_of_a_plain_sum():
     assert found.attrs["statistic"] == pytest.approx(uniform, abs=0.1)
 
 
+def test_an_alternating_series_has_no_power_below_the_highest_frequency():
+    found = cumulative_periodogram(np.tile([1.0, -1.0], 20))
+    np.testing.assert_allclose(found["cumulative"], 0.0, atol=1e-9)
+    assert found.attrs["statistic"] > 1.0
+    assert found.attrs["p_value"] < 1e-4
+
+
 @pytest.mark.parametrize("share_missing", [0.0, 0.3])
 def test_white_noise_is_refused_as_often_as_said(share_missing):
     rng, n = np.random.default_rng(4), 250

@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from ..._table import as_numbers, refuse_huge
 
 Z95 = 1.959964  # 95 % of a standard normal variable lies within
+_LEAST_POWER = 1e-12  # share of the power of a series that is rounding
 _MAX_ORDER = 32  # longest autoregression that makes an input white
 
 
@@ -96,7 +97,8 @@ def cumulative_periodogram(errors: Any) -> pd.DataFrame:
     z, _ = _centred(errors)
     m = (len(z) - 1) // 2
     power = np.abs(np.fft.rfft(z)[1 : m + 1]) ** 2
-    cumulative, expected = np.cumsum(power) / power.sum(), np.arange(1, m + 1) / m
+    total = max(power.sum(), _LEAST_POWER * len(z) * (z @ z))  # an alternating series has all of it above these
+    cumulative, expected = np.cumsum(power) / total, np.arange(1, m + 1) / m
     statistic = float(max(np.max(cumulative - expected), np.max(expected - cumulative + 1.0 / m)))
     root = np.sqrt(m) + 0.12 + 0.11 / np.sqrt(m)  # Stephens (1970): the limit law, for finite samples
     table = pd.DataFrame(
