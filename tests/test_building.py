@@ -412,3 +412,6 @@ def test_what_tells_no_floor_plan_is_refused(house, change, message):
         find_adjacency(house.X, house.y, zones=["living", "x"])
     with pytest.raises(ValueError, match="two zones or more"):
         find_adjacency(house.X, house.y, zones=["living", "living"])
+    for zones in (5, "living"):
+        with pytest.raises(ValueError, match=f"zones={zones!r} must be the names of two zones or more"):
+            find_adjacency(house.X, house.y, zones=zones)

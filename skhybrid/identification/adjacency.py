@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -111,6 +111,8 @@ class _Rooms(NamedTuple):
 
 def _read(X: Any, y: Any, zones: Sequence[str] | None) -> _Rooms:
     given = [str(c).removeprefix("T_za_") for c in getattr(y, "columns", ())] if zones is None else zones
+    if not isinstance(given, Iterable) or isinstance(given, str):
+        raise ValueError(f"zones={zones!r} must be the names of two zones or more, such as ['living', 'kitchen'].")
     names = tuple(dict.fromkeys(given))
     if not isinstance(y, pd.DataFrame) or len(names) < 2:
         raise ValueError("y needs the temperatures of two zones or more; give a DataFrame with a column per zone.")
