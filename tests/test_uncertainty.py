@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from scipy.signal import lfilter
 from sklearn.base import clone
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork
@@ -291,6 +292,22 @@ def test_the_ends_of_a_profile_do_not_depend_on_the_first_step(bounded, office):
     np.testing.assert_allclose(
         [profile.lower, profile.upper], interval, atol=0.1 * (interval["upper"] - interval["lower"])
     )
+
+
+def test_a_profile_that_meets_a_better_minimum_begins_there_anew():
+    """From a poor minimum of the noise, the interval is that of the best fit."""
+    rng, n = np.random.default_rng(19), 672
+    step = pd.date_range("2025-01-06", periods=n, freq="30min", tz="UTC")
+    X = pd.DataFrame({"T_oa": 5.0 + 4.0 * np.sin(np.arange(n) * np.pi / 24), "q_sol": 0.0}, index=step)
+    X["u_heat"] = np.repeat(rng.uniform(size=n // 6), 6)
+    gain, decay = np.cumsum(rng.normal(0.0, 0.05, n)), np.exp(-0.05)
+    rise = (1.0 - decay) * (X["T_oa"] + 5.0 * (4.0 * X["u_heat"] + gain)).to_numpy()
+    T = lfilter([1.0], [1.0, -decay], np.append(20.0, rise[:-1])) + rng.normal(0.0, 0.03, n)
+    model = InputDisturbanceID("1R1C", known={"Q_h": 4.0, "A_win": 1.0}, n_starts=10, measurement_sd=0.03).fit(X, T)
+    poor = clone(model).fit(X, T, theta_init={**model.theta_, "sigma_x": 0.5, "sigma_zeta": 1e-8})
+    assert poor.loss_ > 1.1 * model.loss_
+    profile, interval = profile_likelihood(poor, X, T, "R_zo"), model.theta_interval().loc["R_zo"]
+    np.testing.assert_allclose([profile.lower, profile.upper], interval, rtol=0.02)
 
 
 @pytest.mark.parametrize(

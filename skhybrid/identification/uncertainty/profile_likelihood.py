@@ -78,6 +78,16 @@ class _Search:
     def least(self) -> float:
         return min(deviance for deviance, _ in self.tried.values())
 
+    def ends(self, start: float, step: float, threshold: float) -> list[float | None]:
+        """Both ends of the interval, as :meth:`end`; where a better minimum turns up, from there anew."""
+        while True:
+            self.deviance(start)
+            found = [self.end(start, sign * step, threshold) for sign in (-1.0, 1.0)]
+            best = min(self.tried, key=lambda x: self.tried[x][0])
+            if self.tried[start][0] - self.tried[best][0] <= _NEAR * threshold:
+                return found
+            start, self.tried = best, {best: self.tried[best]}
+
     def end(self, start: float, step: float, threshold: float) -> float | None:
         """Value at which the deviance passes the threshold on one side; None where it does not within the bounds."""
         low, high = self.parameter.free_bounds
@@ -159,10 +169,9 @@ def profile_likelihood(
     theta = float(fitted.theta_[parameter])
     usable = known.transform != "log" or theta * known.sign > 0
     start = float(np.clip(known.to_free(theta) if usable else known.free_bounds[0], *known.free_bounds))
-    search.deviance(start)
     step = quantile * _standard_error(fitted, known)
     threshold = inflation * quantile**2
-    ends = [search.end(start, sign * step, threshold) for sign in (-1.0, 1.0)]
+    ends = search.ends(start, step, threshold)
     more = [known.to_free(float(value)) for value in tried]
     reached = [x for x in ends if x is not None]
     more += np.linspace(reached[0], reached[1], n_inside + 2)[1:-1].tolist() if len(reached) == 2 else []
