@@ -357,6 +357,21 @@ def test_an_identification_without_a_gain_state_brings_its_network():
     pd.testing.assert_frame_equal(by_fit.table, plan_experiment("2R2C", dict(fit.theta_), hours=[12], **SETTINGS).table)
 
 
+def test_a_stage_with_capacities_of_its_own_heats_as_one_that_is_shared():
+    """A radiator that heats the air and a floor by 4 and 2 kW, declared as capacities and as a share of 6 kW."""
+    known = {name: value for name, value in THETA.items() if name[0] != "Q"}
+    shares = {"by_part": {"Q_h_air": "za", "Q_h_floor": "w"}, "by_share": {"za": "g", "w": None}}
+    values = {"by_part": {"Q_h_air": 4.0, "Q_h_floor": 2.0}, "by_share": {"Q_h": 6.0, "g": 4.0 / 6.0}}
+    tables = {}
+    for name, heated in shares.items():
+        network = replace(get_network("2R2C"), heated={"u_heat": heated})
+        settings = {**SETTINGS, "theta": {**known, **values[name]}, "known": list(values[name])}
+        tables[name] = plan_experiment(network, **settings).table[list(known)]
+    np.testing.assert_allclose(tables["by_part"], tables["by_share"], rtol=0.02)
+    with pytest.raises(ValueError, match=r"no capacity of u_heat or u_cool \(Q_h_air, Q_h_floor\)"):
+        plan_experiment(replace(network, heated={"u_heat": shares["by_part"]}), **{**SETTINGS, "theta": known})
+
+
 def test_several_zones_that_were_identified_are_refused_by_their_network():
     pair = building_network(["north", "south"], [("north", "south")])
     own = {"tau": 3.0, "sigma_weekday_day": 0.4, "sigma_weekday_night": 0.1, "sigma_weekend": 0.2, "sigma_y": 0.04}
@@ -376,7 +391,10 @@ BAD = {
     "no theta": ({"theta": None}, "theta is missing"),
     "short theta": ({"theta": {k: v for k, v in THETA.items() if k != "R_zo"}}, "theta lacks R_zo"),
     "unknown theta": ({"theta": {**THETA, "q_c": -5.0}}, "theta names 'q_c', but the parameters are C_w"),
-    "no plant": ({"theta": {k: v for k, v in THETA.items() if k[0] != "Q"}}, "neither Q_h nor Q_c"),
+    "no plant": (
+        {"theta": {k: v for k, v in THETA.items() if k[0] != "Q"}},
+        "no capacity of u_heat or u_cool \\(Q_h, Q_c\\)",
+    ),
     "scale": ({"known": []}, "fixes no capacitance"),
     "share known": ({"known": ["f"]}, "fixes no capacitance"),
     "unknown known": ({"known": ["Q_x"]}, "known= names 'Q_x'"),

@@ -23,11 +23,10 @@ from ..fitting.excitation import scaling_of
 from ..gain_model import DAY_TYPES
 from ..state_space import checked_theta
 from .information import FilterInformation, relative_errors
-from .zone import CLASSES, Calendar, GainStatistics, Zone, draw_gain, run_thermostat
+from .zone import CLASSES, STAGES, Calendar, GainStatistics, Zone, draw_gain, planned_stages, run_thermostat
 
 HALF_BAND = 0.5  # half the distance of heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 _NONE = "none"
-_STAGES = {"u_heat": "Q_h", "u_cool": "Q_c"}
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,8 @@ def plan_experiment(
     network : str, RCNetwork or fitted identification
         A fitted identification brings its parameters, those it knew, and the statistics of its gain, if any.
     theta : mapping of parameter to value, optional
-        Prior guess of the network's parameters; a plant heats where ``Q_h`` is given and cools where ``Q_c`` is.
+        Prior guess of the network's parameters; a plant heats where a capacity of ``u_heat``, such as ``Q_h``, is
+        given, and cools where one of ``u_cool`` is.
     weather : DataFrame
         ``T_oa`` [degC], ``q_sol`` [kW/m2] and what else the network needs, at the step of the simulation; its rows are
         the log that will be identified, the unperturbed days included.
@@ -217,10 +217,7 @@ def _zone(
     if not isinstance(gain, GainStatistics | None):
         raise ValueError(f"gain={gain!r} must be a GainStatistics, or None for that of the synthetic office.")
     solar = [c for c in getattr(weather, "columns", ()) if str(c).startswith("q_sol")]
-    stages = [role for role, capacity in _STAGES.items() if capacity in theta]
-    if not stages:
-        raise ValueError("theta has neither Q_h nor Q_c [kW]: without heating or cooling no set-point can be held.")
-    roles = (*net.boundaries, *((solar or ["q_sol"]) if net.solar else ()), *stages)
+    roles = (*net.boundaries, *((solar or ["q_sol"]) if net.solar else ()), *planned_stages(net, theta))
     values = checked_theta(net, theta, roles)
     for what, names in (("theta", theta.keys()), ("known=", known)):
         if strange := sorted(map(str, set(names) - set(values))):
@@ -257,7 +254,7 @@ def _fitted_gain(model: Any) -> GainStatistics | None:
 
 
 def _read_weather(zone: Zone, weather: pd.DataFrame, sampling_time: Any) -> _Log:
-    roles = [role for role in zone.roles if role not in _STAGES]
+    roles = [role for role in zone.roles if role not in STAGES]
     known = float_columns(weather, roles, "weather")
     index = weather.index
     if not isinstance(index, pd.DatetimeIndex) or len(index) < 2:
@@ -369,7 +366,7 @@ def _expected_errors(
         gains = np.repeat(gain[:, None], len(cases), axis=1)
         run = run_thermostat(zone, log.inputs, gains, setpoints, log.hours, hysteresis)
         inputs = np.repeat(np.column_stack([log.inputs, gain])[:, None], len(cases), axis=1)
-        for j, role in enumerate(_STAGES):
+        for j, role in enumerate(STAGES):
             if role in zone.roles:
                 inputs[:, :, zone.column(role)] = run.stages[:, j]
         rows = inputs.reshape(-1, log.per_row, *inputs.shape[1:]).mean(axis=1)

@@ -15,9 +15,11 @@ from ..._calendar import profile_cell
 from ..._table import as_numbers
 from ...filtering import Discrete
 from ...thermal import RCNetwork
+from ...thermal.declaration import parts_of_role
 from ..gain_model import HOUR_CLASSES
 
 CLASSES = HOUR_CLASSES["day_night"]  # classes of hours that have a variance of their own, by cell of the weekly profile
+STAGES = ("u_heat", "u_cool")  # of the thermostat
 _HOURS = 24
 
 
@@ -115,6 +117,20 @@ class Zone:
         return self.network.inputs(self.roles).index(role)
 
 
+def planned_stages(network: RCNetwork, theta: Mapping[str, float]) -> list[str]:
+    """Stages of a network that have a capacity in ``theta``; refused where none has."""
+    heated = [role for role in STAGES if parts_of_role(network.heated, "heated", role)]
+    capacities = {role: [str(source.parameter) for source in network.sources([role])] for role in heated}
+    stages = [role for role, names in capacities.items() if any(name in theta for name in names)]
+    if not stages:
+        wanted = ", ".join(name for names in capacities.values() for name in names)
+        raise ValueError(
+            f"theta has no capacity of u_heat or u_cool ({wanted or f'network {network.name} reads neither'}) [kW]: "
+            "without heating or cooling no set-point can be held."
+        )
+    return stages
+
+
 class Run(NamedTuple):
     """A simulated log of M cases side by side, at the simulation's step."""
 
@@ -139,7 +155,7 @@ def run_thermostat(
     An on/off plant switches at ``hysteresis`` [K] beyond the set-point; None: it modulates.  Input stages are unread.
     """
     d = zone.discrete(hours)
-    stages = [(j, zone.column(r) if r in zone.roles else None) for j, r in enumerate(("u_heat", "u_cool"))]
+    stages = [(j, zone.column(r) if r in zone.roles else None) for j, r in enumerate(STAGES)]
     effects = {j: d.B[:, column] for j, column in stages if column is not None}
     weather = inputs @ d.B[:, :-1].T
     N, M = gains.shape
