@@ -296,3 +296,29 @@ def spell(step: pd.Timedelta) -> str:
         if seconds % size == 0:
             return f"{int(seconds // size)} {unit}"
     return f"{seconds:g} s"
+
+
+def read_instant(value: Any, index: pd.Index, name: str, where: str) -> Any:
+    """A time stamp by the clock of an index, or a row number where the index has no stamps; else refused.
+
+    The message names the argument, and ``where`` the index is.
+    """
+    is_number = isinstance(value, int | float | np.number)
+    if not isinstance(index, pd.DatetimeIndex):
+        if not is_number:
+            raise ValueError(f"{name}={value!r} is not a row number, but {where} has no time stamps; give a number.")
+        return value
+    such = f"give one, such as {str(index[0])!r}."
+    if is_number:
+        raise ValueError(f"{name}={value!r} is a number, but {where} has time stamps; {such}")
+    try:
+        stamp: pd.Timestamp | None = pd.Timestamp(value)
+        if stamp is not None and index.tz is not None and stamp.tz is None:
+            stamp = stamp.tz_localize(index.tz)
+    except (TypeError, ValueError):
+        stamp = None
+    if stamp is None or pd.isna(stamp):
+        raise ValueError(f"{name}={value!r} is not a time stamp; {such}")
+    if index.tz is None and stamp.tz is not None:
+        raise ValueError(f"{name}={value!r} has a time zone, but {where} has none; {such}")
+    return stamp

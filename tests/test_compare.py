@@ -10,6 +10,7 @@ import pytest
 from joblib import parallel_config
 from scipy import stats
 from sklearn.linear_model import Ridge
+from sklearn.model_selection import KFold
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID
 from skhybrid.datasets import make_office
@@ -162,7 +163,7 @@ def test_for_forecasts_the_held_out_error_decides(office):
 def fitted(office):
     def fit(cls, network, known=None, **settings):
         return cls(network, known=known or {"Q_h": 6.0}, n_starts=1, random_state=0, **settings).fit(
-            office.X[:192], office.y[:192]
+            office.X[:288], office.y[:288]
         )
 
     return {
@@ -283,7 +284,21 @@ def test_wrong_settings_are_refused(office):
     for cv in (3, "rolling"):
         with pytest.raises(ValueError, match=rf"cv={cv!r} must be a splitter into consecutive rows, such as RollingO"):
             compare_models([GrayBoxRC()], office.X, office.y, cv=cv)
+    for scattered in (KFold(3), KFold(3, shuffle=True, random_state=0)):
+        with pytest.raises(ValueError, match=r"cv=KFold.* does not test on consecutive rows after those of the train"):
+            compare_models([GrayBoxRC()], office.X, office.y, cv=scattered)
     with pytest.raises(ValueError, match=r"X has no time stamps, by which test blocks are cut; .* pass cv=."):
         compare_models([GrayBoxRC(sampling_time="15min")], office.X.to_numpy(), office.y)
     with pytest.raises(ValueError, match=r"no model could be fitted.*9R9C"):
         compare_models([PeriodicDisturbanceID("9R9C")], office.X, office.y)
+
+
+def test_a_target_of_one_column_stands_for_the_measurement(office):
+    without = office.X[:288].drop(columns="T_za")
+    model = GrayBoxRC("1R1C", known={"Q_h": 6.0}, n_starts=1)
+    cv = RollingOriginSplit(train="2D", test="1D")
+    column, series = (
+        compare_models([model], without, y, cv=cv, horizon="6h") for y in (office.y[:288].to_frame(), office.y[:288])
+    )
+    assert column.errors == series.errors == {}
+    pd.testing.assert_frame_equal(column.table.drop(columns="seconds"), series.table.drop(columns="seconds"))

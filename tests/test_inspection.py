@@ -116,6 +116,53 @@ def test_overlapping_origins_are_not_drawn_on_one_another(table):
     assert len(drawn) == len(set(drawn))
 
 
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ({"start": 5}, "start=5 is a number, but the back-test has time stamps; give one, such as '2024-01-01 01:00"),
+        ({"end": "noon"}, "end='noon' is not a time stamp; give one, such as '2024-01-01 01:00"),
+    ],
+)
+def test_a_limit_that_is_no_stamp_says_why(frame, limits, said):
+    with pytest.raises(ValueError) as error:
+        ForecastDisplay.from_predictions(frame, **limits)
+    assert said in str(error.value)
+
+
+def test_a_limit_with_a_time_zone_needs_a_back_test_with_one(frame):
+    bare = frame.assign(origin=frame["origin"].dt.tz_localize(None), time=frame["time"].dt.tz_localize(None))
+    with pytest.raises(ValueError, match="has a time zone, but the back-test has none"):
+        ForecastDisplay.from_predictions(bare, start=INDEX[30])
+
+
+def test_no_line_crosses_the_time_between_forecasts(table):
+    short = backtest(Shifted(), table, table["T_za"]).query("lead <= '6h'")
+    lines = _lines(ForecastDisplay.from_predictions(short.assign(**{"q_0.1": 18.0, "q_0.9": 23.0})).ax_)
+    for label, column in (("measured", "y_true"), ("forecast", "y_pred")):
+        drawn = lines[label].get_ydata()
+        np.testing.assert_array_equal(np.flatnonzero(np.isnan(drawn)), [6, 13, 20, 27])  # once after each span
+        np.testing.assert_array_equal(drawn[~np.isnan(drawn)], short[column])
+
+
+def test_back_tests_of_different_days_are_all_in_view(table):
+    early, late = (backtest(Shifted(), table[rows], table["T_za"][rows]) for rows in (slice(49), slice(72, None)))
+    ax = ForecastDisplay.from_predictions({"early": early, "late": late}).ax_
+    lines = _lines(ax)
+    assert ax.get_xlim() == (lines["early"].get_xdata(orig=False)[0], lines["late"].get_xdata(orig=False)[-1])
+    drawn = lines["measured"].get_ydata()
+    np.testing.assert_array_equal(drawn[~np.isnan(drawn)], [*early["y_true"], *late["y_true"]])
+
+
+def test_forecast_and_measurement_of_different_clocks_are_not_drawn_together(frame):
+    bare = frame.assign(origin=frame["origin"].dt.tz_localize(None), time=frame["time"].dt.tz_localize(None))
+    with pytest.raises(ValueError, match="'a', 'b' have different clocks: 'Europe/Amsterdam', 'no time zone'"):
+        ForecastDisplay.from_predictions({"a": frame, "b": bare})
+    day = pd.DataFrame({"T_za": 20.0}, index=INDEX[:24])
+    with pytest.raises(ValueError, match=r"measured has another clock \(no time zone\) than the forecast \(Europe"):
+        DayAheadDisplay.from_predictions(day, measured=day.tz_localize(None))
+    DayAheadDisplay.from_predictions(day, measured=day.tz_convert("UTC"))  # the same instants
+
+
 def test_a_display_is_made_from_an_estimator(table, frame):
     by_estimator = ForecastDisplay.from_estimator(Shifted(), table, table["T_za"])
     pd.testing.assert_frame_equal(by_estimator.frames["Shifted"], frame)
@@ -211,6 +258,11 @@ def test_the_week_of_an_estimator_reads_its_gray_box(table):
     class Hybrid:
         gray_box_ = GrayBox()
 
+    class Scheduled:
+        gray_box_ = type("Network", (), {"schedule_": None})()
+
+    with pytest.raises(ValueError, match="Scheduled learned schedules and estimates no disturbance; draw a Schedule"):
+        DisturbanceWeekDisplay.from_estimator(Scheduled(), table)
     display = DisturbanceWeekDisplay.from_estimator(Hybrid(), table, kind="output")
     assert display.ax_.get_ylabel() == "unmeasured heat [K]"
     assert display.week["median"].dropna().eq(2.0).all()
@@ -324,6 +376,11 @@ def test_parts_of_a_comparison_and_of_a_map_must_fit():
             RobustnessDisplay.from_predictions(*given, values, ["a"])
     with pytest.raises(ValueError, match="couplings name 'hall', which is not a pair of zones"):
         RoomMapDisplay.from_predictions({"hall": 1.0}, {"hall": 0.3})
+
+
+def test_draws_that_are_all_equal_are_drawn():
+    ax = PosteriorDisplay.from_predictions(pd.DataFrame({"time": np.zeros(50), "ID": np.linspace(-1.0, 1.0, 50)})).ax_
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["time", "ID"]
 
 
 def test_schedules_of_a_model_that_has_none_are_refused():

@@ -148,6 +148,12 @@ def test_backtest_under_a_weather_forecast(office, models, name):
     assert (off["q_0.9"] - off["q_0.1"]).mean() > (exact["q_0.9"] - exact["q_0.1"]).mean()
 
 
+def test_one_quantile_may_be_a_number(office, models):
+    X, y = _rows(office)
+    one, other = (backtest(models["arx"], X, y, quantiles=q, weather_error="low") for q in (0.9, [0.9]))
+    pd.testing.assert_frame_equal(one, other)
+
+
 def test_the_measured_heat_of_a_back_test_is_no_plan(office, models, recwarn):
     X, y = _rows(office)
     backtest(models["hybrid"], X.assign(u_heat=X["u_heat"] + 1.3), y, weather_error="medium")

@@ -64,6 +64,10 @@ class DisturbanceWeekDisplay(Display):
         %(drawing)s
         """
         gray_box = getattr(estimator, "gray_box_", estimator)
+        if hasattr(gray_box, "schedule_"):
+            raise ValueError(
+                f"{type(estimator).__name__} learned schedules and estimates no disturbance; draw a ScheduleDisplay."
+            )
         names = getattr(gray_box, "feature_names_in_", None)
         if names is not None and isinstance(X, pd.DataFrame) and set(names) <= set(X.columns):
             X = X[list(names)]  # a predictor may have passed the columns to its gray box in another order

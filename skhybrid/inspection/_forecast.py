@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import float_columns
+from .._table import float_columns, listed
+from .._time import read_instant
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
 from ._display import Display, frames_by_label
@@ -27,6 +28,7 @@ from ._style import (
     time_axis,
 )
 
+_NO_STAMPS, _NO_ZONE = "row numbers", "no time zone"
 _SIDES = {"T_heat_set": "heating set-point", "T_cool_set": "cooling set-point"}  # of a thermostat, by role
 
 
@@ -102,7 +104,6 @@ class ForecastDisplay(Display):
         %(title)s
         """
         chosen = {label: _within(_without_overlap(frame), start, end) for label, frame in self.frames.items()}
-        first = next(iter(chosen.values()))
         given = next(iter(self.frames.values()))
         zones = list(given["zone"].unique()) if "zone" in given else []
         axes = axes_or_new(ax, (9.0, 2.0 * len(zones) + 0.9 if zones else 3.6), max(1, len(zones)))
@@ -113,7 +114,7 @@ class ForecastDisplay(Display):
             }
             _draw_forecasts(panel, of_zone)
             tidy(panel, ylabel=f"zone temperature [{unit}]" if zone is None else f"{zone} [{unit}]")
-        time_axis(panels[-1], pd.Index(first["time"]))
+        time_axis(panels[-1], pd.Index(pd.concat([frame["time"] for frame in chosen.values()])))
         if zones:
             shared_legend(panels, title)
         else:
@@ -123,15 +124,24 @@ class ForecastDisplay(Display):
 
 def _draw_forecasts(ax: Any, frames: Mapping[str, pd.DataFrame]) -> None:
     """One zone: the measurement, and the forecasts by label."""
-    first = next(iter(frames.values()))
-    if "zone" not in first or first["y_true"].notna().any():
-        ax.plot(first["time"], first["y_true"], color=MEASURED, linewidth=1.6, label="measured")
+    all_times = pd.concat(list(frames.values())).drop_duplicates("time").sort_values("time")
+    seen = _apart(all_times)
+    if "zone" not in seen or seen["y_true"].notna().any():
+        ax.plot(seen["time"], seen["y_true"], color=MEASURED, linewidth=1.6, label="measured")
     for number, (label, frame) in enumerate(frames.items()):
-        style = line_style(number, beside_measured=True)
-        ax.plot(frame["time"], frame["y_pred"], linewidth=1.3, label=label, **style)
-        bands(ax, frame["time"], frame, style["color"], label if len(frames) > 1 else "")
-    for origin in first["origin"].unique():
+        style, spans = line_style(number, beside_measured=True), _apart(frame)
+        ax.plot(spans["time"], spans["y_pred"], linewidth=1.3, label=label, **style)
+        bands(ax, spans["time"], spans, style["color"], label if len(frames) > 1 else "")
+    for origin in all_times["origin"].unique():
         ax.axvline(origin, color="#888888", linewidth=0.8, linestyle="--", zorder=0.5)
+
+
+def _apart(frame: pd.DataFrame) -> pd.DataFrame:
+    """Forecasts of one zone in the order of time, with a row without values before a span that begins after a gap."""
+    begins = frame.loc[frame["origin"] > frame["time"].shift(), "origin"]
+    if begins.empty:
+        return frame
+    return pd.concat([frame, pd.DataFrame({"origin": begins, "time": begins})]).sort_values("time", kind="stable")
 
 
 @dataclass(eq=False, repr=False)
@@ -245,6 +255,9 @@ class DayAheadDisplay(Display):
         float_columns(forecast, ("T_za",), "the forecast")
         if measured is not None:
             float_columns(measured, ("T_za",), "measured")
+            theirs, ours = _clock(measured.index), _clock(forecast.index)
+            if theirs != ours and {theirs, ours} & {_NO_STAMPS, _NO_ZONE}:  # two zones are drawn as they should
+                raise ValueError(f"measured has another clock ({theirs}) than the forecast ({ours}); convert one.")
         return cls(forecast, measured, setpoint).plot(ax, **kwargs)
 
     @property
@@ -310,7 +323,20 @@ def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame, needed: Sequenc
         float_columns(frame, ("y_true", "y_pred"), "the back-test")
         if absent := [name for name in needed if name not in frame]:
             raise ValueError(f"the back-test has no column {absent[0]!r}; give one.")
+    if "time" in needed and len(clocks := {_clock(frame["time"]): label for label, frame in found.items()}) > 1:
+        raise ValueError(
+            f"the back-tests {listed(clocks.values())} have different clocks: {listed(clocks)}; bring X to one "
+            "(tz_localize, tz_convert)."
+        )
     return found
+
+
+def _clock(time: Any) -> str:
+    """The clock of time stamps or row numbers, in words."""
+    index = pd.Index(time)
+    if not isinstance(index, pd.DatetimeIndex):
+        return _NO_STAMPS
+    return _NO_ZONE if index.tz is None else str(index.tz)
 
 
 def _run_backtests(
@@ -354,14 +380,11 @@ def _without_overlap(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _within(frame: pd.DataFrame, start: Any, end: Any) -> pd.DataFrame:
-    zone = getattr(frame["time"].dt, "tz", None) if pd.api.types.is_datetime64_any_dtype(frame["time"]) else None
-    for limit, is_end in ((start, False), (end, True)):
-        if limit is None:
-            continue
-        stamp = limit if not isinstance(limit, str) else pd.Timestamp(limit)
-        if zone is not None and getattr(stamp, "tzinfo", None) is None:
-            stamp = pd.Timestamp(stamp).tz_localize(zone)
-        frame = frame[frame["time"] <= stamp] if is_end else frame[frame["time"] >= stamp]
+    times = pd.Index(frame["time"])
+    if start is not None:
+        frame = frame[frame["time"] >= read_instant(start, times, "start", "the back-test")]
+    if end is not None:
+        frame = frame[frame["time"] <= read_instant(end, times, "end", "the back-test")]
     if frame.empty:
         raise ValueError(f"no forecast lies between start={start!r} and end={end!r}.")
     return frame

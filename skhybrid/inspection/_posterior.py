@@ -112,7 +112,9 @@ class PosteriorDisplay(Display):
 
 
 def _density(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate the density of draws, scaled to a maximum of 1."""
+    """Estimate the density of draws, scaled to a maximum of 1; draws that are all equal have a single line."""
+    if np.ptp(draws) == 0.0:
+        return np.full(2, draws[0]), np.ones(2)
     low, high = np.quantile(draws, [0.001, 0.999])
     x = np.linspace(low - 0.15 * (high - low), high + 0.15 * (high - low), 200)
     density = gaussian_kde(draws)(x)

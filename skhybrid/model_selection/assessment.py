@@ -35,10 +35,9 @@ def assess(
     """Fit and diagnose a candidate, and forecast held-out rows; errors are recorded."""
     try:
         table = X
-        if isinstance(X, pd.DataFrame) and not (
-            "T_za" in X or "T_za" in dict(estimator.columns or {}) or np.ndim(y) != 1
-        ):
-            table = X.assign(T_za=np.asarray(y, dtype=np.float64))
+        has_target = isinstance(X, pd.DataFrame) and ("T_za" in X or "T_za" in dict(estimator.columns or {}))
+        if isinstance(X, pd.DataFrame) and not has_target and np.size(y) == len(X):
+            table = X.assign(T_za=np.asarray(y, dtype=np.float64).ravel())
         begin = time.perf_counter()
         model = clone(estimator).fit(table, y)
         seconds = time.perf_counter() - begin

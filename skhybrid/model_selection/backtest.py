@@ -13,9 +13,9 @@ from .._arguments import check_bool
 from .._ranges import check_range
 from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
-from .._time import assumed_clock, even_step, positive_duration, rows_of, spell, wall_clock
+from .._time import assumed_clock, even_step, positive_duration, read_instant, rows_of, spell, wall_clock
 from .._warnings import several
-from ..forecasting.quantiles import quantile_columns, quantile_levels
+from ..forecasting.quantiles import quantile_columns, quantile_levels, read_quantiles
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
 from .setpoint_paths import paths_under_setpoints
@@ -98,6 +98,7 @@ def backtest(
     forecaster, table = unwrapped(estimator, X)
     if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
+    quantiles = None if quantiles is None else read_quantiles(quantiles).tolist()
     zones = getattr(forecaster, "zones_", ("",))
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
@@ -272,27 +273,13 @@ def _first_row(stamps: pd.Index, start: Any) -> int:
     """Number of the first row that is not before ``start``."""
     if start is None:
         return 0
-    is_number = isinstance(start, int | float | np.number)
+    first = read_instant(start, stamps, "start", "X")
     if not isinstance(stamps, pd.DatetimeIndex):
-        if not is_number:
-            raise ValueError(f"start={start!r} is not a row number, but X has no time stamps; give a number.")
-        return int(stamps.searchsorted(start))
-    such = f"give one, such as {str(stamps[0])!r}."
-    if is_number:
-        raise ValueError(f"start={start!r} is a number, but X has time stamps; {such}")
-    try:
-        stamp = pd.Timestamp(start)
-        if stamps.tz is not None and stamp.tz is None:
-            stamp = stamp.tz_localize(stamps.tz)
-    except (TypeError, ValueError):
-        raise ValueError(f"start={start!r} is not a time stamp; {such}") from None
-    if pd.isna(stamp):
-        raise ValueError(f"start={start!r} is not a time stamp; {such}")
-    if stamps.tz is None and stamp.tz is not None:
-        raise ValueError(f"start={start!r} has a time zone, but X has none; {such}")
-    if stamp > stamps[-1]:
+        return int(stamps.searchsorted(first))
+    if first > stamps[-1]:
+        such = f"give one, such as {str(stamps[0])!r}."
         raise ValueError(f"start={start!r} comes after the last row of X; {such}")
-    return int(stamps.searchsorted(stamp.as_unit(stamps.unit)))
+    return int(stamps.searchsorted(first.as_unit(stamps.unit)))
 
 
 def _with_leads(origins: np.ndarray, n_leads: int, n_rows: int, sampling: pd.Timedelta) -> np.ndarray:

@@ -93,8 +93,9 @@ def compare_models(
     y : array-like of shape (n_samples,)
         Measured zone temperature [degC]; NaN where missing.
     cv : splitter, optional
-        With ``split(X)`` into consecutive rows.  By default two test blocks at the end, each a sixth of the table in
-        whole days, each with all rows before it as training; none where the table is too short for that.
+        With ``split(X)`` into consecutive rows, the test after the training.  By default two test blocks at the end,
+        each a sixth of the table in whole days, each with all rows before it as training; none where the table is too
+        short for that.
     horizon, origin_step : timedelta-like, default="1D" and "6h"
         Horizon and distance of the origins of the held-out forecasts, as in :func:`backtest`.
     purpose : {"parameters", "forecast"}
@@ -114,7 +115,8 @@ def compare_models(
     ------
     ValueError
         If there is no estimator, two have the same name, ``purpose`` is unknown, ``level`` is not between 0 and 1, X
-        has no time stamps and ``cv`` is not given, or no model can be fitted.
+        has no time stamps and ``cv`` is not given, the splits of ``cv`` are not in time order, or no model can be
+        fitted.
 
     Notes
     -----
@@ -150,6 +152,7 @@ def compare_models(
         raise ValueError(f"cv={cv!r} must be a splitter into consecutive rows, such as RollingOriginSplit().")
     splitter = default_split(X, horizon) if cv is None else cv
     splits = [] if splitter is None else list(splitter.split(X))
+    _refuse_disorder(splits, cv)
     found = Parallel(n_jobs=n_jobs)(
         delayed(assess)(estimator, X, y, splits, horizon, origin_step) for estimator in candidates.values()
     )
@@ -166,6 +169,17 @@ def compare_models(
     models = {name: one.estimator for name, one in fitted.items()}
     diagnostics = {name: one.diagnostics for name, one in fitted.items() if one.diagnostics is not None}
     return ModelComparison(table, tests, name, reason, errors, models, diagnostics)
+
+
+def _refuse_disorder(splits: Iterable[tuple[np.ndarray, np.ndarray]], cv: Any) -> None:
+    """Refuse splits whose blocks have gaps, or whose training does not end before the test."""
+    for train, test in splits:
+        in_order = all(len(rows) and (np.diff(rows) == 1).all() for rows in (train, test))
+        if not in_order or train[-1] >= test[0]:
+            raise ValueError(
+                f"cv={cv!r} does not test on consecutive rows after those of the training, which are consecutive too; "
+                "give a splitter in time order, such as RollingOriginSplit()."
+            )
 
 
 def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
