@@ -268,6 +268,8 @@ def test_the_week_of_an_estimator_reads_its_gray_box(table):
     assert display.week["median"].dropna().eq(2.0).all()
     with pytest.raises(ValueError, match="truth has the shape"):
         DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=INDEX), truth=[1.0])
+    with pytest.raises(ValueError, match="truth has other time stamps than the disturbance"):
+        DisturbanceWeekDisplay.from_predictions(table["T_oa"], truth=table["T_za"][::-1])
     with pytest.raises(ValueError, match="no time stamps"):
         DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=range(96)))
 
@@ -381,6 +383,35 @@ def test_parts_of_a_comparison_and_of_a_map_must_fit():
 def test_draws_that_are_all_equal_are_drawn():
     ax = PosteriorDisplay.from_predictions(pd.DataFrame({"time": np.zeros(50), "ID": np.linspace(-1.0, 1.0, 50)})).ax_
     assert [label.get_text() for label in ax.get_yticklabels()] == ["time", "ID"]
+
+
+def test_draws_without_a_value_are_refused():
+    with pytest.raises(ValueError, match="draws holds NaN"):
+        PosteriorDisplay.from_predictions(pd.DataFrame({"time": [0.1, np.nan, 0.2]}))
+
+
+def test_an_error_that_is_missing_leaves_the_others_of_its_case():
+    errors = pd.Series([0.1, np.nan, 0.3, 0.2], index=["a", "a", "a", "b"])
+    quantiles = pd.DataFrame(0.0, index=["a", "b"], columns=["q_0.05", "q_0.25", "q_0.5", "q_0.75", "q_0.95"])
+    compared = errors, quantiles, pd.Series([0.5, 0.9], index=["a", "b"]), ["a"]
+    left = RobustnessDisplay.from_predictions(*compared).ax_[0]
+    assert left.patches[0].get_path().get_extents().bounds[2] == pytest.approx(0.1)  # quartiles of 0.1 and 0.3
+    with pytest.raises(ValueError, match="n_cases=0 must be an integer of at least 1"):
+        RobustnessDisplay.from_predictions(*compared, n_cases=0)
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "said"),
+    [
+        ("21", "setpoint is text; give numbers"),
+        ((21.0, 24.0), "setpoint has the shape"),
+        (pd.Series(21.0, index=range(24)), "setpoint has no time of the forecast"),
+        (pd.Series(21.0, index=INDEX[:24].tz_localize(None)), "setpoint has no time of the forecast"),
+    ],
+)
+def test_a_setpoint_of_other_rows_is_refused(setpoint, said):
+    with pytest.raises(ValueError, match=said):
+        DayAheadDisplay.from_predictions(pd.DataFrame({"T_za": 20.0}, index=INDEX[:24]), setpoint=setpoint)
 
 
 def test_schedules_of_a_model_that_has_none_are_refused():

@@ -193,6 +193,9 @@ def test_step_responses_are_drawn_for_models_with_different_inputs(office):
 
 
 def test_a_display_says_what_it_cannot_draw(office):
+    for inputs in ("T_oa", []):
+        with pytest.raises(ValueError, match="is not a list of inputs; the models have T_oa"):
+            StepResponseDisplay.from_estimator(office, inputs=inputs)
     with pytest.raises(ValueError, match="inputs= names 'u_hot', but the models have T_oa"):
         BodeDisplay.from_estimator(office, inputs=["u_hot"])
     with pytest.raises(ValueError, match="ax has 1 axes, but this display needs 5"):

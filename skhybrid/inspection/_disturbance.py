@@ -132,6 +132,9 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
         known = as_numbers(truth, "truth")
         if known.shape != (len(zeta),):
             raise ValueError(f"truth has the shape {known.shape}, but the disturbance has {len(zeta)} rows.")
+        stamps = getattr(truth, "index", None)
+        if isinstance(stamps, pd.DatetimeIndex) and not stamps.equals(index):
+            raise ValueError("truth has other time stamps than the disturbance; align it, as by reindex, before.")
         week["truth"] = pd.Series(known).groupby(np.asarray(hour)).mean()
     held = int(np.diff(week.index).min()) if len(week) > 1 else 1  # hours that a value stands for; others stay empty
     return week.reindex(range(169), method="ffill", limit=held)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import float_columns, listed
+from .._table import as_numbers, float_columns, listed
 from .._time import read_instant
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
@@ -139,8 +139,6 @@ def _draw_forecasts(ax: Any, frames: Mapping[str, pd.DataFrame]) -> None:
 def _apart(frame: pd.DataFrame) -> pd.DataFrame:
     """Forecasts of one zone in the order of time, with a row without values before a span that begins after a gap."""
     begins = frame.loc[frame["origin"] > frame["time"].shift(), "origin"]
-    if begins.empty:
-        return frame
     return pd.concat([frame, pd.DataFrame({"origin": begins, "time": begins})]).sort_values("time", kind="stable")
 
 
@@ -287,13 +285,24 @@ class DayAheadDisplay(Display):
         ax.plot(self.forecast.index, self.forecast["T_za"], linewidth=1.8, label="forecast", **style)
         bands(ax, self.forecast.index, self.forecast, COLORS[0])
         if self.setpoint is not None:
-            setpoint = pd.Series(self.setpoint, index=self.forecast.index)
-            ax.plot(setpoint.index, setpoint, color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
+            ax.plot(self.forecast.index, self._held(), color=COLORS[2], linestyle=":", linewidth=1.4, label="set-point")
         for role, label in _SIDES.items():
             if role in self.forecast:
                 ax.step(self.forecast.index, self.forecast[role], where="post", color="#777777", lw=1.0, label=label)
         tidy(ax, ylabel="zone temperature [degC]")
         legend(ax)
+
+    def _held(self) -> np.ndarray:
+        """The set-point in every row of the forecast."""
+        held, index = self.setpoint, self.forecast.index
+        if isinstance(held, pd.Series):
+            if not held.index.isin(index).any():
+                raise ValueError("setpoint has no time of the forecast; give it the time stamps of the forecast.")
+            held = held.reindex(index)
+        values = as_numbers(held, "setpoint")
+        if values.shape not in ((), (len(index),)):
+            raise ValueError(f"setpoint has the shape {values.shape}; give a number, or one for each row.")
+        return np.broadcast_to(values, len(index))
 
     def _draw_load(self, ax: Any) -> None:
         if self.measured is not None and "Q_hvac" in self.measured and self.measured["Q_hvac"].notna().any():

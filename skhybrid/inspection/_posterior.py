@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import gaussian_kde
 
-from .._arguments import check_level, refuse_without
+from .._arguments import check_integer, check_level, refuse_without
 from .._table import as_numbers, float_columns
 from .._warnings import percent
 from ..model_selection import PatternExpressiveness, RobustnessComparison
@@ -72,6 +72,8 @@ class PosteriorDisplay(Display):
         draws = float_columns(draws, getattr(draws, "columns", ()), "draws")
         if draws.empty:
             raise ValueError("draws has no rows or no columns; give draws of one term or more.")
+        if draws.isna().any(axis=None):
+            raise ValueError("draws holds NaN; drop these draws, such as with draws.dropna().")
         tail = 0.5 * (1.0 - level)
         ends = {"lower": draws.quantile(tail), "upper": draws.quantile(1.0 - tail)}
         summary = pd.DataFrame({"mean": draws.mean(), **ends, "probability_reduces": (draws < 0.0).mean()})
@@ -197,12 +199,14 @@ class RobustnessDisplay(Display):
             Number of cases to draw, those with the lowest medians; default is all.
         %(title)s
         """
+        if n_cases is not None:
+            check_integer("n_cases", n_cases)
         cases = list(self.probability.index[:n_cases])
         left, right = axes = grid_or_new(ax, 2, 2, (5.2, 1.2 + 0.22 * len(cases)), share=False)
         rows = np.arange(len(cases))
         colors = [COLORS[0] if case in self.indistinguishable else _GREY for case in cases]
         boxes = left.boxplot(
-            [self.errors.loc[[case]].to_numpy() for case in cases],
+            [self.errors.loc[[case]].dropna().to_numpy() for case in cases],
             positions=rows,
             orientation="horizontal",
             widths=0.62,

@@ -254,6 +254,8 @@ class StepResponseDisplay(_ResponseDisplay):
 def _inputs_of(responses: Mapping[str, pd.DataFrame], chosen: Sequence[str] | None) -> list[str]:
     """Return the inputs to draw: those chosen, or those of any model."""
     present = list(dict.fromkeys(name for frame in responses.values() for name in frame.columns))
+    if chosen is not None and (isinstance(chosen, str) or not len(chosen)):
+        raise ValueError(f"inputs={chosen!r} is not a list of inputs; the models have {', '.join(present)}.")
     for name in chosen or ():
         if name not in present:
             raise ValueError(f"inputs= names {name!r}, but the models have {', '.join(present)}.")
