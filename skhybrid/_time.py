@@ -313,12 +313,15 @@ def read_instant(value: Any, index: pd.Index, name: str, where: str) -> Any:
         raise ValueError(f"{name}={value!r} is a number, but {where} has time stamps; {such}")
     try:
         stamp: pd.Timestamp | None = pd.Timestamp(value)
-        if stamp is not None and index.tz is not None and stamp.tz is None:
-            stamp = stamp.tz_localize(index.tz)
     except (TypeError, ValueError):
         stamp = None
     if stamp is None or pd.isna(stamp):
         raise ValueError(f"{name}={value!r} is not a time stamp; {such}")
+    if index.tz is not None and stamp.tz is None:
+        try:
+            return stamp.tz_localize(index.tz)
+        except ValueError:
+            raise ValueError(f"{name}={value!r} is skipped or repeated by the clock of {index.tz}; {such}") from None
     if index.tz is None and stamp.tz is not None:
         raise ValueError(f"{name}={value!r} has a time zone, but {where} has none; {such}")
     return stamp

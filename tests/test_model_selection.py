@@ -378,6 +378,14 @@ def test_a_backtest_that_cannot_be_made_says_why():
         backtest(model, X, y, whole="no")
 
 
+def test_a_start_that_the_clock_repeats_says_why():
+    X, y = _table(4)
+    index = pd.date_range("2023-10-28", periods=len(X), freq="1h", tz="Europe/Berlin")
+    X, y = X.set_axis(index), y.set_axis(index)
+    with pytest.raises(ValueError, match="02:30' is skipped or repeated by the clock of Europe/Berlin; give"):
+        backtest(CountsFromOrigin().fit(X, y), X, y, start="2023-10-29 02:30")
+
+
 @pytest.mark.parametrize(
     ("start", "said"),
     [
