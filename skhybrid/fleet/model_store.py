@@ -16,7 +16,9 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from .._files import remove_leftovers, write_text
-from .._sqlite import open_database, transaction
+from .._sqlite import open_database, table_of_others, transaction
+from .._warnings import warn_user
+from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import check_settings
 from ..persistence import load_model, save_model
 from .journal import Journal
@@ -77,6 +79,14 @@ class ModelStore:
             model.update(journal.rows)
         return model, journal
 
+    def can_load(self, zone: str) -> bool:
+        """Whether the files of a zone are whole."""
+        try:
+            self.load(zone)
+        except (OSError, ValueError):
+            return False
+        return True
+
     def save(self, zone: str, model: Any, journal: Journal) -> None:
         """Keep a model that holds all rows that its zone has taken in."""
         # A model is the file of its journal's turn, or the usual one where that is absent.  Each step is atomic: until
@@ -102,7 +112,15 @@ class ModelStore:
     def failures(self) -> dict[str, str]:
         """Why zones could not be fitted the last time, by zone."""
         path = self.path / _FAILURES
-        return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+        if not path.exists():
+            return {}
+        try:
+            return dict(json.loads(path.read_text(encoding="utf-8")))
+        except (ValueError, TypeError):
+            warn_user(
+                f"{path} cannot be read, so why zones could not be fitted is unknown; fit again.", SkhybridWarning
+            )
+            return {}
 
     def keep_failures(self, whys: Mapping[str, str]) -> None:
         """Keep why zones could not be fitted."""
@@ -122,6 +140,8 @@ class ModelStore:
         if (self.path / _LOCK).exists():
             with self._open() as database:
                 self._compare(database, settings)
+        else:
+            self._refuse_models_of_unknown()
 
     @contextmanager
     def locked(self, settings: Mapping[str, str]) -> Iterator[None]:
@@ -129,8 +149,8 @@ class ModelStore:
         self.path.mkdir(parents=True, exist_ok=True)
         with self._open() as database:
             with transaction(database):  # of its own: a kill must not lose the settings
-                database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
                 if not self._compare(database, settings):
+                    database.execute("CREATE TABLE IF NOT EXISTS setting (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
                     database.execute("DELETE FROM setting")
                     database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
             with transaction(database):
@@ -138,16 +158,31 @@ class ModelStore:
                 yield
 
     def _compare(self, database: sqlite3.Connection, settings: Mapping[str, str]) -> dict[str, str]:
+        if (other := table_of_others(database, "setting")) is not None:
+            raise OSError(
+                f"{self.path / _LOCK} is a database of another program, with a table {other!r}; give another store."
+            )
         try:
             known = dict(database.execute("SELECT name, value FROM setting"))
         except sqlite3.OperationalError as error:
             if "no such table" not in str(error):
                 raise
             known = {}
+        if not known:
+            self._refuse_models_of_unknown()
         if not self.zones():  # every zone failed, so that no model is of these settings
             known = {}
         check_settings(str(self.path), known, settings)
         return known
+
+    def _refuse_models_of_unknown(self) -> None:
+        """Refuse models without the settings that they were made with: they may be of any estimator."""
+        journals = self.path.glob(f"[!.]*{_JOURNAL}")
+        if any(file.with_suffix(_MODEL).exists() for file in journals):  # other programs write .npz files, too
+            raise ValueError(
+                f"store {self.path} has models, but {_LOCK}, which tells what they were made with, is absent or "
+                "empty; restore that file, give another store, or remove this one to begin anew."
+            )
 
     def _open(self) -> AbstractContextManager[sqlite3.Connection]:
         busy = f"another fleet is at work in {self.path}; wait until it has ended, or give another store."

@@ -261,7 +261,7 @@ class ZoneFleet(BaseEstimator):
         """
         zones = self.zones_
         files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
-        outcomes = self._run(zone_status, dict.fromkeys(zones, ()), files)
+        outcomes = self._run(zone_status, dict.fromkeys(zones, ()), files, all_may_fail=True)
         found = {o.zone: o.value for o in outcomes if o.error is None}
         failed = self._models.failures() | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
         if data is not None:
@@ -349,6 +349,7 @@ class ZoneFleet(BaseEstimator):
         given: Iterable[Any] = (),
         *,
         fitting: bool = False,
+        all_may_fail: bool = False,
         lost: Mapping[str, str] | None = None,
     ) -> list[ZoneOutcome]:
         """Outcomes by the order of the zones; sets ``errors_`` and ``warnings_``; a job without files gets no paths.
@@ -373,7 +374,7 @@ class ZoneFleet(BaseEstimator):
         ordered = [found[zone] for zone in paths]
         self.errors_ = {**known, **{files.labels[o.zone]: o.error for o in ordered if o.error is not None}}
         self.warnings_ = {files.labels[o.zone]: o.warnings for o in ordered if o.warnings}
-        if ordered and all(o.error is not None for o in ordered):
+        if ordered and not all_may_fail and all(o.error is not None for o in ordered):
             if fitting:  # the store tells why, also of a fit that raises
                 models.keep_failures({str(zone): why for zone, why in self.errors_.items()})
             raise ValueError(f"no zone succeeded; the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
