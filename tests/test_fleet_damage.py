@@ -1,4 +1,4 @@
-"""Files of a fleet that were damaged, removed or written by others."""
+"""Files of a fleet that were damaged, removed or written by others, and rows that a zone must not take in."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -13,6 +14,7 @@ from skhybrid import ARXRegressor
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import ZoneFleet
+from skhybrid.fleet.zone_rows import read_rows
 
 DAY = 24
 ZONES = {
@@ -20,6 +22,7 @@ ZONES = {
     for seed, name in enumerate("abc")
 }
 TRAINING = {zone: X[: 7 * DAY] for zone, X in ZONES.items()}
+ZONE = ZONES["a"]
 
 
 @pytest.fixture
@@ -74,3 +77,29 @@ def test_a_database_of_another_program_is_refused_and_left_as_it_is(tmp_path):
         with pytest.raises(OSError, match=r"fleet\.sqlite is a database of another program, with a table 'note'; "):
             call(TRAINING)
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("order", "said"),
+    [
+        ([0, *range(22, 0, -1), 23], "the index goes back in time"),
+        ([0, 1, *range(1, 24)], "the index has duplicates"),
+        (range(0, 24, 2), "X has a sampling time of 2 h"),
+    ],
+)
+def test_rows_that_nothing_could_follow_are_not_taken_in_where_a_forecast_covers_them(order, said, fleet):
+    """An ARX model takes in rows without reading them; its zone could not be forecast any more."""
+    new = ZONE[7 * DAY : 8 * DAY]
+    fleet.tick({"a": pd.concat([TRAINING["a"], new.assign(T_za=np.nan)])})
+    with pytest.raises(ValueError, match=said):
+        fleet.update({"a": new.iloc[list(order)]})
+    fleet.update({"a": new})
+    assert len(fleet.forecast(None, {"a": ZONE[8 * DAY : 9 * DAY].drop(columns="T_za")})) == DAY
+
+
+def test_hidden_folders_of_a_dataset_are_no_rows(tmp_path):
+    ZONE.to_parquet(tmp_path / "rows.parquet")
+    for name in ("_temporary", ".ipynb_checkpoints"):
+        (tmp_path / name / "0").mkdir(parents=True)
+        (tmp_path / name / "0" / "rows.parquet").write_bytes(b"half")
+    pd.testing.assert_frame_equal(read_rows(tmp_path), ZONE, check_freq=False)

@@ -163,9 +163,11 @@ def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: 
     scored = None
     if isinstance(X.index, pd.DatetimeIndex):
         ahead = journal.ahead
-        if not (len(ahead) and X.index.isin(ahead.index).all()):
+        covered = len(ahead) > 0 and X.index.isin(ahead.index).all()
+        if not covered or not hasattr(model, "update"):  # whose predict refuses rows that nothing could follow
             table = _after_known(model, journal, X)
-            ahead = forecasts_from_midnight(model, table).iloc[len(table) - len(X) :]
+            found = forecasts_from_midnight(model, table).iloc[len(table) - len(X) :]
+            ahead = ahead if covered else found
         scored = ahead.reindex(X.index).assign(y_true=y)
     rows = X.assign(**{_measured_column(model): y})
     if hasattr(model, "update"):

@@ -147,7 +147,7 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
         return pd.read_pickle(where)
     files = [where]
     if where.is_dir():
-        files = [file for file in where.rglob("*.parquet") if not file.name.startswith((".", "_"))]
+        files = [file for file in where.rglob("*.parquet") if not _is_hidden(file.relative_to(where))]
         files.sort(key=lambda file: [int(part) if part.isdecimal() else part for part in _NUMBER.split(str(file))])
     if not files:
         raise ValueError(f"{where} holds no Parquet file; write the rows of the zone there, or remove the folder.")
@@ -161,6 +161,11 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
     rows, numbers = pd.concat(frames), np.repeat(np.arange(len(frames)), list(map(len, frames)))
     last = pd.Series(numbers).groupby(rows.index.to_numpy(), dropna=False).transform("max").to_numpy()
     return rows[numbers == last].sort_index(kind="stable")
+
+
+def _is_hidden(path: Path) -> bool:
+    """Whether a file, or a folder above it, has a name that readers of datasets leave out, such as ``_temporary``."""
+    return any(part.startswith((".", "_")) for part in path.parts)
 
 
 def _in_one_clock(frames: list[pd.DataFrame], files: list[Path]) -> list[pd.DataFrame]:
