@@ -37,11 +37,12 @@ class Survey:
             yield
         finally:
             codes, self.seen = self.seen, outer
-            own = [code for code in codes.values() if code.co_filename.startswith(self.package)]
-            calls = {f"{code.co_filename[len(self.package) :]}:{code.co_qualname}" for code in own}
-            before = notes.get(name, {"seconds": 0.0, "calls": []})
-            seconds = max(before["seconds"], round(time.perf_counter() - begin, 3))
-            notes[name] = {"seconds": seconds, "calls": sorted(calls.union(before["calls"])), "fixtures": fixtures}
+        # not reached where the test fails or is skipped: such a test can tell nothing of a mutant
+        own = [code for code in codes.values() if code.co_filename.startswith(self.package)]
+        calls = {f"{code.co_filename[len(self.package) :]}:{code.co_qualname}" for code in own}
+        before = notes.get(name, {"seconds": 0.0, "calls": []})
+        seconds = max(before["seconds"], round(time.perf_counter() - begin, 3))
+        notes[name] = {"seconds": seconds, "calls": sorted(calls.union(before["calls"])), "fixtures": fixtures}
 
     def hooks(self):
         """A plugin of pytest."""
