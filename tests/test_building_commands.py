@@ -22,6 +22,7 @@ from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import propose_settings, read_log, read_settings, split_log
 from skhybrid.study.judgement import of_whole_plant
+from skhybrid.study.log_reading import metered_heat
 from skhybrid.study.log_split import with_facades
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
@@ -622,6 +623,14 @@ def test_electricity_of_rooms_becomes_heat_and_costs(heat, log, tmp_path):
     assert total > 1.0
     assert found.summary["electricity [kWh]"] == pytest.approx(total, abs=0.01)
     assert found.summary["cost of electricity"] == pytest.approx(0.3 * total, abs=0.01)
+
+
+def test_the_heat_of_a_room_whose_name_begins_as_a_role_is_no_cold(log):
+    config = CONFIG.replace("Q_hvac_hall", "Q_cool_hall").replace("T_za_hall", "T_za_cool_hall")
+    settings = settings_from(tomllib.loads(config.replace('"hall"]]', '"cool_hall"]]')))
+    heat = log["Q_hall_kW"].clip(lower=0.0)
+    found = metered_heat(pd.DataFrame({"Q_cool_hall": heat}), settings)
+    np.testing.assert_array_equal(found["Q_hvac_cool_hall"], heat)
 
 
 def test_the_heat_of_a_room_may_be_named_by_the_room_alone(log):

@@ -140,7 +140,8 @@ def metered_heat(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """The heat of each plant as one column, ``Q_hvac`` [kW]: of meters of heat and cold, or of electricity."""
     meters = meters_of(list(map(str, frame)), settings.zones)
     single = [role for role in ("Q_hvac", *(f"Q_hvac_{zone}" for zone in settings.zones)) if role in frame]
-    heat = {role: _net_heat(frame, parts, settings) for role, parts in (meters | {r: [r] for r in single}).items()}
+    wholes = meters | {role: [role] for role in single}
+    heat = {whole: _net_heat(frame, whole, parts, settings) for whole, parts in wholes.items()}
     return frame.drop(columns=[role for parts in meters.values() for role in parts]).assign(**heat)
 
 
@@ -159,15 +160,16 @@ def meters_of(roles: Collection[str], zones: Sequence[str]) -> dict[str, list[st
     return found
 
 
-def _net_heat(frame: pd.DataFrame, meters: Sequence[str], settings: Settings) -> pd.Series:
-    """The heat [kW] of some meters, of which cold counts as negative."""
+def _net_heat(frame: pd.DataFrame, whole: str, meters: Sequence[str], settings: Settings) -> pd.Series:
+    """The heat [kW] of the meters of a ``whole``, such as ``Q_hvac``, of which cold counts as negative."""
     powers = frame[list(meters)]
     performance = Performance.of(settings.plant)
-    for role in (role for role in meters if role.startswith(_COLD)):
+    cold = whole.replace("Q_hvac", _COLD, 1)
+    for role in (role for role in meters if role == cold):  # Q_cool_room may be the heat of a room, cool_room
         if has_both_signs(powers[role].dropna()):
             raise ValueError(
                 f"{settings.columns.get(role, role)} ({role}) is often positive and often negative; if it heats and "
-                f"cools, give it as {role.replace(_COLD, 'Q_hvac')}, positive where it heats."
+                f"cools, give it as {whole}, positive where it heats."
             )
         powers = powers.assign(**{role: -powers[role].abs()})
     if performance is not None and settings.plant.get("electricity"):  # each by itself: both may run within a step
