@@ -27,7 +27,7 @@ from skhybrid.exceptions import MeasurementWarning, PlanWarning, ScaleNotIdentif
 from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.blending.rolling_blend import RollingBlend
 from skhybrid.hybrid.building import building_forecast, building_predictor
-from skhybrid.hybrid.building.zone_columns import ZoneColumns
+from skhybrid.hybrid.building.zone_columns import ZoneColumns, found_neighbours
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import GapFiller
@@ -470,6 +470,20 @@ def test_a_day_of_training_is_enough(rooms, hours):
     model = BuildingPredictor(adjacency=DOORS).fit(X[:hours], y[:hours])
     found = model.forecast(None, X[hours : hours + 24])
     assert found[[f"T_za_{zone}" for zone in ZONES]].notna().all(axis=None)
+
+
+def test_zones_of_one_sensor_are_no_neighbours(rooms):
+    """They were found to be the closest, and refused, as the temperature beside each was its own."""
+    X, y = rooms
+    X = X[["T_oa", "q_sol", "Q_hvac_kitchen", "T_za_kitchen"]].assign(Q_hvac_hall=X["Q_hvac_kitchen"])
+    X, y = X.assign(T_za_hall=X["T_za_kitchen"])[:N_TRAIN], y[["kitchen"]].assign(hall=y["kitchen"])[:N_TRAIN]
+    model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"))
+    found = clone(model).fit(X, y).coupled_
+    assert found == {}
+    for given in (y, y.reset_index(drop=True)):
+        assert found_neighbours(given) == {"kitchen": (), "hall": ()}
+    with pytest.raises(ValueError, match="the zones 'hall', 'kitchen' of adjacency have the same temperature"):
+        model.set_params(adjacency=DOORS[:1]).fit(X, y)
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ from .zone_columns import (
     found_neighbours,
     neighbours_of,
     read_temperatures,
+    refuse_same,
 )
 from .zone_messages import of_zone
 
@@ -160,6 +161,7 @@ class BuildingPredictor(
             found = neighbours_of(self.zones_, self.adjacency)
             if by_itself and any(found.values()):
                 raise ValueError("adjacency does nothing with the two-stage scheme; leave it out.")
+            refuse_same(T, found)
             return found
         return {} if by_itself or not named or len(self.zones_) == 1 else found_neighbours(T)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -180,17 +181,38 @@ def neighbours_of(zones: Sequence[str], adjacency: Iterable[Sequence[str]]) -> d
 def found_neighbours(T: pd.DataFrame) -> dict[str, tuple[str, ...]]:
     """Up to three zones whose temperatures (n, n_zones) change most like a zone's own from hour to hour.
 
-    What all zones do at an hour of the day, such as warming up in the morning, is taken off first.
+    What all zones do at an hour of the day, such as warming up in the morning, is taken off first.  Zones of the same
+    temperature are none: nothing shows what flows between them.
     """
+    same = _same_temperatures(T)
     if not isinstance(T.index, pd.DatetimeIndex) or len(T) < 2:
-        return {str(zone): tuple(str(z) for z in T if z != zone) for zone in T}
+        return {str(zone): tuple(str(z) for z in T if z != zone and {str(z), str(zone)} not in same) for zone in T}
     hourly = T.resample("h").mean().diff()
     unusual = hourly - hourly.groupby(pd.DatetimeIndex(hourly.index).hour).transform("mean")
     r = unusual.corr().to_numpy(copy=True)
     np.fill_diagonal(r, -1.0)
     names = [str(zone) for zone in T]
+    for one, other in same:
+        i, j = names.index(one), names.index(other)
+        r[i, j] = r[j, i] = -1.0
     ranked = np.argsort(-r, axis=1)[:, :_MOST_FOUND]
     return {z: tuple(names[j] for j in ranked[i] if r[i, j] > _LEAST_CORRELATION) for i, z in enumerate(names)}
+
+
+def refuse_same(T: pd.DataFrame, neighbours: Mapping[str, Sequence[str]]) -> None:
+    """Refuse neighbours whose temperatures (n, n_zones) are the same."""
+    for pair in _same_temperatures(T):
+        if any(pair == {zone, other} for zone, others in neighbours.items() for other in others):
+            raise ValueError(
+                f"the zones {listed(sorted(pair))} of adjacency have the same temperature, so that nothing shows what "
+                "flows between them; leave the pair out, or give each zone its own measurements."
+            )
+
+
+def _same_temperatures(T: pd.DataFrame) -> list[set[str]]:
+    """Pairs of zones whose temperatures (n, n_zones) are equal in nearly all rows, as of one sensor."""
+    measured = {str(zone): values.to_numpy(dtype=np.float64) for zone, values in T.items()}
+    return [{one, other} for one, other in combinations(measured, 2) if _same(measured[one], measured[other])]
 
 
 def carried_on(T: np.ndarray, last: float) -> np.ndarray:
