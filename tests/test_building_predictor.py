@@ -472,6 +472,14 @@ def test_a_day_of_training_is_enough(rooms, hours):
     assert found[[f"T_za_{zone}" for zone in ZONES]].notna().all(axis=None)
 
 
+def test_set_points_in_columns_of_the_zones_are_those_of_each(building, later, rooms):
+    """Of two zones they were read as a thermostat's heating and cooling set-point, of all zones alike."""
+    wanted = rooms[1][N_TRAIN : N_TRAIN + DAY][["kitchen", "hall"]]
+    expected = building.predict_load(later[:DAY], {zone: wanted[zone] for zone in wanted})
+    for given in (wanted, wanted.add_prefix("T_za_")):
+        pd.testing.assert_frame_equal(building.predict_load(later[:DAY], given), expected)
+
+
 def test_zones_of_one_sensor_are_no_neighbours(rooms):
     """They were found to be the closest, and refused, as the temperature beside each was its own."""
     X, y = rooms

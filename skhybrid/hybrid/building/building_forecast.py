@@ -224,7 +224,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
             The rows to forecast, with the known future inputs.
         T_za : mapping of zone to float, Series or sequence, optional
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
-        setpoint : mapping of zone to set-point, or one for all zones, optional
+        setpoint : mapping or DataFrame of zone to set-point, or one for all zones, optional
             As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free, and one without a plant is
             so always.  Without it, or with None for a zone, the columns ``T_heat_set_<zone>`` and
             ``T_cool_set_<zone>`` of ``future`` count where it has no heat.  Where it has neither, a plant of which no
@@ -347,14 +347,16 @@ class BuildingForecastMixin(BuildingTablesMixin):
         """The set-points of each zone, where some are given; a zone that they leave out is free."""
         if setpoint is None:
             return {}
-        if not isinstance(setpoint, Mapping):
+        names = setpoint.columns if isinstance(setpoint, pd.DataFrame) else ()
+        by_column = {str(name).removeprefix(MEASURED) for name in names}
+        if not isinstance(setpoint, Mapping) and not (by_column and by_column <= set(self.zones_)):
             self._refuse_without_plant("setpoint")
             return dict.fromkeys(self.zones_, setpoint)
         by_zone = self._by_zone(setpoint, "setpoint")
         self._refuse_without_plant("setpoint", by_zone)
         return dict.fromkeys(self.zones_, (None, None)) | by_zone
 
-    def _by_zone(self, given: Mapping[Any, Any] | pd.Series, name: str) -> dict[str, Any]:
+    def _by_zone(self, given: Mapping[Any, Any] | pd.Series | pd.DataFrame, name: str) -> dict[str, Any]:
         """Values that are given for some zones, by zone; a name of none is refused."""
         by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
         unknown = [zone for zone in by_zone if zone not in self.zones_]

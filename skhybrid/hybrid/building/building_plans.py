@@ -74,7 +74,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         ----------
         X : DataFrame of n_samples rows
             As in :meth:`HybridPredictor.predict_load`.
-        setpoint : mapping of zone to set-point, or one for all zones
+        setpoint : mapping or DataFrame of zone to set-point, or one for all zones
             As there; a zone that a mapping leaves out is free, and one without a plant is so always.
         limits : tuple of (lowest, highest), or mapping of zone to such pairs, optional
             What one plant gives to all zones together [kW], each a number or one value per row, with 0 between them; or
