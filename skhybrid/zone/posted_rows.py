@@ -169,8 +169,8 @@ def keep_posted(
     if len(ahead) > 1:
         ahead = on_even_steps(ahead, settings)[0]
         ahead = ahead[ahead.index > even.index[-1]] if len(even) else ahead
-    whole, _ = filled_setpoints(pd.concat([even, ahead]))  # of the whole log, of which a post is too short a part
-    return whole.rename_axis("time"), len(rows) - n_measured
+    filled, _ = filled_setpoints(even)  # of the whole log, of which a post is too short a part
+    return pd.concat([filled, ahead]).rename_axis("time"), len(rows) - n_measured
 
 
 def _n_measured(rows: pd.DataFrame, settings: Settings, held: Sequence[str]) -> int:

@@ -132,7 +132,7 @@ class Bench:
         return {"0": "survived", "timeout": "timeout"}.get(answer, "killed")
 
     def survey(self, name: str, plain: bool) -> dict:
-        """What the tests of a file, or of a part of it by ``-k``, call; kept until the file changes."""
+        """Find what the tests of a file, or of a part of it by ``-k``, call; kept until the file changes."""
         file, *choice = name.split(" -k ")
         kept = WORK / "surveys" / f"{name.replace(' ', '_')}{'_plain' if plain else ''}.json"
         if not kept.exists() or kept.stat().st_mtime < (ROOT / "tests" / f"{file}.py").stat().st_mtime:
@@ -149,7 +149,7 @@ def is_compiled(module: str) -> bool:
 
 
 def survey_all(benches: Queue, plain: bool) -> list[dict]:
-    """What the quick tests of all files call; or those of kernels as plain Python."""
+    """Find what the quick tests of all files call, or those of kernels as plain Python."""
 
     def survey(name: str) -> dict:
         bench = benches.get()

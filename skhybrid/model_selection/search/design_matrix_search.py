@@ -145,7 +145,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         ------
         ValueError
             If y is missing, the store was made with other data or settings, a setting is unknown, or every candidate
-            fails.
+            fails on every split.
         """
         if y is None:
             raise ValueError("DesignMatrixSearchCV requires y to be passed, but the target y is None.")
