@@ -522,6 +522,8 @@ def test_commands_of_one_zone_refuse_several(command, folder, tmp_path, capsys):
     ("change", "message"),
     [
         (("[columns]", "[plant]\nmost_heat = 8.0\n[columns]"), r"\[plant\] most_heat is of one zone"),
+        (("[network]", 'Q_cool_hall = "cold"\n[network]'), "has Q_hvac_hall and Q_cool_hall, and a model reads"),
+        (("[network]", 'Q_hvac = "heat"\nQ_cool = "cold"\n[network]'), "both sides as Q_heat and Q_cool"),
         (('"hall"]]', '"attic"]]'), "names 'attic'"),
         (('[["kitchen", "hall"]]', '["hall"]'), "list of pairs"),
         (("T_za_kitchen", "T_za"), "adjacency is of several zones"),

@@ -158,6 +158,7 @@ class Settings:
         Tariff.of(self.tariff)
         _check_site(self.site, self.columns)
         _check_zones(self)
+        _check_cold(self)
 
     @property
     def zones(self) -> list[str]:
@@ -318,6 +319,17 @@ def _check_zones(settings: Settings) -> None:
     of_one = next((key for key in ("most_heat", "most_cold") if zones and key in settings.plant), None)
     if of_one:
         raise ValueError(f"[plant] {of_one} is of one zone, but [columns] has {listed(zones)}; remove it.")
+
+
+def _check_cold(settings: Settings) -> None:
+    """Refuse a meter of cold beside the whole heat of a plant: it would count as heat."""
+    for end in ("", *(f"_{zone}" for zone in settings.zones)):
+        whole, cold = f"Q_hvac{end}", f"Q_cool{end}"
+        if {whole, cold} <= set(settings.columns) and cold.removeprefix("Q_") not in settings.zones:
+            raise ValueError(
+                f"[columns] has {whole} and {cold}, and a model reads one heat of a plant; give meters of both sides "
+                f"as Q_heat{end} and {cold}, or {whole} alone, negative where it cools."
+            )
 
 
 def _inner_table(table: Mapping[str, Any], name: str, key: str) -> Mapping[str, Any]:
