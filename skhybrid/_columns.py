@@ -61,6 +61,11 @@ def is_plant(role: object) -> bool:
     return str(role).startswith(("u_", "Q_"))
 
 
+def ending_zone(role: object, zones: Iterable[str]) -> str | None:
+    """The zone with whose name a role ends, the longest of several such as ``hall`` and ``big_hall``; else None."""
+    return max((zone for zone in zones if str(role).endswith(f"_{zone}")), key=len, default=None)
+
+
 def plant_roles(roles: Iterable[object]) -> list[str]:
     """Those of heating and cooling."""
     return [str(role) for role in roles if is_plant(role)]

@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
+from .._columns import ending_zone
 from .._table import ZoneTable, is_instant, plant_roles, read_table, read_targets
 from .._time import rows_per_hour, spell
 from ..filtering import low_pass
@@ -154,9 +155,7 @@ def _arrange(
     calendar = one_hot(cell, N_CELLS)
     parts = np.exp(-0.5 * ((cell[:, None] % 24 - np.array(_DAY_PARTS)) / 2.5) ** 2)
     sun = [v[:, None] * parts for role, v in hourly.items() if role.startswith("q_sol")]
-    owner = {
-        role: next((z for z in sorted(names, key=len, reverse=True) if role.endswith(f"_{z}")), None) for role in hourly
-    }
+    owner = {role: ending_zone(role, names) for role in hourly}
     plant = plant_roles(hourly)
     outside = [v for role, v in hourly.items() if is_instant(role)]
     heat, others = np.zeros((n, len(names))), []

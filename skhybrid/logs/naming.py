@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from .._columns import ending_zone
 from ..preprocessing._units import UNITS
 from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_text
 
@@ -303,8 +304,8 @@ def one_column_each(guesses: Mapping[str, Guess], zones: Sequence[str] = ()) -> 
 
 def _rivals(role: str, zones: Sequence[str]) -> list[str]:
     """The roles that exclude one, itself among them: of its zone, or of any zone if it is shared."""
-    ends = [f"_{zone}" for zone in zones]
-    own = max((end for end in ends if role.endswith(end)), key=len, default="")
+    zone = ending_zone(role, zones)
+    own = "" if zone is None else f"_{zone}"
     plain_role = role.removesuffix(own)
-    among = [own] if own or role == "q_sol" else ["", *ends]
+    among = [own] if own or role == "q_sol" else ["", *(f"_{one}" for one in zones)]
     return [one + end for one in (plain_role, *_EXCLUDED.get(plain_role, ())) for end in among]

@@ -6,6 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
+from .._columns import ending_zone
 from .._table import is_plant, plant_roles
 from ..preprocessing._units import UNITS
 from .naming import (
@@ -49,10 +50,12 @@ def plants_of_room(roles: Iterable[object], zone: str) -> list[str]:
     """
     names = list(map(str, roles))
     plants = plant_roles(names)
-    ends = {zone, *(name.removeprefix("T_za") for name in names if name.startswith("T_za_"))} - {""}
-    owners = {role: max((end for end in ends if role.endswith(end)), key=len, default="") for role in plants}
-    own = [role for role in plants if owners[role] == zone]
-    return (own or [role for role in plants if not owners[role]]) if zone else plants
+    if not zone:
+        return plants
+    room = zone.removeprefix("_")
+    rooms = {room, *(name.removeprefix("T_za_") for name in names if name.startswith("T_za_"))}
+    owners = {role: ending_zone(role, rooms) for role in plants}
+    return [r for r in plants if owners[r] == room] or [r for r in plants if owners[r] is None]
 
 
 def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:

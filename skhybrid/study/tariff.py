@@ -99,10 +99,12 @@ def energy_cost(
 
     value = sum(float(costs(f"Q_hvac{one}").sum()) for one in named)
     bands = [(f"Q_hvac_0.1{one}", f"Q_hvac_0.9{one}") for one in named]
-    known = all(set(band) <= set(forecast) for band in bands)
-    low, high = np.sum([ends_of(*band) for band in bands], axis=0).tolist() if known else (0.0, 0.0)
+    ends = None
+    if all(set(band) <= set(forecast) for band in bands):
+        low, high = np.sum([ends_of(*band) for band in bands], axis=0).tolist()
+        ends = (low, high)
     energy = "heat" if performance is None else "electricity"
-    return Cost(value, (low, high) if known else None, energy, prices.currency)
+    return Cost(value, ends, energy, prices.currency)
 
 
 def next_day_cost(result: Any) -> Cost | None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pandas as pd
 
+from .._columns import ending_zone
 from ..hybrid.building.zone_columns import ZoneColumns
 from .log_reading import meters_of
 from .log_split import StudyData
@@ -55,8 +56,7 @@ def data_of(data: StudyData, settings: Settings, zone: str) -> StudyData:
 
 def forecast_of(found: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
     """The columns of a frame whose names end with the name of a zone, which is taken off."""
-    ends = {str(name): [other for other in settings.zones if str(name).endswith(f"_{other}")] for name in found}
-    own = [name for name, zones in ends.items() if zones and max(zones, key=len) == zone]
+    own = [name for name in map(str, found) if ending_zone(name, settings.zones) == zone]
     return found[own].rename(columns=lambda name: str(name).removesuffix(f"_{zone}"))
 
 

@@ -204,10 +204,10 @@ class ZoneFolder:
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
             origin, last = zone.history(frame).index[-1], archive.last_measured()
             # a kill between model and archive leaves rows that only the model has taken in
-            behind = last is None or like_index(last, pd.DatetimeIndex([origin])) < origin
+            not_archived = last is None or like_index(last, pd.DatetimeIndex([origin])) < origin
             found = None
             try:
-                if n_new or n_ahead or why or behind:
+                if n_new or n_ahead or why or not_archived:
                     found = day_ahead(zone, frame, weather, schedule)
                 elif unread := zone.unread(frame):
                     remarks.append(str(unread))

@@ -292,8 +292,9 @@ def main() -> None:
     benches: Queue = Queue()
     for number in range(0 if options.report else options.jobs):
         benches.put(Bench(number, options.python))
-    surveys = {plain: [] if options.report else survey_all(benches, plain) for plain in (True, False)}
-    for module in () if options.report else options.modules or all_modules():
+    modules = [] if options.report else options.modules or all_modules()
+    surveys = {plain: survey_all(benches, plain) for plain in set(map(is_compiled, modules))}
+    for module in modules:
         sampled = mutants(module, options.sample, options.seed)
         source = sampled[0]["source"] if sampled else ""
         # of an earlier state of the module only reasons are of use

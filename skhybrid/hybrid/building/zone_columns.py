@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..._columns import ending_zone
 from ..._last_known import carried_forward
 from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, is_plant, listed, numeric, role_of
 from ...thermal.declaration import capacity_name
@@ -55,8 +56,7 @@ class ZoneColumns:
     def owner(self, role: str) -> str | None:
         """The zone to which a role belongs; None where all share it."""
         own = is_plant(role) or role.startswith(("q_sol_", MEASURED, *_SETPOINTS))
-        ends = [zone for zone in self.zones if role.endswith(f"_{zone}")]
-        return max(ends, key=len) if own and ends else None
+        return ending_zone(role, self.zones) if own else None
 
     def is_history(self, role: str) -> bool:
         """Whether a role is a temperature that is measured, or a set-point."""
