@@ -34,6 +34,7 @@ from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
 from ._columns import as_pandas as as_pandas
 from ._columns import checked_columns as checked_columns
+from ._columns import ending_zone as ending_zone
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns
 from ._columns import is_history as is_history
@@ -52,7 +53,6 @@ from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import UNLIMITED as UNLIMITED
 from ._target import is_target as is_target
-from ._target import read_max_missing as read_max_missing
 from ._target import refuse_missing, refuse_other_quantity, refuse_target_among, warn_if_still, warn_if_temperature
 from ._target import refuse_order as refuse_order
 from ._time import read_index, spell

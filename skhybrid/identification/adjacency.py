@@ -13,8 +13,7 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
-from .._columns import ending_zone
-from .._table import ZoneTable, is_instant, plant_roles, read_table, read_targets
+from .._table import ZoneTable, ending_zone, is_instant, plant_roles, read_table, read_targets
 from .._time import rows_per_hour, spell
 from ..filtering import low_pass
 from .experiment import temperatures_by_role

@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from .._columns import ending_zone
+from .._table import ending_zone
 from ..preprocessing._units import UNITS
 from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_text
 

@@ -6,8 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from .._columns import ending_zone
-from .._table import is_plant, plant_roles
+from .._table import ending_zone, is_plant, plant_roles
 from ..preprocessing._units import UNITS
 from .naming import (
     COOL,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pandas as pd
 
-from .._columns import ending_zone
+from .._table import ending_zone
 from ..hybrid.building.zone_columns import ZoneColumns
 from .log_reading import meters_of
 from .log_split import StudyData

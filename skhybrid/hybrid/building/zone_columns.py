@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..._columns import ending_zone
 from ..._last_known import carried_forward
-from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, is_plant, listed, numeric, role_of
+from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, ending_zone, is_plant, listed, numeric, role_of
 from ...thermal.declaration import capacity_name
 from ...thermal.joined_rooms import checked_pairs
 from ..scheme import NEXT as NEXT
