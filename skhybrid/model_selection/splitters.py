@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils.validation import _num_samples
 
-from .._arguments import check_bool, check_integer, is_integer
+from .._arguments import check_bool, check_integer, is_integer, store_arguments
 from .._time import even_step, positive_duration, read_duration, rows_of, wall_clock
 
 _DAY = pd.Timedelta("1D")
@@ -48,23 +48,10 @@ class RollingOriginSplit(BaseCrossValidator):
     """
 
     def __init__(
-        self,
-        *,
-        train: Any = "28D",
-        test: Any = "1D",
-        gap: Any = "0D",
-        step: Any = None,
-        n_splits: int | None = None,
-        sampling_time: Any = None,
-        expanding: bool = False,
-    ) -> None:
-        self.train = train
-        self.test = test
-        self.gap = gap
-        self.step = step
-        self.n_splits = n_splits
-        self.sampling_time = sampling_time
-        self.expanding = expanding
+        self, *, train: Any = "28D", test: Any = "1D", gap: Any = "0D", step: Any = None, n_splits: int | None = None,
+        sampling_time: Any = None, expanding: bool = False,
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Consecutive row numbers (train, test) of every split, in time order.

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator
 
-from ..._arguments import check_bool, check_integer, check_level, check_rate
+from ..._arguments import check_bool, check_integer, check_level, check_rate, store_arguments
 from ..._transaction import unchanged_on_failure
 from ...forecasting import ModelCase
 from ...identification.uncertainty import posterior
@@ -75,33 +75,12 @@ class PatternExpressiveness(BaseEstimator):
     """
 
     def __init__(
-        self,
-        terms: str | Sequence[str] = "ingredients",
-        *,
-        interactions: str | Sequence[tuple[str, str]] = (),
-        cases: Iterable[ModelCase] = (),
-        best_sizes: int | None = None,
-        group: str | Sequence[str] | None = None,
-        log: bool = False,
-        prior_scale: float = 10.0,
-        level: float = 0.9,
-        draws: int = 1000,
-        tune: int = 500,
-        chains: int = 4,
-        random_state: int | None = None,
-    ) -> None:
-        self.terms = terms
-        self.interactions = interactions
-        self.cases = cases
-        self.best_sizes = best_sizes
-        self.group = group
-        self.log = log
-        self.prior_scale = prior_scale
-        self.level = level
-        self.draws = draws
-        self.tune = tune
-        self.chains = chains
-        self.random_state = random_state
+        self, terms: str | Sequence[str] = "ingredients", *, interactions: str | Sequence[tuple[str, str]] = (),
+        cases: Iterable[ModelCase] = (), best_sizes: int | None = None, group: str | Sequence[str] | None = None,
+        log: bool = False, prior_scale: float = 10.0, level: float = 0.9, draws: int = 1000, tune: int = 500,
+        chains: int = 4, random_state: int | None = None,
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     @unchanged_on_failure
     def fit(self, results: pd.DataFrame) -> PatternExpressiveness:

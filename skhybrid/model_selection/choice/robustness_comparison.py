@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from ..._arguments import check_level, draw_seed
+from ..._arguments import check_level, draw_seed, store_arguments
 from ..._table import listed
 from ..._transaction import unchanged_on_failure
 from ..._warnings import warn_user
@@ -67,21 +67,10 @@ class RobustnessComparison(BaseEstimator):
     """
 
     def __init__(
-        self,
-        *,
-        by: str | Sequence[str] = "case",
-        level: float = 0.95,
-        draws: int = 500,
-        tune: int = 500,
-        chains: int = 4,
-        random_state: int | None = None,
-    ) -> None:
-        self.by = by
-        self.level = level
-        self.draws = draws
-        self.tune = tune
-        self.chains = chains
-        self.random_state = random_state
+        self, *, by: str | Sequence[str] = "case", level: float = 0.95, draws: int = 500, tune: int = 500,
+        chains: int = 4, random_state: int | None = None,
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     @unchanged_on_failure
     def fit(self, results: pd.DataFrame) -> RobustnessComparison:

@@ -17,7 +17,7 @@ from sklearn.model_selection import ParameterGrid, check_cv
 from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils.validation import indexable
 
-from ..._arguments import as_mapping, check_bool, check_integer, check_verbose
+from ..._arguments import as_mapping, check_bool, check_integer, check_verbose, store_arguments
 from ..._transaction import unchanged_on_failure
 from ..._warnings import first_sentence
 from ...forecasting.named_models import is_network, require_networks
@@ -103,33 +103,14 @@ class DesignMatrixSearchCV(BaseSearchCV):
     ['ridge', 'profile']
     """
 
+    return_train_score = False
+
     def __init__(
-        self,
-        estimator: Any,
-        matrix: Any,
-        *,
-        cv: Any = None,
-        store: Any = None,
-        n_jobs: int | None = None,
-        scoring: Any = None,
-        refit: Any = True,
-        error_score: Any = np.nan,
-        halving: Any = None,
-        baselines: Any = None,
-        retry_failed: bool = False,
-        chunk_size: int = 12,
-        verbose: int = 1,
-    ) -> None:
-        super().__init__(
-            estimator, scoring=scoring, n_jobs=n_jobs, refit=refit, cv=cv, verbose=verbose, error_score=error_score
-        )
-        self.return_train_score = False
-        self.matrix = matrix
-        self.store = store
-        self.halving = halving
-        self.baselines = baselines
-        self.retry_failed = retry_failed
-        self.chunk_size = chunk_size
+        self, estimator: Any, matrix: Any, *, cv: Any = None, store: Any = None, n_jobs: int | None = None,
+        scoring: Any = None, refit: Any = True, error_score: Any = np.nan, halving: Any = None, baselines: Any = None,
+        retry_failed: bool = False, chunk_size: int = 12, verbose: int = 1,
+    ) -> None:  # fmt: skip
+        store_arguments(self, locals())
 
     @unchanged_on_failure
     def fit(self, X: Any, y: Any = None) -> Self:
