@@ -3,11 +3,10 @@
 from ..logs import read_zone_csv, regularize
 from ..logs.even_steps import RegularizeReport
 from ._benchmark import BenchmarkLog, load_benchmark
-from ._dutch_homes import load_dutch_home
 from ._epw import read_epw
 from ._house import make_house
 from ._office import make_office
-from ._small_office import load_small_office
+from ._shipped_logs import load_dutch_home, load_small_office
 from ._thermostat_plan import make_prbs
 from ._weather import make_weather
 from ._weather_files import read_weather, weather_on_steps

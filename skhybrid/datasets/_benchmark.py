@@ -8,9 +8,8 @@ from functools import partial
 
 import pandas as pd
 
-from ._dutch_homes import load_dutch_home
 from ._office import make_office
-from ._small_office import load_small_office
+from ._shipped_logs import load_dutch_home, load_small_office
 
 STEP = pd.Timedelta("15min")
 #: first and last day of the training, first and last day of the test

@@ -23,8 +23,8 @@ from ..exceptions import SkhybridWarning
 from .baselines import SAME_KIND_DAYS
 from .cases import ModelCase, resolve_case
 from .named_models import check_parameters, fit_baseline, is_network, require_networks
-from .pair_regressor import PairRegressor
 from .reading import read_case_inputs
+from .ridge import PairRegressor
 from .training_job import EPOCHS_WITHOUT_VALIDATION, JobResult, TrainingJob, measured_split, repeat_seeds
 
 

@@ -20,8 +20,7 @@ from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
 from .features import held_target_rows, known_before, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
-from .weather_error import WeatherError, read_weather_error
-from .weather_spread import weather_spreads
+from .weather_error import WeatherError, read_weather_error, weather_spreads
 
 DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
 _DAYS_PER_BLOCK = 7

@@ -16,9 +16,9 @@ from ..identification import Diagnostics, diagnose
 from .backtest import backtest
 
 
-@dataclass(frozen=True)
+@dataclass
 class Assessment:
-    """Results of one candidate."""
+    """Results of one candidate, as far as it came."""
 
     row: dict[str, Any] = field(default_factory=dict)
     estimator: Any = None
@@ -33,31 +33,24 @@ def assess(
     estimator: Any, X: Any, y: Any, splits: list[tuple[np.ndarray, np.ndarray]], horizon: Any, origin_step: Any
 ) -> Assessment:
     """Fit and diagnose a candidate, and forecast held-out rows; errors are recorded."""
+    done = Assessment()
     try:
-        table = X
         has_target = isinstance(X, pd.DataFrame) and ("T_za" in X or "T_za" in dict(estimator.columns or {}))
         if isinstance(X, pd.DataFrame) and not has_target and np.size(y) == len(X):
-            table = X.assign(T_za=np.asarray(y, dtype=np.float64).ravel())
+            X = X.assign(T_za=np.asarray(y, dtype=np.float64).ravel())
         begin = time.perf_counter()
-        model = clone(estimator).fit(table, y)
+        model = clone(estimator).fit(X, y)
         seconds = time.perf_counter() - begin
-        density = log_density(model.innovations(table))
-        found = diagnose(model, table)
+        density, found = log_density(model.innovations(X)), diagnose(model, X)
+        of_errors = {"whiteness_p": found.whiteness, "acf_outside": found.share_outside}
+        done = Assessment(_facts(model) | of_errors | {"seconds": seconds}, model, density, diagnostics=found)
+        parts = [hold_out(estimator, X, y, *split, horizon, origin_step) for split in splits]
+        if parts:
+            done.held_out, done.forecasts = map(pd.concat, zip(*parts, strict=True))
     except Exception as problem:  # one model's failure must not end the comparison
-        return Assessment(error=f"{type(problem).__name__}: {problem}")
-    row = _facts(model) | {"whiteness_p": found.whiteness, "acf_outside": found.share_outside, "seconds": seconds}
-    scores, frames = [], []
-    try:
-        for train, test in splits:
-            score, frame = hold_out(estimator, table, y, train, test, horizon, origin_step)
-            scores.append(score)
-            frames.append(frame)
-    except Exception as problem:
-        error = f"held-out part: {type(problem).__name__}: {problem}"
-        return Assessment(row, model, density, diagnostics=found, error=error)
-    if not splits:
-        return Assessment(row, model, density, diagnostics=found)
-    return Assessment(row, model, density, pd.concat(scores), pd.concat(frames), found)
+        part = "" if done.density is None else "held-out part: "
+        done.error = f"{part}{type(problem).__name__}: {problem}"
+    return done
 
 
 def log_density(innovations: pd.DataFrame) -> pd.Series:

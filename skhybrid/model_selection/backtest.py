@@ -15,12 +15,12 @@ from .._rolling import RollingForecastMixin
 from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
 from .._time import assumed_clock, even_step, positive_duration, read_instant, rows_of, spell, wall_clock
 from .._warnings import several
+from ..forecasting.features import target_rows
 from ..forecasting.quantiles import quantile_columns, quantile_levels, read_quantiles
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
-from .setpoint_paths import paths_under_setpoints
+from .origin_paths import paths_under, paths_under_setpoints
 from .single_reading import read_once, reading_of, takes_tables
-from .weather_paths import paths_under
 
 _DAY = pd.Timedelta("1D")
 
@@ -124,17 +124,12 @@ def backtest(
     else:
         predicted = np.asarray(forecaster.predict(table), dtype=np.float64)
         refuse_later_measurements(estimator, X, truth[:, 0], predicted, origins, n_leads)
-        paths = predicted[np.minimum(_targets(origins, n_leads), len(wall) - 1)]
+        paths = predicted[np.minimum(target_rows(origins, n_leads), len(wall) - 1)]
     if quantiles is not None and bands is None:
         bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
     names = () if quantiles is None else quantile_columns(quantiles)
     columns = {"y_pred": paths} | dict(zip(names, () if bands is None else np.moveaxis(bands, -1, 0), strict=True))
     return _in_rows(stamps, origins, n_leads * sampling, truth, columns | loads, zones)
-
-
-def _targets(origins: np.ndarray, n_leads: int) -> np.ndarray:
-    """(n_origins, n_leads) rows that are forecast."""
-    return origins[:, None] + np.arange(1, n_leads + 1)
 
 
 def _in_rows(
@@ -147,7 +142,7 @@ def _in_rows(
 ) -> pd.DataFrame:
     """A row per origin and lead, of each zone, with measurements and columns (n_origins, n_leads) or of each zone."""
     n_leads = next(iter(columns.values())).shape[1]
-    ahead = _targets(origins, n_leads)
+    ahead = target_rows(origins, n_leads)
     rows, there = np.minimum(ahead, len(stamps) - 1), (ahead < len(stamps)).ravel()
     frame = pd.DataFrame({"origin": stamps[np.repeat(origins, n_leads)]})
     frame["lead"] = pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * (horizon / n_leads))

@@ -18,8 +18,7 @@ from ...control import FREE, Band, LoadPaths, WantedPaths
 from ...exceptions import PlanWarning, TooFewDaysError
 from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 from ...forecasting.quantiles import path_clock
-from ...forecasting.weather_error import WeatherError
-from ...forecasting.weather_spread import weather_spreads
+from ...forecasting.weather_error import WeatherError, weather_spreads
 from ..blending.blend import blend_weights, by_lead, faded, lead_groups, moments
 from ..known_rows import KnownRows
 from ..scheme import Boundary, Scheme
