@@ -146,9 +146,12 @@ def test_a_zoned_table_is_taken_in_standard_time():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t.iloc[10:], "weather does not cover 2024-05-01 00:00:00 to 2024-05-01 10:00:00"),
-        (lambda t: t.iloc[:48], "does not cover 2024-05-03 00:00:00 to 2024-05-04 00:00:00"),
-        (lambda t: t.drop(t.index[20:30]), "does not cover 2024-05-01 20:00:00 to 2024-05-02 06:00:00"),
+        (
+            lambda t: t.iloc[10:],
+            "simulation needs 2024-05-01 00:00:00 to .* no earlier than 2024-05-01 10:00:00",
+        ),
+        (lambda t: t.iloc[:48], "reaches from 2024-05-01 00:00:00 to 2024-05-02 23:00:00, but the simulation needs"),
+        (lambda t: t.drop(t.index[20:30]), "has nothing between 2024-05-01 19:00:00 and 2024-05-02 06:00:00"),
         (lambda t: t.drop(columns="q_sol"), "weather has no column 'q_sol'"),
         (lambda t: t.where(t["T_oa"] != 3), "weather column 'T_oa' contains NaN"),
         (lambda t: t[::-1], "must increase"),

@@ -145,10 +145,9 @@ def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     if weather.attrs.get("typical_year"):
         frame = _repeat_typical_year(frame, time)
     given = pd.DatetimeIndex(frame.index)
-    step = pd.Timedelta(np.median(np.diff(given.as_unit("ns").asi8)), unit="ns")
-    _check_coverage(given, time, step)
+    row = refuse_uncovered(given, time, "simulation", "a start")
     wanted, known = _seconds(time), _seconds(given)
-    half_wanted, half_known = (time[1] - time[0]).total_seconds() / 2, step.total_seconds() / 2
+    half_wanted, half_known = (time[1] - time[0]).total_seconds() / 2, row.total_seconds() / 2
     return pd.DataFrame(
         {
             "T_oa": np.interp(wanted, known, frame["T_oa"].to_numpy(dtype=np.float64)),
@@ -175,18 +174,18 @@ def _seconds(stamps: pd.DatetimeIndex) -> np.ndarray:
     return stamps.as_unit("ns").asi8 / 1e9
 
 
-def _check_coverage(given: pd.DatetimeIndex, need: pd.DatetimeIndex, step: pd.Timedelta) -> None:
-    end = need[-1] + (need[1] - need[0])
-    missing = []
-    if given[0] > need[0]:
-        missing.append(f"{need[0]} to {min(given[0], end)}")
-    if given[-1] + step < end:
-        missing.append(f"{max(given[-1] + step, need[0])} to {end}")
-    gaps = np.diff(given.as_unit("ns").asi8)
-    holes = np.flatnonzero((gaps > 3 * step.value) & (given[1:] > need[0]) & (given[:-1] < end))
-    missing += [f"{given[row] + step} to {given[row + 1]}" for row in holes[:1]]
-    if missing:
+def refuse_uncovered(given: pd.DatetimeIndex, time: pd.DatetimeIndex, what: str, other: str) -> pd.Timedelta:
+    """The length of a row of weather; refused if it begins late, ends early or has a gap of more than two rows."""
+    lengths = np.diff(given.as_unit("ns").asi8)
+    row = pd.Timedelta(np.median(lengths), unit="ns")
+    end = time[-1] + (time[1] - time[0])
+    gap = np.flatnonzero((lengths > 3 * row.value) & (given[1:] > time[0]) & (given[:-1] < end))
+    if given[0] > time[0] or given[-1] + row < end or len(gap):
+        first, last = (given[gap[0]], given[gap[0] + 1]) if len(gap) else (given[0], given[-1])
+        covers = f"has nothing between {first} and {last}" if len(gap) else f"reaches from {first} to {last}"
+        later = f", or {other} no earlier than {first}" if given[0] > time[0] else ""
         raise ValueError(
-            f"weather does not cover {' and '.join(missing)} of the simulation ({need[0]} to {end}); "
-            "give a longer table or another start."
+            f"the weather {covers}, but the {what} needs {time[0]} to {time[-1]} and the step after it; give weather "
+            f"for all of it{later}."
         )
+    return row

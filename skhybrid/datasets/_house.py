@@ -101,7 +101,9 @@ def make_house(
     >>> house.adjacency
     [('living', 'kitchen')]
     """
-    _check_rooms(zones, partition)
+    check_integer("zones", zones, 2, len(_ROOMS))
+    if not (np.isfinite(partition) and partition > 0):
+        raise ValueError(f"partition={partition!r} must be a positive resistance [K/kW].")
     per_step = check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
     names = _ROOMS[:zones]
     theta_rng, weather_rng, noise_rng, *room_rngs = spawn_generators(random_state, 3 + 3 * zones)
@@ -141,12 +143,6 @@ def make_house(
         setpoints=means(pd.DataFrame(plans).add_prefix("T_heat_set_")),
         DESCR=_DESCR.format(n=zones, names=", ".join(names), noise_std=noise_std),
     )
-
-
-def _check_rooms(zones: int, partition: float) -> None:
-    check_integer("zones", zones, 2, len(_ROOMS))
-    if not (np.isfinite(partition) and partition > 0):
-        raise ValueError(f"partition={partition!r} must be a positive resistance [K/kW].")
 
 
 def _floor_plan(names: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -20,7 +20,7 @@ from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
 from ..preprocessing._units import conversion_of, convert
-from ._epw import checked_weather, read_epw
+from ._epw import checked_weather, read_epw, refuse_uncovered
 from ._weather import clear_sky, tilted_irradiance
 
 _UNITS = {"°C": "degC", "°F": "degF", "W/m²": "W/m2", "kW/m²": "kW/m2", "BTU/h/ft²": "Btu/(h ft2)"}
@@ -148,33 +148,15 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     if (pd.DatetimeIndex(known.index).tz is None) != (time.tz is None):
         lacks, other = ("forecast", "weather") if time.tz is None else ("weather", "forecast")
         raise ValueError(f"the {lacks} has no time zone, but the {other} has one; give timezone= when reading it.")
-    origin = time[0]
-    hours, wanted = (np.asarray((pd.DatetimeIndex(i) - origin) / _HOUR, np.float64) for i in (known.index, time))
-    row = float(np.median(np.diff(hours)))
+    refuse_uncovered(pd.DatetimeIndex(known.index), time, "forecast", "a log that ends")
+    hours, wanted = (np.asarray((pd.DatetimeIndex(i) - time[0]) / _HOUR, np.float64) for i in (known.index, time))
     # a value at the last stamp holds to the end of its row; nothing is known beyond it
-    ends = wanted[-1] + step
-    _check_cover(hours, wanted, ends, row, known.index, time)
-    edges = np.append(hours, hours[-1] + row)
+    edges = np.append(hours, hours[-1] + float(np.median(np.diff(hours))))
     energy = np.concatenate([[0.0], np.cumsum(known["q_sol"].to_numpy() * np.diff(edges))])
-    asked = np.append(wanted, ends)
+    asked = np.append(wanted, wanted[-1] + step)
     until = PchipInterpolator(edges, energy)(asked)  # monotone: no irradiance below zero, none at night
     light = (np.diff(until) / np.diff(asked)).clip(min=0.0)
     return pd.DataFrame({"T_oa": np.interp(wanted, hours, known["T_oa"].to_numpy()), "q_sol": light}, index=time)
-
-
-def _check_cover(
-    hours: np.ndarray, wanted: np.ndarray, ends: float, row: float, given: pd.Index, time: pd.DatetimeIndex
-) -> None:
-    """Refuse weather that begins too late, ends too early or has a gap of more than two rows."""
-    gap = np.flatnonzero((np.diff(hours) > 3.0 * row + 1e-9) & (hours[1:] > wanted[0]) & (hours[:-1] < ends))
-    if hours[0] > wanted[0] + 1e-9 or hours[-1] + row < ends - 1e-9 or len(gap):
-        first, last = (given[gap[0]], given[gap[0] + 1]) if len(gap) else (given[0], given[-1])
-        covers = f"has nothing between {first} and {last}" if len(gap) else f"reaches from {first} to {last}"
-        other = f", or a log that ends no earlier than {first}" if hours[0] > wanted[0] + 1e-9 else ""
-        raise ValueError(
-            f"the weather {covers}, but the forecast needs {time[0]} to {time[-1]} and the step after it; give weather "
-            f"for all of it{other}."
-        )
 
 
 def _read_open_meteo(
