@@ -22,8 +22,8 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import DisturbanceForecaster, fit_many
 from skhybrid.forecasting.networks import jobs as jobs_module
-from skhybrid.forecasting.networks.callbacks import EarlyStoppingPerNetwork
 from skhybrid.forecasting.networks.jobs import discounted_share, train_networks
+from skhybrid.forecasting.networks.training import EarlyStoppingPerNetwork
 from skhybrid.forecasting.training_job import Split, TrainingJob, chronological_split, repeat_seeds
 
 

@@ -11,9 +11,8 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import check_bool, check_integer, check_rate, store_arguments
-from .._joining import from_first_measured
 from .._summary import TrainingRecord
-from .._table import ZoneTable, read_target
+from .._table import ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
@@ -23,7 +22,7 @@ from .arx_prior import ZoneEvidence, ZoneSums, prior_of
 from .features import target_rows
 from .intervals import LEAST_ERRORS, LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
-from .reading import read_zone
+from .reading import read_training, read_zone
 
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
@@ -129,9 +128,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             If a parameter is impossible, the table cannot be read, or ``prior`` belongs to other columns or steps.
         """
         self._check_parameters(like)
-        table = read_zone(self, X, reset=True)
-        T = read_target(y, table, max_missing=self.max_missing, role="T_za")
-        table, T = from_first_measured(table, T, rows_per_day(table.step))
+        table, T = read_training(self, X, y)
         self._check_spans(table.step)
         self.input_names_ = list(table.inputs)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
@@ -262,7 +259,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return intervals_from(left_out, known) if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS else None
 
     def _read_X(self, X: Any) -> ZoneTable:
-        return read_zone(self, X, reset=False)
+        return read_zone(self, X)
 
     def _cold_value(self, table: ZoneTable) -> float:
         first = float(table.measured()[0])

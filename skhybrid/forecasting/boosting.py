@@ -11,11 +11,10 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 
 from .._arguments import check_integer, check_rate, store_arguments
 from .._clock import hour_of_day
-from .._joining import from_first_measured
 from .._last_known import carried_forward
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
-from .._table import ZoneTable, read_target
+from .._table import ZoneTable
 from .._threads import one_blas_thread, one_openmp_thread
 from .._time import rows_per_day, rows_per_hour
 from .._transaction import unchanged_on_failure
@@ -23,7 +22,7 @@ from ..filtering import ForecastSample, hourly_sample
 from .arx import ARXRegressor
 from .features import clock_changes, same_slot, span_means
 from .quantiles import left_out_blocks
-from .reading import read_zone
+from .reading import read_training, read_zone
 
 _HOURS_BACK = (1, 3, 6)  # changes of temperature before the origin [h]
 _RECENT_HOURS = 3  # of the recent mean of an input before the target [h]
@@ -107,24 +106,21 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"residual_of={self.residual_of!r} is not known; use None or 'arx'.")
         check_integer("max_iter", self.max_iter)
         check_rate("learning_rate", self.learning_rate)
-        table = read_zone(self, X, reset=True)
-        T = read_target(y, table, max_missing=self.max_missing, role="T_za")
-        table, T = from_first_measured(table, T, rows_per_day(table.step))
+        table, T = read_training(self, X, y)
         self._check_spans(table.step)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self._roles, self._mean = list(table.inputs), float(np.nanmean(T))
         known = table.replace(history={"T_za": T})
         sample = hourly_sample(table.n_rows, self._leads_of_horizon(table.step), table.step_hours, 0)
-        self.arx_ = self._fitted_arx(table, T) if self.residual_of else None
+        self.arx_ = None
+        if self.residual_of:
+            arx = ARXRegressor(horizon=self.horizon, adapt="refit", max_missing=1.0, intervals=False)
+            self.arx_ = arx.fit(table.replace(history={}), T)
         with one_openmp_thread():
             self._grow(known, sample)
         n_kept = rows_per_day(table.step) + 1
         self._tail = known.rows(slice(-max(n_kept, self.arx_._tail.n_rows if self.arx_ else 0), None)).owned()
         return self
-
-    def _fitted_arx(self, table: ZoneTable, T: np.ndarray) -> ARXRegressor:
-        arx = ARXRegressor(horizon=self.horizon, adapt="refit", max_missing=1.0, intervals=False)
-        return arx.fit(table.replace(history={}), T)
 
     def _grow(self, known: ZoneTable, sample: ForecastSample) -> None:
         """Set the booster; the number of trees is the best one on the last third."""
@@ -184,7 +180,7 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
         return stacked.reshape(targets.size, len(columns))
 
     def _read_X(self, X: Any) -> ZoneTable:
-        return read_zone(self, X, reset=False)
+        return read_zone(self, X)
 
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self._roles), "trees": str(self.n_iter_)}

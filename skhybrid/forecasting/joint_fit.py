@@ -52,18 +52,18 @@ def fit_many(
     """
     if on_error not in ("raise", "return"):
         raise ValueError(f"on_error={on_error!r} is not known; use 'raise' or 'return'.")
-    results: dict[int, Any] = {}
+    results: list[Any] = []
     jobs: dict[int, TrainingJob] = {}
     shared: dict[Any, Any] = {}
     for i, forecaster in enumerate(forecasters):
         try:
             one = clone(forecaster)
-            results[i], job = one, one._begin(X, y, shared)
+            job = one._begin(X, y, shared)
         except Exception as error:
             if on_error == "raise":
                 raise
-            results[i] = error
-            continue
+            one, job = error, None
+        results.append(one)
         if job is not None:
             jobs[i] = job
     if jobs:
@@ -74,7 +74,7 @@ def fit_many(
                 results[i] = result
             else:
                 results[i]._take(result)
-    return [results[i] for i in range(len(results))]
+    return results
 
 
 def fit_each(forecasters: Sequence[Any], X: Any, y: Any) -> list[Any]:

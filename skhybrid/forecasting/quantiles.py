@@ -130,20 +130,9 @@ class QuantileForecastMixin(RollingForecastMixin):
         paths_of = partial(self._quantile_paths, levels=levels, weather=read_weather_error(weather_error))
         return self._paths_from(X, origins, horizon, paths_of, levels.shape)
 
-    def _quantile_paths(
-        self,
-        table: ZoneTable,
-        origins: np.ndarray,
-        n_leads: int,
-        levels: np.ndarray,
-        weather: WeatherError | None,
-        paths: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ... of a table with its history.
-
-        Forecasts ``paths`` (n_origins, n_leads) that are known are not made again.
-        """
-        paths, offsets = self._quantile_offsets(table, origins, n_leads, levels, weather, paths)
+    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, *args: Any, **kwargs: Any) -> np.ndarray:
+        """(n_origins, n_leads, n_levels) quantiles of the rows origin + 1 ...; see :meth:`_quantile_offsets`."""
+        paths, offsets = self._quantile_offsets(table, origins, *args, **kwargs)
         return paths[..., None] + offsets
 
     def _quantile_offsets(
@@ -155,13 +144,18 @@ class QuantileForecastMixin(RollingForecastMixin):
         weather: WeatherError | None = None,
         paths: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Forecasts (n_origins, n_leads), and what their quantiles have beyond them (n_origins, n_leads, n_levels)."""
+        """Forecasts (n_origins, n_leads), and what their quantiles have beyond them (n_origins, n_leads, n_levels).
+
+        The table has its history; forecasts ``paths`` that are known are not made again.
+        """
         intervals, per_day = self.intervals_, rows_per_day(table.step)
         # forecasts made whole days before an origin have the same hour at the same lead
         earlier = origins[:, None] - per_day * np.arange(1, DAYS_BACK + 1)
         past = np.unique(earlier[earlier >= self._first_past(table)])
-        if paths is None:
-            paths, past_paths = self._both_paths(table, origins, n_leads, past, per_day)
+        if paths is None:  # from the origins and from the earlier rows in one call
+            every, where = np.unique(np.concatenate([origins, past]), return_inverse=True)
+            both = self._forecast(table, every, max(n_leads, per_day))[where]
+            paths, past_paths = both[: len(origins), :n_leads], both[len(origins) :, :per_day]
         else:
             past_paths = self._forecast(table, past, per_day) if len(past) else np.empty((0, per_day))
         errors = measured_ahead(table, past, per_day) - past_paths
@@ -182,14 +176,6 @@ class QuantileForecastMixin(RollingForecastMixin):
     def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         """Forecasts for what a change of inputs does, which need not learn from the history."""
         return self._forecast(table, origins, n_leads)
-
-    def _both_paths(
-        self, table: ZoneTable, origins: np.ndarray, n_leads: int, past: np.ndarray, n_past: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Paths from the origins and from earlier rows, in one call."""
-        every, where = np.unique(np.concatenate([origins, past]), return_inverse=True)
-        paths = self._forecast(table, every, max(n_leads, n_past))[where]
-        return paths[: len(origins), :n_leads], paths[len(origins) :, :n_past]
 
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:

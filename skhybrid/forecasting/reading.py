@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, as_pandas, read_table
+from .._joining import from_first_measured
+from .._table import ZoneTable, as_pandas, read_table, read_target
+from .._time import rows_per_day
 from .features import mode_roles
 
 _INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
@@ -36,9 +39,16 @@ def read_case_inputs(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
     return table
 
 
-def read_zone(forecaster: Any, X: Any, *, reset: bool) -> ZoneTable:
-    """Read all inputs of a forecaster of the temperature, and its history."""
-    return _read(forecaster, X, reset=reset, fewest=3)
+def read_zone(forecaster: Any, X: Any) -> ZoneTable:
+    """Read all inputs of a fitted forecaster of the temperature, and its history."""
+    return _read(forecaster, X, reset=False, fewest=3)
+
+
+def read_training(forecaster: Any, X: Any, y: Any) -> tuple[ZoneTable, np.ndarray]:
+    """Rows that a forecaster of the temperature is fitted on, from a first measured one on, and their temperature."""
+    table = _read(forecaster, X, reset=True, fewest=3)
+    T = read_target(y, table, max_missing=forecaster.max_missing, role="T_za")
+    return from_first_measured(table, T, rows_per_day(table.step))
 
 
 def _read(forecaster: Any, X: Any, *, reset: bool, fewest: int, **selected: Any) -> ZoneTable:

@@ -19,15 +19,7 @@ from sklearn.base import clone
 from .._calendar import N_CELLS, clock_hour, day_type_hour, one_hot
 from .._table import ZoneTable
 from .._time import rows_per_day, rows_per_hour
-from .features import (
-    clock_changes,
-    held_target_rows,
-    irradiance_roles,
-    known_at,
-    known_before,
-    same_slot,
-    target_rows,
-)
+from .features import clock_changes, held_target_rows, irradiance_roles, known_at, known_before, same_slot, target_rows
 
 ALPHAS = np.logspace(-1.0, 5.0, 13)
 #: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -51,7 +51,7 @@ def refuse_later_measurements(
         if _differ(predicted, _predicted(estimator, _changed_after(X, measured, origin)), ahead):
             alone = {j: _predicted(estimator, _changed_after(X, {j: lag}, origin)) for j, lag in measured.items()}
             read = [j for j, other in alone.items() if _differ(predicted, other, ahead)]
-            raise ValueError(_message(name, f"column {listed(_names(X, read or list(measured)), most=3)}"))
+            raise ValueError(_message(name, f"column {listed(_as_frame(X).columns[read or list(measured)], most=3)}"))
 
 
 def _predicted(estimator: Any, X: Any) -> np.ndarray:
@@ -78,11 +78,14 @@ def _holds_forecaster(estimator: Any) -> bool:
 
 def _measured(X: Any, y: np.ndarray, n_leads: int) -> dict[int, int]:
     """Columns of X, by position, that hold history, y, or y some rows earlier; and by how many rows they lag."""
-    found = {}
-    for j, name, values in _numbers(X):
+    found, frame = {}, _as_frame(X)
+    for j, (name, dtype) in enumerate(frame.dtypes.items()):
+        if not pd.api.types.is_numeric_dtype(dtype):
+            continue
         if is_history(name):
             found[j] = 0
             continue
+        values = numeric(frame.iloc[:, j])
         in_any_unit = role_of(name) is None or (is_instant(name) and name != "T_oa")  # the others are inputs
         lags = range(min(n_leads, len(y)))
         lag = next((k for k in lags if is_target(values[k:], y[: len(y) - k], scaled=in_any_unit and k == 0)), None)
@@ -91,17 +94,9 @@ def _measured(X: Any, y: np.ndarray, n_leads: int) -> dict[int, int]:
     return found
 
 
-def _numbers(X: Any) -> Iterator[tuple[int, Any, np.ndarray]]:
-    """Position, name (None in an array) and values of the columns of X that are numbers."""
-    if isinstance(X, pd.DataFrame):
-        for j, (name, dtype) in enumerate(X.dtypes.items()):
-            if pd.api.types.is_numeric_dtype(dtype):
-                yield j, name, numeric(X.iloc[:, j])
-        return
-    array = np.asarray(X)
-    if array.ndim == 2 and array.dtype.kind in "fiu":
-        for j, values in enumerate(array.T.astype(np.float64)):
-            yield j, None, values
+def _as_frame(X: Any) -> pd.DataFrame:
+    """X, or an array as a frame whose columns have their positions as names."""
+    return X if isinstance(X, pd.DataFrame) else pd.DataFrame(np.asarray(X))
 
 
 def _changed_after(X: Any, lags: Mapping[int, int], origin: int) -> Any:
@@ -109,22 +104,10 @@ def _changed_after(X: Any, lags: Mapping[int, int], origin: int) -> Any:
 
     ``lags`` says by how many rows each column lags; what is missing stays missing.
     """
-    if not isinstance(X, pd.DataFrame):
-        array = np.array(X, dtype=np.float64)
-        for j, lag in lags.items():
-            array[:, j] = _changed(array[:, j], origin + lag)
-        return array
-    frame = X.copy(deep=False)
+    frame = _as_frame(X).copy(deep=False)
+    rows = np.arange(len(frame))
     for j, lag in lags.items():
-        frame.isetitem(j, _changed(numeric(X.iloc[:, j]), origin + lag))
-    return frame
-
-
-def _changed(values: np.ndarray, origin: int) -> np.ndarray:
-    rows = np.arange(len(values))
-    by = (1.0 + 3.0 * np.nanstd(values)) * np.where(rows % 2, 1.0, -1.0)
-    return np.where(rows > origin, values + by, values)
-
-
-def _names(X: Any, columns: Sequence[int]) -> list[Any]:
-    return [X.columns[j] for j in columns] if isinstance(X, pd.DataFrame) else list(columns)
+        values = numeric(frame.iloc[:, j])
+        by = (1.0 + 3.0 * np.nanstd(values)) * np.where(rows % 2, 1.0, -1.0)
+        frame.isetitem(j, np.where(rows > origin + lag, values + by, values))
+    return frame if isinstance(X, pd.DataFrame) else frame.to_numpy(dtype=np.float64)

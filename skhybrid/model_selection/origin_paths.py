@@ -92,44 +92,30 @@ def paths_under_setpoints(
     ``Q_hvac_0.1`` of the whole load [kW]; NaN in zones without them.  With a model of the error of a ``weather``
     forecast, each origin has a forecast of its own.
     """
-    read = hasattr(forecaster, "closed_loop_from") and getattr(forecaster, "preprocess_", None) is None
-    if not read or not isinstance(table, ZoneTable | pd.DataFrame):
+    acts = hasattr(forecaster, "closed_loop_from") and getattr(forecaster, "preprocess_", None) is None
+    if not acts or not isinstance(table, ZoneTable | pd.DataFrame):
         raise ValueError(
             "heat_known=False needs a hybrid predictor of one zone, or of a building, without preprocess=, and X as a "
             "DataFrame with time stamps; leave heat_known=True."
         )
     if weather is None:
-        found = forecaster.closed_loop_from(table, origins, horizon, quantiles)
+        parts = [forecaster.closed_loop_from(table, origins, horizon, quantiles)]
     else:
-        found = _under_forecasts(forecaster, table, origins, horizon, quantiles, weather)
-    zones = list(found.values()) if isinstance(found, Mapping) else [found]
+        models = getattr(forecaster, "own_", {"": forecaster}).values()
+        read = [(model, table if isinstance(table, ZoneTable) else model._read_X(table)) for model in models]
+        parts = []
+        for origin in origins.tolist():
+            seen = [(model, weather.forecast(rows, origin, rows_of(horizon, rows.step))) for model, rows in read]
+            ahead = seen[0][1] if isinstance(table, ZoneTable) else table.assign(**_weather_of(seen))
+            parts.append(forecaster.closed_loop_from(ahead, [origin], horizon, quantiles, weather_error=weather))
+    by_zone = [part.values() if isinstance(part, Mapping) else [part] for part in parts]
+    zones: list[Any] = [ClosedLoopPaths.joined(of_zone) for of_zone in zip(*by_zone, strict=True)]
     loads = [_loads(one, quantiles) for one in zones]
     unknown = np.full(zones[0].paths.temperature.shape, np.nan)
     names = dict.fromkeys(name for own in loads for name in own)
     columns = {name: np.stack([own.get(name, unknown) for own in loads], axis=-1) for name in names}
     bands = None if quantiles is None else np.stack([one.temperature_bands for one in zones], axis=2)
     return np.stack([one.paths.temperature for one in zones], axis=-1), bands, columns
-
-
-def _under_forecasts(
-    forecaster: Any,
-    table: Any,
-    origins: np.ndarray,
-    horizon: pd.Timedelta,
-    quantiles: Sequence[float] | None,
-    weather: WeatherError,
-) -> Any:
-    """The forecasts from each origin under a weather forecast of its own, of one zone or by zone."""
-    models = getattr(forecaster, "own_", {"": forecaster}).values()
-    read = [(model, table if isinstance(table, ZoneTable) else model._read_X(table)) for model in models]
-    parts = []
-    for origin in origins.tolist():
-        seen = [(model, weather.forecast(rows, origin, rows_of(horizon, rows.step))) for model, rows in read]
-        ahead = seen[0][1] if isinstance(table, ZoneTable) else table.assign(**_weather_of(seen))
-        parts.append(forecaster.closed_loop_from(ahead, [origin], horizon, quantiles, weather_error=weather))
-    if not isinstance(parts[0], Mapping):
-        return ClosedLoopPaths.joined(parts)
-    return {zone: ClosedLoopPaths.joined([part[zone] for part in parts]) for zone in parts[0]}
 
 
 def _weather_of(tables: Sequence[tuple[Any, ZoneTable]]) -> dict[str, np.ndarray]:

@@ -13,10 +13,9 @@ from torch import Tensor
 from ..._time import rows_per_day
 from ..cases import RECURRENT, ModelCase
 from ..training_job import EPOCHS_WITHOUT_VALIDATION, JobResult, Split, TrainingJob
-from .callbacks import TrainingResult
 from .fitted import FittedNetwork, make_stack
 from .spec import NetworkSpec
-from .training import TrainingSettings, one_thread, train_stack
+from .training import TrainingResult, TrainingSettings, one_thread, train_stack
 from .windows import Scaler, Windows, WindowTable, padded_windows, scaled_views, window_columns
 
 #: Networks of a stack: on a CPU more of them leave its caches; a GPU is busy only with many.
