@@ -12,8 +12,8 @@ from skhybrid import DisturbanceForecaster, HybridPredictor, OutputDisturbanceID
 from skhybrid.datasets import make_office
 from skhybrid.forecasting.cases import NETWORKS, cases_of
 from skhybrid.model_selection import DesignMatrix
+from skhybrid.model_selection.search.candidates import candidate_id
 from skhybrid.model_selection.search.design_matrix import MatrixBlock
-from skhybrid.model_selection.search.fingerprint import candidate_id
 
 CLIMATES = {"oakland": "2023-07-08", "chicago": "2023-07-08"}
 KINDS = ("input", "output")

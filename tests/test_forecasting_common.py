@@ -335,7 +335,7 @@ import numpy as np
 from sklearn.linear_model import Ridge
 from skhybrid.forecasting import ARXRegressor, DisturbanceForecaster, fit_many, list_cases, list_sizes
 from skhybrid.forecasting.named_models import networks_available, require_networks
-from skhybrid.model_selection.search.fingerprint import settings_of
+from skhybrid.model_selection.search.candidates import settings_of
 assert not networks_available()
 X = np.random.default_rng(0).normal(size=(24 * 10, 2)); y = X.sum(axis=1)
 names = ("ridge", "profile", "last_week", "persistence", Ridge())

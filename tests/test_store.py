@@ -19,7 +19,7 @@ from sklearn.metrics import make_scorer, mean_squared_error
 from skhybrid import DisturbanceForecaster
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting.arx_prior import ARXPrior
-from skhybrid.model_selection.search.fingerprint import candidate_id, settings_of
+from skhybrid.model_selection.search.candidates import candidate_id, settings_of
 from skhybrid.model_selection.search.store import Result, ResultStore, Task
 from skhybrid.parallel.stored_settings import as_plain
 
@@ -283,7 +283,7 @@ def test_values_in_words_are_the_same_in_another_process():
     program = (
         "import numpy as np, pandas as pd\nfrom sklearn.linear_model import Ridge\n"
         "from sklearn.metrics import mean_squared_error\n"
-        "from skhybrid.model_selection.search.fingerprint import candidate_id\n"
+        "from skhybrid.model_selection.search.candidates import candidate_id\n"
         "values = [Ridge(alpha=0.5), {'a': [1, None]}, np.arange(2000.0),"
         " pd.Timedelta('1D'), mean_squared_error, {f'2024-12-{day}' for day in range(10, 30)}]\n"
         "print(candidate_id({'values': values}))"

@@ -60,13 +60,6 @@ def read_epw(
     return frame
 
 
-def _repeat_typical_year(frame: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
-    """Repeat the typical year over the span of ``time``, with a margin of one day at both ends."""
-    margin = pd.Timedelta("1D")
-    years = range((time[0] - margin).year, (time[-1] + margin).year + 1)
-    return pd.concat([_with_year(frame, year) for year in years]).loc[time[0] - margin : time[-1] + margin]
-
-
 def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Temperature and irradiance of a file, stamped with the typical year, and its site."""
     from pvlib.iotools import read_epw as pvlib_read_epw
@@ -143,7 +136,8 @@ def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     frame.index = _standard_time(pd.DatetimeIndex(frame.index))
     frame.attrs |= weather.attrs
     if weather.attrs.get("typical_year"):
-        frame = _repeat_typical_year(frame, time)
+        begin, end = time[0] - pd.Timedelta("1D"), time[-1] + pd.Timedelta("1D")
+        frame = pd.concat([_with_year(frame, year) for year in range(begin.year, end.year + 1)]).loc[begin:end]
     given = pd.DatetimeIndex(frame.index)
     row = refuse_uncovered(given, time, "simulation", "a start")
     wanted, known = _seconds(time), _seconds(given)

@@ -2,9 +2,8 @@
 
 from ._disturbance import DisturbanceWeekDisplay, ScheduleDisplay
 from ._forecast import DayAheadDisplay, ForecastDisplay, LeadErrorDisplay
+from ._identification_displays import ProfileDisplay, ResidualDisplay
 from ._posterior import PosteriorDisplay, RobustnessDisplay
-from ._profile import ProfileDisplay
-from ._residuals import ResidualDisplay
 from ._response_display import BodeDisplay, StepResponseDisplay
 from ._room_map import RoomMapDisplay
 

@@ -69,18 +69,16 @@ _BLOCKS = {
     by_origin : mapping of label to list of DataFrame, optional
         Responses at several origins, drawn as a band from the least to the most of them.
     """,
-    "origins": """
+    "responses": """
     origin_step : timedelta-like, default="6h"
         Time between the origins at which the response of a hybrid is taken.
+    output : int, default=0
+        Index of the measured temperature, for models with several.
     """,
     "hybrids": """
     A hybrid is drawn by member, its blend and its network, under heating and cooling alone, as the mean over origins
     in a band from the least to the most of them.  The band is how far the response changes with what is learned and
     with the hour; it is not the error of the gain, which all origins may share.
-    """,
-    "output": """
-    output : int, default=0
-        Index of the measured temperature, for models with several.
     """,
     "inputs": """
     inputs : sequence of str, optional

@@ -123,8 +123,7 @@ class BodeDisplay(_ResponseDisplay):
         periods : sequence of timedelta-like, optional
             Periods of the input; by default from 10 minutes (or two steps of the model) to 30 days, of a hybrid to one
             day.
-        %(origins)s
-        %(output)s
+        %(responses)s
         %(drawing)s
 
         Notes
@@ -213,8 +212,7 @@ class StepResponseDisplay(_ResponseDisplay):
         %(models)s
         duration : timedelta-like, default="12h"
             Time after the step.
-        %(origins)s
-        %(output)s
+        %(responses)s
         %(drawing)s
 
         Notes

@@ -23,9 +23,8 @@ from ..._warnings import first_sentence
 from ...forecasting.named_models import is_network, require_networks
 from ...parallel.workers import Workers
 from ..splitters import default_split
-from .candidates import BASELINE, forecaster_prefix, last_step, model_of
+from .candidates import BASELINE, forecaster_prefix, last_step, model_of, settings_of
 from .design_matrix import IDENTITY, DesignMatrix
-from .fingerprint import settings_of
 from .halving import SearchOutcome, check_halving, run_all, run_halving
 from .runner import Runner
 from .store import ResultStore
@@ -144,7 +143,10 @@ class DesignMatrixSearchCV(BaseSearchCV):
             self._check_refit_for_multimetric(dict.fromkeys(self._metrics(outcome)))
             metric = self.refit
         if self.refit or not self.multimetric_:
-            self._choose(metric)
+            self.best_index_ = self._select_best_index(self.refit, metric, self.cv_results_)
+            if not callable(self.refit):
+                self.best_score_ = self.cv_results_[f"mean_test_{metric}"][self.best_index_]
+            self.best_params_ = self.cv_results_["params"][self.best_index_]
         if self.refit:
             self._refit(problem)
         self.scorer_ = getattr(scorer, "_scorers", scorer)
@@ -282,12 +284,6 @@ class DesignMatrixSearchCV(BaseSearchCV):
             "(see results_['stopped_at'] and halving_).",
             stacklevel=5,
         )
-
-    def _choose(self, metric: Any) -> None:
-        self.best_index_ = self._select_best_index(self.refit, metric, self.cv_results_)
-        if not callable(self.refit):
-            self.best_score_ = self.cv_results_[f"mean_test_{metric}"][self.best_index_]
-        self.best_params_ = self.cv_results_["params"][self.best_index_]
 
     def _refit(self, problem: Problem) -> None:
         started = time.perf_counter()

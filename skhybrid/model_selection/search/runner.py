@@ -13,8 +13,7 @@ from tqdm.auto import tqdm
 from ...parallel.shared import Shared
 from ...parallel.stored_settings import as_plain
 from ...parallel.workers import Workers
-from .candidates import BASELINE, effort_of, identification_params, shares_network, stack_key
-from .fingerprint import candidate_id
+from .candidates import BASELINE, candidate_id, effort_of, identification_params, shares_network, stack_key
 from .store import Result, ResultStore, Task
 from .tasks import Problem, evaluate, identify
 

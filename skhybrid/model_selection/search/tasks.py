@@ -159,14 +159,9 @@ def evaluate(
         one_by_one = [evaluate(problem, network, {task: params}, split) for task, params in tasks.items()]
         return {task: result for found in one_by_one for task, result in found.items()}
     spent = (time.perf_counter() - started) / len(tasks)
-    _return_memory()
-    return {task: _score(given, model, split, spent, catch_errors) for task, model in zip(tasks, models, strict=True)}
-
-
-def _return_memory() -> None:
-    """Hand freed memory back to Linux: joblib restarts a worker that has grown by 300 MB."""
-    with suppress(OSError, AttributeError):
+    with suppress(OSError, AttributeError):  # memory back to Linux: joblib restarts a worker that has grown by 300 MB
         ctypes.CDLL(None).malloc_trim(0)
+    return {task: _score(given, model, split, spent, catch_errors) for task, model in zip(tasks, models, strict=True)}
 
 
 def _fit(given: Problem, fitted: Any, candidates: Sequence[Mapping[str, Any]], split: int) -> list[Any]:
