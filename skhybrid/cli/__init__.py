@@ -77,7 +77,6 @@ def _group() -> Any:
     import click
 
     from .. import __version__
-    from ._options import HELP_NAMES
 
     class Commands(click.Group):
         def list_commands(self, ctx: click.Context) -> list[str]:
@@ -93,6 +92,6 @@ def _group() -> Any:
         "  skhybrid fit LOG --config zone.toml --model zone.skops\n"
         "  skhybrid forecast --model zone.skops --log LOG --weather WEATHER --setpoint 21,24"
     )
-    return click.version_option(__version__, message="skhybrid %(version)s")(
-        Commands("skhybrid", help=doc, no_args_is_help=False, context_settings=HELP_NAMES)
-    )
+    context = {"help_option_names": ["-h", "--help"], "show_default": True}  # of all commands
+    group = Commands("skhybrid", help=doc, no_args_is_help=False, context_settings=context)
+    return click.version_option(__version__, message="skhybrid %(version)s")(group)

@@ -15,8 +15,9 @@ from .._files import write_text
 from .._json import strict_json
 from ._output import DONE, FAILED, Progress, one_line
 
+PATH = click.Path(path_type=Path)
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
-DIR = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+DIR = click.argument("folder", metavar="DIR", type=PATH)
 
 
 def log_option(text: str) -> Callable[[Any], Any]:
@@ -26,7 +27,7 @@ def log_option(text: str) -> Callable[[Any], Any]:
 
 def _config(remark: str = "") -> Callable[[Any], Any]:
     text = f"Configuration of the log; skhybrid check LOG --config zone.toml proposes one.{remark}"
-    return click.option("--config", type=click.Path(path_type=Path), metavar="zone.toml", help=text)
+    return click.option("--config", type=PATH, metavar="zone.toml", help=text)
 
 
 CONFIG_IF_ANY = _config()
@@ -39,16 +40,13 @@ SETPOINT = click.option(
 )
 WEATHER = click.option(
     "--weather",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Weather to come: CSV (with set-points, if it has them), EPW, or Open-Meteo's JSON or CSV.",
 )
 #: options that name files, in words
 _FILES = {"log": "the log", "source": "the source", "weather": "the weather"}
 _FILES |= {name: f"--{name}" for name in ("config", "model", "out")}
-HELP_NAMES = {"help_option_names": ["-h", "--help"]}
-MODEL = click.option(
-    "--model", type=click.Path(path_type=Path), metavar="zone.skops", required=True, help="Model file."
-)
+MODEL = click.option("--model", type=PATH, metavar="zone.skops", required=True, help="Model file.")
 
 
 class InOrder(click.Group):
@@ -59,14 +57,14 @@ class InOrder(click.Group):
         return list(self.commands)
 
 
-def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]], click.Command]:
+def as_command(name: str, example: str) -> Callable[[Callable[..., None]], click.Command]:
     """A command with ``--json``, ``--strict`` and ``--quiet``, whose help ends with an example.
 
     The function gets ``say`` (a :class:`Progress`) and ``as_json`` besides its own options.  Warnings are written to
     stderr, once each.
     """
 
-    def decorate(function: Callable[..., int | None]) -> click.Command:
+    def decorate(function: Callable[..., None]) -> click.Command:
         @functools.wraps(function)
         def run(*, as_json: bool, strict: bool, quiet: bool, **options: Any) -> int:
             say = Progress(quiet)
@@ -74,10 +72,10 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 try:
-                    code = function(say=say, as_json=as_json, **options) or DONE
+                    function(say=say, as_json=as_json, **options)
                 finally:
                     texts = _tell(caught, say)
-            return FAILED if strict and (texts or say.n_warnings) and code == DONE else code
+            return FAILED if strict and (texts or say.n_warnings) else DONE
 
         for option in (
             click.option("-q", "--quiet", is_flag=True, help="Write no progress and no warnings to stderr."),
@@ -85,7 +83,7 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., int | None]],
             click.option("--json", "as_json", is_flag=True, help="Write the result to stdout as JSON."),
         ):
             run = option(run)
-        made = click.command(name, epilog=_epilog(example), context_settings=HELP_NAMES)(run)
+        made = click.command(name, epilog=_epilog(example))(run)
         made.params = made.params[3:] + made.params[:3]  # help begins with what only this command has
         return made
 
@@ -110,14 +108,7 @@ def _refuse_one_file_twice(options: Mapping[str, Any]) -> None:
 
 def as_group(name: str, commands: Sequence[click.Command], summary: str, example: str) -> InOrder:
     """A group of commands, whose help ends with an example."""
-    return InOrder(
-        name,
-        commands=list(commands),
-        help=summary,
-        epilog=_epilog(example),
-        context_settings=HELP_NAMES,
-        no_args_is_help=False,
-    )
+    return InOrder(name, commands=list(commands), help=summary, epilog=_epilog(example), no_args_is_help=False)
 
 
 def _epilog(example: str) -> str:

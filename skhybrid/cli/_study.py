@@ -12,7 +12,7 @@ from ..study.building_outputs import building_metrics, format_zones, write_build
 from ..study.building_study import BuildingResult, run_building, verdicts_by_zone
 from ..study.outputs import format_result, metrics_text
 from ..zone.dead_meters import part_without_dead_meters
-from ._output import DONE, Progress, check_stopped
+from ._output import Progress, check_stopped
 
 
 def study_to_folder(
@@ -23,8 +23,8 @@ def study_to_folder(
     heat_gain: pd.Series | None = None,
     *,
     as_json: bool = False,
-) -> int:
-    """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table; the exit code."""
+) -> None:
+    """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table."""
     refuse_unwritable(out)
     result = study_of(settings, data, progress)
     if isinstance(result, BuildingResult):
@@ -32,7 +32,7 @@ def study_to_folder(
     else:
         truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
         written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
-    return print_result(result, progress, f"{out}{os.sep}: {', '.join(path.name for path in written)}", as_json=as_json)
+    print_result(result, progress, f"{out}{os.sep}: {', '.join(path.name for path in written)}", as_json=as_json)
 
 
 def study_of(settings: Settings, data: StudyData, progress: Progress) -> StudyResult | BuildingResult:
@@ -50,19 +50,18 @@ def read_study(log: str, settings: Settings, progress: Progress) -> StudyData:
     return data._replace(remarks=(*remarks, *data.remarks))
 
 
-def print_result(result: StudyResult | BuildingResult, progress: Progress, written: str, *, as_json: bool) -> int:
-    """Print the warnings, the verdicts and the comparison of a study, and what was written; the exit code."""
+def print_result(result: StudyResult | BuildingResult, progress: Progress, written: str, *, as_json: bool) -> None:
+    """Print the warnings, the verdicts and the comparison of a study, and what was written."""
     for text in result.warnings:
         progress.warn(text)
     if as_json:
         print(building_metrics(result) if isinstance(result, BuildingResult) else metrics_text(result))
-        return DONE
+        return
     if isinstance(result, BuildingResult):
         lines = [*map(str, verdicts_by_zone(result.verdicts)), "", format_zones(result)]
     else:
         lines = [*map(str, result.verdicts), "", format_result(result)]
     print("\n".join([*lines, "", written]))
-    return DONE
 
 
 def refuse_unwritable(out: Path, kind: str = "folder", option: str = "--out") -> None:

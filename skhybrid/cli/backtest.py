@@ -8,15 +8,15 @@ from typing import Any
 import click
 
 from .._warnings import percent
-from ._options import CONFIG, LOG, as_command, print_json, settings_at, write_out
-from ._output import DONE, Progress
+from ._options import CONFIG, LOG, PATH, as_command, print_json, settings_at, write_out
+from ._output import Progress
 
 
 @as_command("backtest", "skhybrid backtest thermostat.csv --config zone.toml --out backtest.csv")
 @LOG
 @CONFIG
-@click.option("--out", type=click.Path(path_type=Path), metavar="backtest.csv", help="File to write all forecasts to.")
-def command(log: str, config: Path | None, out: Path | None, say: Progress, as_json: bool) -> int:
+@click.option("--out", type=PATH, metavar="backtest.csv", help="File to write all forecasts to.")
+def command(log: str, config: Path | None, out: Path | None, say: Progress, as_json: bool) -> None:
     """Forecast past days, and compare with simple rules.
 
     The model is fitted on [train] of the configuration and forecasts every day of [test].
@@ -43,7 +43,7 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         content |= {"table": found.table.to_dict(orient="index"), "load_unit": found.load_unit or None}
         content |= {"setpoints_known": None if held is None else held.as_dict()}
         print_json(content | {"coverage": found.coverage})
-        return DONE
+        return
     units = {"rmse": "RMSE [K]", "mae": "MAE [K]", "load_rmse": f"load RMSE [{found.load_unit}]"}
     for zone in settings.zones:
         units |= {f"rmse_{zone}": f"{zone} [K]", f"load_rmse_{zone}": f"load of {zone} [{found.load_unit}]"}
@@ -57,4 +57,3 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         print(table.rename(columns=units).round(3).to_string(na_rep="-"))
         if coverage is not None:
             print(f"\n80 % intervals of the hybrid hold {percent(coverage)} of the measurements")
-    return DONE

@@ -6,18 +6,13 @@ from pathlib import Path
 
 import click
 
-from ._options import LOG, as_command, print_json, write_out
-from ._output import DONE, Progress
+from ._options import LOG, PATH, as_command, print_json, write_out
+from ._output import Progress
 
 
 @as_command("check", "skhybrid check thermostat.csv --config zone.toml")
 @LOG
-@click.option(
-    "--config",
-    type=click.Path(path_type=Path),
-    metavar="zone.toml",
-    help="Configuration to write, or to read if it exists.",
-)
+@click.option("--config", type=PATH, metavar="zone.toml", help="Configuration to write, or to read if it exists.")
 @click.option("--format", "format_", help="Format of the log, if its content does not show it.")
 @click.option("--timezone", help="Time zone of stamps without an offset, such as Europe/Amsterdam.")
 @click.option("--overwrite", is_flag=True, help="Replace the configuration if it exists.")
@@ -29,7 +24,7 @@ def command(
     overwrite: bool,
     say: Progress,
     as_json: bool,
-) -> int:
+) -> None:
     """Check a log before anything is fitted.
 
     It lists columns, units, gaps and sensors, and says what can be learned.
@@ -72,4 +67,3 @@ def command(
     else:
         print(without_python(report))
     say.n_warnings += sum(finding.level != "note" for finding in report.findings)
-    return DONE

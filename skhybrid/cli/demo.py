@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ._options import as_command
+from ._options import PATH, as_command
 from ._output import Progress
 
 _NAME = "Small office, Chicago (EnergyPlus)"
@@ -20,22 +20,16 @@ _QUICK_SPANS = {
 
 
 @as_command("demo", "skhybrid demo --quick")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("skhybrid-demo"),
-    show_default=True,
-    help="Folder to write to.",
-)
+@click.option("--out", type=PATH, default=Path("skhybrid-demo"), help="Folder to write to.")
 @click.option("--quick", is_flag=True, help="Take shorter spans, only to see that it works.")
-def command(out: Path, quick: bool, say: Progress, as_json: bool) -> int:
+def command(out: Path, quick: bool, say: Progress, as_json: bool) -> None:
     """Study the office log that ships with the package."""
     # imported here so that --help need not wait for it
     from ..datasets import load_small_office
     from ._study import study_to_folder
 
     settings, data = office_study(quick=quick)
-    return study_to_folder(settings, data, out, say, load_small_office().heat_gain, as_json=as_json)
+    study_to_folder(settings, data, out, say, load_small_office().heat_gain, as_json=as_json)
 
 
 def office_study(*, quick: bool = False, **settings: Any) -> tuple[Any, Any]:

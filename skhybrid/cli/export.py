@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG_IF_ANY, as_command, as_group, print_json, refuse_zones, settings_at, write_out
-from ._output import DONE, Progress
+from ._options import CONFIG_IF_ANY, PATH, as_command, as_group, print_json, refuse_zones, settings_at, write_out
+from ._output import Progress
 
 
 @as_command("emhass", "skhybrid export emhass thermostat.csv --config zone.toml --out emhass.json")
@@ -21,27 +21,16 @@ from ._output import DONE, Progress
     metavar="LOG",
     help="Log to identify on, where a model file or a zone's folder is given.",
 )
-@click.option(
-    "--sense",
-    type=click.Choice(["heat", "cool"]),
-    default="heat",
-    show_default=True,
-    help="Whether the load heats or cools.",
-)
+@click.option("--sense", type=click.Choice(["heat", "cool"]), default="heat", help="Whether the load heats or cools.")
 @click.option(
     "--block",
     type=click.Choice(["thermal_config", "thermal_battery"]),
     default="thermal_config",
-    show_default=True,
     help="The kind of load to write.",
 )
-@click.option(
-    "--step", type=click.FloatRange(1), default=30, show_default=True, metavar="MINUTES", help="EMHASS's time step."
-)
-@click.option(
-    "--hours", type=float, default=6.0, show_default=True, help="How long the load stays on or off at a time."
-)
-@click.option("--out", type=click.Path(path_type=Path), metavar="emhass.json", help="File of runtime parameters.")
+@click.option("--step", type=click.FloatRange(1), default=30, metavar="MINUTES", help="EMHASS's time step.")
+@click.option("--hours", type=float, default=6.0, help="How long the load stays on or off at a time.")
+@click.option("--out", type=PATH, metavar="emhass.json", help="File of runtime parameters.")
 def emhass(
     source: str,
     config: Path | None,
@@ -53,7 +42,7 @@ def emhass(
     out: Path | None,
     say: Progress,
     as_json: bool,
-) -> int:
+) -> None:
     """Write EMHASS's thermal_config or thermal_battery.
 
     Each value has its standard error.  The source is a log with --config, a model file or a zone's folder with --log,
@@ -75,7 +64,6 @@ def emhass(
         print_json({"runtime_parameters": written, "values": values, **rest})
     else:
         print(_text(found, written, hours))
-    return DONE
 
 
 command = as_group(

@@ -7,17 +7,15 @@ from pathlib import Path
 import click
 
 from ._options import CONFIG, LOG, MODEL, as_command, lines_of, print_json, settings_at
-from ._output import DONE, Progress
+from ._output import Progress
 
 
 @as_command("fit", "skhybrid fit thermostat.csv --config zone.toml --model zone.skops")
 @LOG
 @CONFIG
 @MODEL
-@click.option(
-    "--days", type=click.IntRange(3), default=56, show_default=True, help="Days at the end of the log to learn from."
-)
-def command(log: str, config: Path | None, model: Path, days: int, say: Progress, as_json: bool) -> int:
+@click.option("--days", type=click.IntRange(3), default=56, help="Days at the end of the log to learn from.")
+def command(log: str, config: Path | None, model: Path, days: int, say: Progress, as_json: bool) -> None:
     """Learn a model from the last weeks of a log, and save it."""
     settings = settings_at(config, several=True)
     from ..study import read_log
@@ -37,4 +35,3 @@ def command(log: str, config: Path | None, model: Path, days: int, say: Progress
         print_json({"model": str(model), **facts})
     else:
         print("\n".join([*lines_of(facts), f"wrote {model}"]))
-    return DONE

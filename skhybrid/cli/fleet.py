@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ._options import DIR, as_command, as_group, lines_of, print_json
-from ._output import DONE, Progress
+from ._output import Progress
 
 _MOST_SHOWN = 20
 
@@ -21,20 +21,14 @@ def _some(context: click.Context, option: click.Parameter, jobs: int) -> int:
 
 
 _JOBS = click.option(
-    "--jobs",
-    type=int,
-    default=1,
-    show_default=True,
-    callback=_some,
-    metavar="N",
-    help="Number of processes; -1 uses every core.",
+    "--jobs", type=int, default=1, callback=_some, metavar="N", help="Number of processes; -1 uses every core."
 )
 
 
 @as_command("fit", "skhybrid fleet fit houses --jobs -1")
 @DIR
 @_JOBS
-def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
+def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
     """Fit a model per zone of DIR/data.
 
     DIR/data is a Parquet dataset with a folder per zone, such as data/zone=kitchen.  DIR/fleet.toml is made where there
@@ -45,13 +39,12 @@ def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     say(1, 1, "fitting the zones")
     fleet = FleetFolder(folder, jobs).fit()
     _show({"folder": str(folder), "zones": len(fleet.zones_)}, fleet.errors_, fleet.warnings_, say, as_json)
-    return DONE
 
 
 @as_command("tick", "skhybrid fleet tick houses")
 @DIR
 @_JOBS
-def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
+def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
     """Take in new rows of DIR/data and forecast (for cron).
 
     Measurements since the last tick are taken in, and the rows after the last temperature are forecast: they hold the
@@ -63,13 +56,12 @@ def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     key = str(found.forecast.columns[0])
     facts = {"forecast zones": int(found.forecast[key].nunique()), "rows": len(found.forecast)}
     _show(facts, found.errors, found.warnings, say, as_json)
-    return DONE
 
 
 @as_command("status", "skhybrid fleet status houses")
 @DIR
 @_JOBS
-def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
+def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
     """Show how each zone is doing, the worst first.
 
     The page DIR/status.html has all zones, each with a small chart.
@@ -80,13 +72,12 @@ def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> int:
     table = made.status()
     if as_json:
         print_json(table.astype(object).where(table.notna(), None).to_dict("records"))
-        return DONE
+        return
     shown = table.head(_MOST_SHOWN).drop(columns="reasons")
     print(shown.to_string(index=False, float_format="{:.2f}".format, na_rep="-"))
     if len(table) > _MOST_SHOWN:
         print(f"and {len(table) - _MOST_SHOWN} more")
     print(f"see {made.page}")
-    return DONE
 
 
 command = as_group(

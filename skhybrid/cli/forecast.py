@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from ._options import MODEL, SETPOINT, WEATHER, as_command, log_option, print_json, write_out
-from ._output import DONE, Progress
+from ._options import MODEL, PATH, SETPOINT, WEATHER, as_command, log_option, print_json, write_out
+from ._output import Progress
 
 _HOURS = 3  # of a row of the table on the terminal
 #: columns of that table, with their units
@@ -26,7 +26,7 @@ _ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # 
 @log_option("Log up to now; rows after it may hold what is planned.")
 @WEATHER
 @SETPOINT
-@click.option("--out", type=click.Path(path_type=Path), metavar="forecast.csv", help="File to write all rows to.")
+@click.option("--out", type=PATH, metavar="forecast.csv", help="File to write all rows to.")
 def command(
     model: Path,
     log: str,
@@ -35,7 +35,7 @@ def command(
     out: Path | None,
     say: Progress,
     as_json: bool,
-) -> int:
+) -> None:
     """Forecast the day after a log: room temperature and heat.
 
     With set-points, the forecast includes what the thermostat does, within the limits of the plant.  Heat or stages
@@ -54,7 +54,6 @@ def command(
         print_json(forecast_content(found))
     else:
         print(_text(found, zone.zones))
-    return DONE
 
 
 def forecast_content(found: Any) -> dict[str, Any]:

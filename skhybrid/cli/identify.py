@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from ._options import CONFIG, LOG, as_command, print_json, settings_at
-from ._output import DONE, Progress
+from ._output import Progress
 
 
 @as_command("identify", "skhybrid identify thermostat.csv --config zone.toml")
 @LOG
 @CONFIG
-def command(log: str, config: Path | None, say: Progress, as_json: bool) -> int:
+def command(log: str, config: Path | None, say: Progress, as_json: bool) -> None:
     """Describe the building by its heat loss and time constants.
 
     Solar aperture and capacities too, each with its standard error, or "not identified".  Of several zones also what
@@ -28,13 +28,12 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> int:
     say(2, 2, "identifying the building")
     if settings.zones:
         _print_rooms(describe_rooms(settings, frame), as_json)
-        return DONE
+        return
     table = identified_only(describe_building(settings, frame))
     if as_json:
         print_json(table.to_dict(orient="index"))
     else:
         print(_text(table))
-    return DONE
 
 
 def _print_rooms(found: Any, as_json: bool) -> None:

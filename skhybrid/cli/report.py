@@ -6,15 +6,15 @@ from pathlib import Path
 
 import click
 
-from ._options import CONFIG, LOG, as_command, settings_at
+from ._options import CONFIG, LOG, PATH, as_command, settings_at
 from ._output import Progress
 
 
 @as_command("report", "skhybrid report thermostat.csv --config zone.toml --out report.html")
 @LOG
 @CONFIG
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", required=True, help="HTML file to write.")
-def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bool) -> int:
+@click.option("--out", type=PATH, metavar="FILE", required=True, help="HTML file to write.")
+def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bool) -> None:
     """Write the report of a study of a log, and nothing else."""
     settings = settings_at(config, several=True)
     from ..study.building_study import BuildingResult
@@ -28,4 +28,4 @@ def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bo
         write_building_report(out, result)
     else:
         write_page(result, out)
-    return print_result(result, say, str(out), as_json=as_json)
+    print_result(result, say, str(out), as_json=as_json)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from ._options import CONFIG, LOG, as_command, print_json, settings_at
-from ._output import DONE, Progress
+from ._options import CONFIG, LOG, PATH, as_command, print_json, settings_at
+from ._output import Progress
 
 #: columns of the table on the terminal
 _TITLES = {"framework": "model", "name": "case", "rmse": "RMSE [K]", "fit_time": "time [s]", "error": "failed with"}
@@ -16,21 +16,15 @@ _TITLES = {"framework": "model", "name": "case", "rmse": "RMSE [K]", "fit_time":
 @as_command("search", "skhybrid search thermostat.csv --config zone.toml --store search --models mlp,ridge")
 @LOG
 @CONFIG
-@click.option("--store", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of results.")
+@click.option("--store", type=PATH, required=True, metavar="DIR", help="Folder of results.")
+@click.option("--models", default="mlp", help="Any of mlp,cnn,rnn,lstm,ridge,profile, separated by commas.")
 @click.option(
-    "--models", default="mlp", show_default=True, help="Any of mlp,cnn,rnn,lstm,ridge,profile, separated by commas."
+    "--size", type=click.Choice(["small", "paper"]), default="small", help="Sizes to try: a few, or all of the paper."
 )
-@click.option(
-    "--size",
-    type=click.Choice(["small", "paper"]),
-    default="small",
-    show_default=True,
-    help="Sizes to try: a few, or all of the paper.",
-)
-@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes that train at a time.")
+@click.option("--jobs", type=click.IntRange(1), default=1, help="Processes that train at a time.")
 def command(
     log: str, config: Path | None, store: Path, models: str, size: str, jobs: int, say: Progress, as_json: bool
-) -> int:
+) -> None:
     """Choose a disturbance model from the design matrix.
 
     Its cases are trained on [train] and scored on [test]; a stopped search goes on.
@@ -49,4 +43,3 @@ def command(
     else:
         shown = table.head(20)[list(_TITLES)].rename(columns=_TITLES).dropna(axis=1, how="all")
         print(shown.to_string(index=False, float_format="{:.3g}".format, na_rep="-"))
-    return DONE

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from ._options import DIR, as_command, print_json
-from ._output import DONE, Progress
+from ._options import DIR, PATH, as_command, print_json
+from ._output import Progress
 
 
 @as_command("serve", "skhybrid serve kitchen --weather tomorrow.json --setpoint 21,24")
@@ -15,16 +15,9 @@ from ._output import DONE, Progress
 @click.option(
     "--host",
     default="127.0.0.1",
-    show_default=True,
     help="Address to listen on; any other than this machine's own (127.0.0.1) needs a token.",
 )
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8765,
-    show_default=True,
-    help="Port to listen on; 0 takes a free one.",
-)
+@click.option("--port", type=click.IntRange(0, 65535), default=8765, help="Port to listen on; 0 takes a free one.")
 @click.option(
     "--token",
     envvar="SKHYBRID_TOKEN",
@@ -32,9 +25,7 @@ from ._output import DONE, Progress
     help="Token that requests must send, as Authorization: Bearer TOKEN; set it by the "
     "environment variable, which other users cannot see.",
 )
-@click.option(
-    "--weather", type=click.Path(path_type=Path), help="Weather to come, as for zone tick; read anew at each post."
-)
+@click.option("--weather", type=PATH, help="Weather to come, as for zone tick; read anew at each post.")
 @click.option("--setpoint", multiple=True, help="Set-points [degC], as for zone tick.")
 def command(
     folder: Path,
@@ -45,7 +36,7 @@ def command(
     setpoint: tuple[str, ...],
     say: Progress,
     as_json: bool,
-) -> int:
+) -> None:
     """Serve the folder of a zone over HTTP, with a page.
 
     It answers POST /rows, GET /forecast, /status and /docs, and has a page at /.  Rows are taken in as by zone tick,
@@ -65,4 +56,3 @@ def command(
         say.note(f"serving {folder} at http://{name}:{found}/ (Ctrl-C ends it)")
         level = "warning" if say.quiet else "info"
         serve(folder, listener, token=token, weather=weather, schedule=schedule, log_level=level)
-    return DONE

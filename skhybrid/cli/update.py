@@ -7,14 +7,14 @@ from pathlib import Path
 import click
 
 from ._options import MODEL, as_command, log_option, print_values
-from ._output import DONE, Progress
+from ._output import Progress
 
 
 @as_command("update", "skhybrid update --model zone.skops --log today.csv")
 @MODEL
 @log_option("Log with rows after those that the model knows.")
 @click.option("--relearn", is_flag=True, help="Also learn from them: the model is fitted on the last eight weeks.")
-def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> int:
+def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> None:
     """Add the new rows of a log to a saved model."""
     from ..study import read_log
     from ..zone import ZoneModel
@@ -27,4 +27,3 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
     if (unread := zone.unread(frame)) and not unread.is_step:
         say.warn(str(unread))
     print_values({"new rows": n_new, "known until": str(zone.known_until)}, as_json)
-    return DONE

@@ -9,7 +9,7 @@ import click
 
 from .._warnings import percent
 from ._options import CONFIG_IF_ANY, DIR, SETPOINT, WEATHER, as_command, as_group, lines_of, log_option, print_values
-from ._output import DONE, Progress
+from ._output import Progress
 from .forecast import forecast_content, summary_lines
 
 _LOG = log_option("Log up to now, of two weeks or more.")
@@ -19,7 +19,7 @@ _LOG = log_option("Log up to now, of two weeks or more.")
 @DIR
 @_LOG
 @CONFIG_IF_ANY
-def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bool) -> int:
+def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bool) -> None:
     """Make the folder of a zone: configuration, model and archive.
 
     Without --config one is proposed from the log, as zone.toml in the folder.  If the fit fails, correct it there and
@@ -30,7 +30,6 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
     say(1, 1, "reading the log and learning")
     made = ZoneFolder.init(folder, log, config)
     print_values({"folder": str(folder), **made.load().facts()}, as_json)
-    return DONE
 
 
 @as_command("tick", "skhybrid zone tick kitchen --log thermostat.csv --weather tomorrow.json --setpoint 21,24")
@@ -42,7 +41,6 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
     "--refit-after",
     type=click.IntRange(1),
     default=28,
-    show_default=True,
     metavar="DAYS",
     help="Age of the model at which it is fitted again.",
 )
@@ -54,7 +52,7 @@ def tick(
     refit_after: int,
     say: Progress,
     as_json: bool,
-) -> int:
+) -> None:
     """Take in new rows, forecast, and archive both (for cron).
 
     The forecast starts from the end of the log.  The model is fitted again where its errors drift, or where it is old.
@@ -74,12 +72,11 @@ def tick(
         print_values(found | forecast_content(done.forecast) | {"remarks": list(done.remarks)}, as_json)
     else:
         print("\n".join([*lines_of(found), *summary_lines(done.forecast.summary)]))
-    return DONE
 
 
 @as_command("status", "skhybrid zone status kitchen")
 @DIR
-def status(folder: Path, say: Progress, as_json: bool) -> int:
+def status(folder: Path, say: Progress, as_json: bool) -> None:
     """Show how past forecasts did, and whether the model drifts.
 
     Verdicts on temperature and load come first; of several zones, the worst zone.
@@ -92,7 +89,6 @@ def status(folder: Path, say: Progress, as_json: bool) -> int:
     elif not as_json:
         found = _in_words(found)
     print_values(found, as_json)
-    return DONE
 
 
 command = as_group(
