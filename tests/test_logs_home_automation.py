@@ -396,7 +396,7 @@ def test_a_pivoted_query_has_a_channel_per_column(tmp_path):
         (PIVOTED[:-24], r"line 6 of 'log.csv' has 4 cells, but its table has 7 columns"),
         ("\n".join(PIVOTED.splitlines()[:4]), "has no numbers"),
         (PIVOTED.replace("_time", "time"), "a table without _time at line 4"),
-        (PIVOTED.replace("19.5", "warm"), r"line 5 of 'log.csv': 'temperature room=attic' is 'warm', not a number"),
+        (PIVOTED.replace("19.5", "warm"), r"line 5 of 'log.csv', 'temperature room=attic': 'warm' is not a number"),
         (PIVOTED.replace("T00:10:00Z", ""), "'2024-01-10' is not a time stamp"),
         (
             PIVOTED.replace("2024-01-10T00:10", "2024-01-10 late"),

@@ -63,9 +63,14 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
         date and time), ``timezone`` (of stamps without an offset, or to convert to), ``dayfirst``, ``year`` (of the
         first stamp, where stamps have none) and ``held`` (channels that keep their value until the next one).  CSV
         takes ``sep`` and ``decimal`` besides, Excel ``sheet``, a database ``table`` or ``query``; a long CSV or
-        database takes ``point_column`` and ``value_column``.  Home Assistant takes ``table``, ``entities``, ``step``
-        and ``timezone``, ecobee ``timezone`` and ``dayfirst``, the EPA's data ``metadata`` and ``utc_offset``,
-        InfluxDB ``timezone``.
+        database takes ``point_column`` and ``value_column``.
+
+        Home Assistant takes ``table`` (``"states"``, or the means of ``"statistics"`` per hour or of
+        ``"statistics_short_term"`` per five minutes; by default states, or the hourly means where there are none),
+        ``entities`` (by default all whose states are numbers, on or off), ``step`` (of the rows of states, by default
+        1 min) and ``timezone``; ecobee ``timezone`` (that of the thermostat) and ``dayfirst``; the EPA's data
+        ``metadata`` (the file with the offset from UTC, by default a ``metadata.csv`` in the same folder that names
+        the log) and ``utc_offset`` (such as ``"-0600"``, in place of it); InfluxDB ``timezone``.
 
     Returns
     -------

@@ -14,7 +14,7 @@ from ..raw_log import RawLog
 from ..stamp_parts import joined_cells
 from ..stamps import time_zone_named
 from ..text_files import damage_refused, existing, open_text
-from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
+from .known_table import numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 
 _STEP = 300.0  # seconds in a row: all of ecobee's records are of five minutes
@@ -64,7 +64,6 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def _layout(head: str) -> _Layout | None:
-    head = head.lstrip("\ufeff")
     header = next((line for line in head.splitlines() if line.strip() and not line.startswith("#")), "")
     names = [name.strip().strip('"').split(" [")[0] for name in header.split(",")]
     if names[:2] == ["Date", "Time"] and re.search(r"(Stage|Heat) \d \(sec\)|Current Temp \([FC]\)", header):
@@ -78,35 +77,14 @@ def _layout(head: str) -> _Layout | None:
 
 
 def read(path: Path | str, timezone: str | None = None, dayfirst: bool | None = None) -> RawLog:
-    """Read a log of an ecobee thermostat.
+    """Read the CSV of the portal, the API's runtime report (JSON, or CSV with its names), or Donate Your Data.
 
-    Parameters
-    ----------
-    path : path-like
-        The CSV file of "Download data" in the portal, the API's runtime report (its JSON, or CSV with its names), or a
-        file of Donate Your Data.
-    timezone : str, optional
-        Zone of the thermostat (``"America/Toronto"``): portal and API write local time without a zone; Donate Your Data
-        is UTC and converted to it.
-    dayfirst : bool, optional
-        Whether dates such as 02/03/2024 begin with the day; only where a spreadsheet has rewritten the dates.
-
-    Returns
-    -------
-    RawLog
-
-    Raises
-    ------
-    ValueError
-        If the file is cut off, has no rows or lacks a column that the format must have.
-
-    Notes
-    -----
-    Every stage stays a channel of its own.  Where more than one stage of a plant ran, its role has a further channel,
-    the running time at full load: a network has one capacity per plant, and a first stage gives 0.65 (furnace) or 0.72
-    (compressor) of it, as the EPA's software takes it.  A plain sum of the stages would count the first as half.
-    Auxiliary heat beside a heat pump is a plant of its own (``u_aux``), since its capacity differs and does not fall
-    with the outdoor temperature; without a heat pump it is the furnace, ``u_heat``.
+    Portal and API write the thermostat's local time without a zone, Donate Your Data is UTC.  Every stage stays a
+    channel of its own.  Where more than one stage of a plant ran, its role has a further channel, the running time at
+    full load: a network has one capacity per plant, and a first stage gives 0.65 (furnace) or 0.72 (compressor) of it,
+    as the EPA's software takes it.  A plain sum of the stages would count the first as half.  Auxiliary heat beside a
+    heat pump is a plant of its own (``u_aux``), since its capacity differs and does not fall with the outdoor
+    temperature; without a heat pump it is the furnace, ``u_heat``.
     """
     file, where = existing(path)
     table, layout, notes = _open(file, where)
@@ -115,10 +93,10 @@ def read(path: Path | str, timezone: str | None = None, dayfirst: bool | None = 
         refuse_absent([layout.temperatures["T_za"]], table, where, "include the zone's temperature in the export")
     stamps, more = _stamps(table, layout, timezone, dayfirst, where)
     cells = table.drop(columns=list(layout.stamps))
-    stages = [c for c in names_of(cells) if re.fullmatch("|".join(layout.stages), c)]
+    stages = [c for c in map(str, cells) if re.fullmatch("|".join(layout.stages), c)]
     columns, text = numeric_columns(cells, [*stages, *filter(None, known.values())], where)
     frame = sorted_frame(columns, stamps, where)
-    units = {c: u for c in names_of(frame) if (u := _unit(c, layout, known.values()))}
+    units = {c: u for c in map(str, frame) if (u := _unit(c, layout, known.values()))}
     notes += more + _tenths(frame, [c for c, unit in units.items() if unit == "degF"])
     roles, scale, plants = _plants(frame, layout)
     temperatures = {role: c for role, c in known.items() if c is not None and frame[c].notna().any()}
@@ -219,7 +197,7 @@ def _tenths(frame: pd.DataFrame, temperatures: list[str]) -> list[str]:
 
 def _plants(frame: pd.DataFrame, layout: _Layout) -> tuple[dict[str, str], dict[str, float], list[str]]:
     """Roles and scales of the plants that ran, and notes; adds a column for each that has several stages."""
-    stages = [sorted(c for c in names_of(frame) if re.fullmatch(pattern, c)) for pattern in layout.stages]
+    stages = [sorted(c for c in map(str, frame) if re.fullmatch(pattern, c)) for pattern in layout.stages]
     ran = [[c for c in columns if (frame[c] > 0).any()] for columns in stages]
     scale = {c: 1.0 / _STEP for columns in stages for c in columns}
     names = ("u_heat", "u_aux" if ran[0] else "u_heat", "u_cool")

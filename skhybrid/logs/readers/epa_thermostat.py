@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..raw_log import RawLog
 from ..text_files import existing
-from .known_table import names_of, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
+from .known_table import header_names, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 
 _MINUTES = 60.0  # most minutes of running in an hour
@@ -21,36 +21,15 @@ _AUXILIARY = ("auxiliary_heat_runtime", "auxiliary_heat", "emergency_heat_runtim
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether the header is that of the EPA's thermostat data."""
-    names = {name.strip().strip('"').lower() for name in (head.lstrip("\ufeff").splitlines() or [""])[0].split(",")}
+    names = set(map(str.lower, header_names(head)))
     hourly = names & {"datetime", "date"} and any(re.fullmatch(r"(heat|cool)_runtime_(stg1|equiv)", n) for n in names)
     daily = "date" in names and "temp_in_00" in names
     return bool(hourly or daily)
 
 
 def read(path: Path | str, metadata: Path | str | None = None, utc_offset: str | None = None) -> RawLog:
-    """Read an interval file of the EPA's connected-thermostat data.
+    """Read minutes of running and degF per hour of one thermostat, or the older format with a row per day.
 
-    Parameters
-    ----------
-    path : path-like
-        CSV file of one thermostat, with minutes of running and degF per hour, or the older format with a row per day.
-    metadata : path-like, optional
-        The metadata file, from which the offset from UTC is taken; by default a ``metadata.csv`` in the same folder
-        that names this file.
-    utc_offset : str, optional
-        Offset from UTC of the stamps, such as ``"-0600"``; wins over the metadata.
-
-    Returns
-    -------
-    RawLog
-
-    Raises
-    ------
-    ValueError
-        If the file is cut off, has no rows, holds several thermostats or lacks a column that the format must have.
-
-    Notes
-    -----
     A plant of two stages has its full-load equivalent as its role, or else its running time at full load, for which the
     first stage counts as 0.65 (furnace) or 0.72 (compressor) of both, as in the EPA's software.  Auxiliary and
     emergency heat are a plant of their own (``u_aux``) beside the heat pump.
@@ -67,10 +46,10 @@ def read(path: Path | str, metadata: Path | str | None = None, utc_offset: str |
     stamp = "datetime" if "datetime" in table else "date"
     refuse_absent([stamp, "temp_in"], table, where, "export it again")
     stamps = _with_offset(stamps_of(table[stamp], None, None, where), offset, where)
-    known = [c for c in names_of(table) if "runtime" in c or c in (*_TEMPERATURES.values(), *_AUXILIARY, *_OUTDOOR)]
+    known = [c for c in map(str, table) if "runtime" in c or c in (*_TEMPERATURES.values(), *_AUXILIARY, *_OUTDOOR)]
     columns, _ = numeric_columns(table[known], known, where)
     frame = sorted_frame({c: v for c, v in columns.items() if np.isfinite(v).any()}, stamps, where)
-    runtimes = [c for c in names_of(frame) if "runtime" in c or c in _AUXILIARY]
+    runtimes = [c for c in map(str, frame) if "runtime" in c or c in _AUXILIARY]
     over = [c for c in runtimes if (frame[c] > _MINUTES).any()]
     if over:
         first = frame.index[int(np.argmax((frame[over[0]] > _MINUTES).to_numpy()))]
@@ -81,7 +60,7 @@ def read(path: Path | str, metadata: Path | str | None = None, utc_offset: str |
     plants = _plants(frame, notes)
     idle = {role for role, plant in (("T_heat_set", "u_heat"), ("T_cool_set", "u_cool")) if plant not in plants}
     roles = {role: c for role, c in _temperatures(frame).items() if role not in idle} | plants
-    scale = dict.fromkeys([c for c in names_of(frame) if "runtime" in c or c in _AUXILIARY], 1.0 / _MINUTES)
+    scale = dict.fromkeys([c for c in map(str, frame) if "runtime" in c or c in _AUXILIARY], 1.0 / _MINUTES)
     notes.append("temp_in is the mean of its hour, not the value at the stamp.")
     return RawLog(frame, "EPA thermostat", _units(frame), roles, scale, label="left", notes=tuple(notes))
 
@@ -131,7 +110,7 @@ def _temperatures(frame: pd.DataFrame) -> dict[str, str]:
 
 
 def _units(frame: pd.DataFrame) -> dict[str, str]:
-    return {c: "degF" for c in names_of(frame) if c in (*_TEMPERATURES.values(), *_OUTDOOR)}
+    return {c: "degF" for c in map(str, frame) if c in (*_TEMPERATURES.values(), *_OUTDOOR)}
 
 
 def _plants(frame: pd.DataFrame, notes: list[str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ from ..._time import positive_duration
 from ..raw_log import RawLog
 from ..text_files import damage_refused, existing, open_bytes
 from .entity_states import even_grid, hold, refuse_unknown, some_of, states_to_numbers, utc_index
-from .known_table import utc_ticks
+from .known_table import header_names, utc_ticks
 from .recorder import HELD_NOTE, is_recorder, is_sqlite, read_recorder
 
 _COLUMNS = ["entity_id", "state", "last_changed"]
@@ -24,8 +24,7 @@ _PIECE = 200_000  # rows of a history that are read at a time
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether a file is a recorder's database, or a history with one row per change of an entity."""
-    names = [name.strip().strip('"') for name in (head.lstrip("\ufeff").splitlines() or [""])[0].split(",")]
-    return names[:3] == _COLUMNS or is_recorder(path)
+    return header_names(head)[:3] == _COLUMNS or is_recorder(path)
 
 
 def read(
@@ -35,36 +34,12 @@ def read(
     step: str = "1min",
     timezone: str | None = None,
 ) -> RawLog:
-    """Read Home Assistant's recorder (SQLite), or the CSV that its history page exports.
+    """Read the recorder's database (SQLite, opened read-only), or the CSV of the history page; stamps are UTC.
 
-    Parameters
-    ----------
-    path : path-like
-        ``home-assistant_v2.db``, opened read-only, or a CSV with ``entity_id,state,last_changed``.
-    table : {"states", "statistics", "statistics_short_term"}, optional
-        What to read of a database: states as they changed (kept for ten days by default), or means per hour (kept for
-        good) or per five minutes.  By default states, or the hourly means where there are no states.
-    entities : collection of str, optional
-        The entities to read; by default all whose states are numbers, on or off.
-    step : timedelta-like
-        Rows of states: at each multiple of it, the value in force.
-    timezone : str, optional
-        Zone to convert the stamps to; Home Assistant stores UTC.
+    An entity is a channel under its own id; a climate entity gives ``<id>.current_temperature``, ``.temperature`` or
+    ``.target_temp_low`` and ``.target_temp_high``, ``.heating`` and ``.cooling`` (1 while it acts).  A counter in the
+    statistics gives its increase per hour, energy as mean power [kW].
 
-    Returns
-    -------
-    RawLog
-        An entity is a channel under its own id; a climate entity gives ``<id>.current_temperature``, ``.temperature``
-        or ``.target_temp_low`` and ``.target_temp_high``, ``.heating`` and ``.cooling`` (1 while it acts).  A counter
-        in the statistics gives its increase per hour, energy as mean power [kW].
-
-    Raises
-    ------
-    ValueError
-        If the file is damaged, has none of the tables, lacks one of the ``entities`` or has no entity with numbers.
-
-    Notes
-    -----
     States are put on even rows, the last value at or before each, for the stamps of different entities never agree, and
     a table with a row per change of any of them would not fit in memory.  So no channel is left to be held later: only
     here is it known where an entity was unavailable, and where Home Assistant did not run.
@@ -103,17 +78,15 @@ def _series(
     pieces: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     text: Counter[str] = Counter()
     known: set[str] = set()
-    line = 2
     for piece in _pieces(file, where):
-        seconds = utc_ticks(piece["last_changed"], line, where) / 1e9
+        seconds = utc_ticks(piece["last_changed"], where) / 1e9
         for name, rows in piece.groupby("entity_id", sort=False).indices.items():
             known.add(str(name))
             if entities is None or name in entities:
                 values, other = states_to_numbers(piece["state"].to_numpy()[rows])
                 pieces.setdefault(str(name), []).append((seconds[rows], values))
                 text[str(name)] += other
-        line += len(piece)
-    if line == 2:
+    if not known:
         raise ValueError(f"{where} has a header but no rows.")
     refuse_unknown(entities or (), known, where)
     found = {}
@@ -134,7 +107,7 @@ def _pieces(file: Path, where: str) -> Iterator[pd.DataFrame]:
                 piece.columns = [str(c).strip() for c in piece.columns]
                 if list(piece.columns[:3]) != _COLUMNS:
                     raise ValueError(f"{where} has the columns {listed(piece)}; a history has {listed(_COLUMNS)}.")
-                yield piece
+                yield piece.set_axis(piece.index + 2, axis=0)  # lines of the file
     except pd.errors.EmptyDataError:
         raise ValueError(f"{where} is empty.") from None
     except (UnicodeDecodeError, pd.errors.ParserError) as error:

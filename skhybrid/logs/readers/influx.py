@@ -15,7 +15,7 @@ from ..stamps import time_zone_named
 from ..text_files import damage_refused, existing, open_text
 from ..unit_names import unit_or_energy
 from .entity_states import MOST_CELLS, ON_OFF, some_of
-from .known_table import utc_ticks
+from .known_table import to_numbers, utc_ticks
 
 _ANNOTATIONS = ("#datatype", "#group", "#default")
 _NUMBERS = ("double", "long", "unsignedLong", "boolean")
@@ -26,7 +26,7 @@ _Series = dict[str, list[tuple[np.ndarray, np.ndarray]]]
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether the beginning of a file has InfluxDB's annotations."""
-    return any(line.startswith(_ANNOTATIONS) for line in head.lstrip("\ufeff").splitlines()[:4])
+    return any(line.startswith(_ANNOTATIONS) for line in head.splitlines()[:4])
 
 
 class _Header(NamedTuple):
@@ -38,25 +38,9 @@ class _Header(NamedTuple):
 
 
 def read(path: Path | str, timezone: str | None = None) -> RawLog:
-    """Read the annotated CSV that InfluxDB's API, its command line and its page export.
+    """Read the tables of an annotated CSV, with ``_field`` and ``_value`` or pivoted with a column per field.
 
-    Parameters
-    ----------
-    path : path-like
-        One or more tables, each with its own annotations and header; with ``_field`` and ``_value``, or pivoted with a
-        column per field.
-    timezone : str, optional
-        Zone to convert the stamps to; InfluxDB writes UTC.
-
-    Returns
-    -------
-    RawLog
-        One channel per field and set of tags: ``"<measurement> <field> <tag>=<value> ..."``.
-
-    Raises
-    ------
-    ValueError
-        If the file is cut off, holds the server's error message or no numbers.
+    A channel is a field and set of tags: ``"<measurement> <field> <tag>=<value> ..."``.  InfluxDB writes UTC.
     """
     file, where = existing(path)
     series: _Series = {}
@@ -134,12 +118,13 @@ def _header(row: list[str], annotations: dict[str, list[str]], where: str, line:
 
 def _add_rows(series: _Series, text: set[str], header: _Header, rows: list[list[str]], line: int, where: str) -> None:
     """Add the rows of a table to the series of their field and tags."""
-    table = pd.DataFrame(rows, columns=[f"{i}" for i in range(len(header.names))])
+    lines = pd.RangeIndex(line, line + len(rows))
+    table = pd.DataFrame(rows, lines, [f"{i}" for i in range(len(header.names))])
     of = {name: f"{i}" for i, name in enumerate(header.names) if name}
     for i, default in enumerate(header.defaults):
         if default:
             table[f"{i}"] = table[f"{i}"].replace("", default)
-    ticks = utc_ticks(table[of["_time"]], line, where)
+    ticks = utc_ticks(table[of["_time"]], where)
     kinds = dict(zip(header.names, header.types, strict=True))
     fields = ["_value"] if "_value" in of else [n for n in of if kinds[n] in _NUMBERS and n not in _RESERVED]
     tags = [n for n in of if n not in (*_RESERVED, *fields) and kinds[n] == "string"]
@@ -152,7 +137,7 @@ def _add_rows(series: _Series, text: set[str], header: _Header, rows: list[list[
             if kinds[field] not in _NUMBERS:
                 text.add(name)
                 continue
-            numbers = _to_numbers(table[of[field]].iloc[chosen], name, line, where)
+            numbers = to_numbers(table[of[field]].iloc[chosen], repr(name), where, ON_OFF)
             series.setdefault(name, []).append((ticks[chosen], numbers))
 
 
@@ -162,21 +147,6 @@ def _channel(values: dict[str, str], of: dict[str, str], tags: list[str], field:
     if field != "_value":
         start[1] = field
     return " ".join([*filter(None, start), *(f"{tag}={values[of[tag]]}" for tag in tags if values[of[tag]])]) or field
-
-
-def _to_numbers(cells: pd.Series, name: str, line: int, where: str) -> np.ndarray:
-    numbers = pd.to_numeric(cells, errors="coerce").to_numpy(np.float64, copy=True)
-    left = np.isnan(numbers)
-    numbers[left] = cells[left].str.lower().map(ON_OFF).to_numpy(np.float64)
-    wrong = np.isnan(numbers) & ~cells.str.strip().str.lower().isin(("", "nan")).to_numpy()
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise ValueError(
-            f"line {line + cells.index[row]} of {where}: {name!r} is {cells.iloc[row]!r}, not a number; export "
-            "it again."
-        )
-    numbers[~np.isfinite(numbers)] = np.nan
-    return numbers
 
 
 def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> pd.Series:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -51,16 +51,23 @@ def _fitted(row: list[str], n: int, line: int, where: str) -> list[str]:
     return row[:n] + [""] * (n - len(row))
 
 
-def to_numbers(cells: pd.Series, where: str) -> np.ndarray:
-    """A column as float64, NaN where nothing was logged; a cell that is not a number is refused."""
+def header_names(head: str) -> list[str]:
+    """The names in the first line of a CSV file with commas."""
+    return [name.strip().strip('"') for name in head.partition("\n")[0].split(",")]
+
+
+def to_numbers(cells: pd.Series, what: str, where: str, words: Mapping[str, float] | None = None) -> np.ndarray:
+    """Cells as float64, NaN where nothing was logged; what is neither a number nor one of the words is refused."""
     text = cells.astype(str).str.strip()
     numbers = pd.to_numeric(text, errors="coerce").to_numpy(np.float64, copy=True)
+    left = np.isnan(numbers)
+    numbers[left] = text[left].str.lower().map(words or {}).to_numpy(np.float64)
     wrong = np.isnan(numbers) & ~text.str.lower().isin(_NO_VALUE).to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))
         raise ValueError(
-            f"line {cells.index[row]} of {where}, column {str(cells.name)!r}: {cell(cells.iloc[row])} is not a number; "
-            "the file may be cut off there: export it again."
+            f"line {cells.index[row]} of {where}, {what}: {cell(cells.iloc[row])} is not a number; the file may be cut "
+            "off there: export it again."
         )
     numbers[~np.isfinite(numbers)] = np.nan
     return numbers
@@ -69,9 +76,9 @@ def to_numbers(cells: pd.Series, where: str) -> np.ndarray:
 def numeric_columns(table: pd.DataFrame, known: Iterable[str], where: str) -> tuple[dict[str, np.ndarray], list[str]]:
     """Columns of numbers, and the names of those with other text; a ``known`` column must have none."""
     must, found, text = set(known), {}, []
-    for name in names_of(table):
+    for name in map(str, table):
         try:
-            numbers = to_numbers(table[name], where)
+            numbers = to_numbers(table[name], f"column {name!r}", where)
             if name in must or np.isfinite(numbers).any():
                 found[name] = numbers
         except ValueError:
@@ -87,23 +94,18 @@ def stamps_of(cells: pd.Series, timezone: str | None, dayfirst: bool | None, whe
     return in_zone(parse_stamps(rows, dayfirst, where), timezone, rows, where)
 
 
-def utc_ticks(cells: pd.Series, line: int, where: str) -> np.ndarray:
-    """Stamps of RFC 3339 in nanoseconds since 1970; ``line`` is that of the first in the file."""
+def utc_ticks(cells: pd.Series, where: str) -> np.ndarray:
+    """Stamps of RFC 3339 in nanoseconds since 1970; the index counts the lines of the file."""
     stamps = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
     # a date alone has been cut off
     wrong = (~stamps.dt.year.between(*YEARS) | ~cells.str.contains(":")).to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))
         raise ValueError(
-            f"line {line + row} of {where}: {cell(cells.iloc[row])} is not a time stamp; the file may be cut off "
+            f"line {cells.index[row]} of {where}: {cell(cells.iloc[row])} is not a time stamp; the file may be cut off "
             "there: export it again."
         )
     return stamps.dt.as_unit("ns").astype("int64").to_numpy()
-
-
-def names_of(frame: pd.DataFrame) -> list[str]:
-    """Names of the columns."""
-    return [str(name) for name in frame.columns]
 
 
 def refuse_absent(names: Iterable[str], table: pd.DataFrame, where: str, remedy: str) -> None:
