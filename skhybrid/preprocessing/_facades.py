@@ -14,7 +14,7 @@ from .._arguments import as_mapping, check_bool, store_arguments
 from .._ranges import check_range
 from .._table import listed, numeric, role_of
 from .._time import first_row_number, read_index
-from ._frames import TableTransformer, column_names, position_of, roles_by_position
+from ._frames import TableTransformer, position_of, roles_by_position
 from ._sun import Place, on_planes
 
 #: azimuths of the default facades, degrees clockwise from north.
@@ -81,7 +81,7 @@ class FacadeIrradiance(TableTransformer):
     ) -> None:  # fmt: skip
         store_arguments(self, locals())
 
-    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
+    def _fit_table(self, table: pd.DataFrame) -> None:
         facades = self._checked_facades()
         self._check_place()
         names = _column_names(table)
@@ -89,21 +89,18 @@ class FacadeIrradiance(TableTransformer):
         present = [name for name in facades if f"q_sol_{name}" in names]
         if present:
             raise ValueError(f"X already has a column 'q_sol_{present[0]}'; drop it or rename the facade.")
-        self.facades_, self.positions_, self.sampling_time_ = facades, positions, self._stamps(table, None)[1]
+        self.facades_, self.positions_, self.sampling_time_ = facades, positions, self._stamps(table.index, None)[1]
 
-    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
-        utc, step = self._stamps(table, self.sampling_time_)
-        frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
-        light = {kind: numeric(frame.iloc[:, j]) for kind, j in self.positions_.items()}
-        own = table.index if isinstance(table, pd.DataFrame) else None
-        shown = own if isinstance(own, pd.DatetimeIndex) else utc
+    def _transform_table(self, table: pd.DataFrame) -> pd.DataFrame:
+        utc, step = self._stamps(table.index, self.sampling_time_)
+        light = {kind: numeric(table.iloc[:, j]) for kind, j in self.positions_.items()}
+        stamped = isinstance(table.index, pd.DatetimeIndex)
+        shown = table.index if stamped else utc
         for kind, j in self.positions_.items():
-            check_range(light[kind], "q_sol", f"column {frame.columns[j]!r}", shown, named=shown is own)
+            check_range(light[kind], "q_sol", f"column {table.columns[j]!r}", shown, named=stamped)
         place = Place(self.latitude, self.longitude, self.albedo, self.glazing)
         planes = on_planes(utc + step / 2, light["q_sol"], light.get("dni"), light.get("dhi"), self.facades_, place)
         kept = self._kept_columns()
-        if not isinstance(table, pd.DataFrame):
-            return np.column_stack([table[:, kept], *planes.values()])
         added = pd.DataFrame({f"q_sol_{name}": values for name, values in planes.items()}, index=table.index)
         return pd.concat([table.iloc[:, kept], added], axis=1)
 
@@ -167,11 +164,8 @@ class FacadeIrradiance(TableTransformer):
         dropped = {j for kind, j in self.positions_.items() if kind != "q_sol" and role_of(names[j]) is None}
         return [j for j in range(self.n_features_in_) if j not in dropped]
 
-    def _stamps(
-        self, table: pd.DataFrame | np.ndarray, known: pd.Timedelta | None
-    ) -> tuple[pd.DatetimeIndex, pd.Timedelta]:
-        """Read the time stamps in UTC and the step."""
-        index = table.index if isinstance(table, pd.DataFrame) else pd.RangeIndex(len(table))
+    def _stamps(self, index: pd.Index, known: pd.Timedelta | None) -> tuple[pd.DatetimeIndex, pd.Timedelta]:
+        """Time stamps in UTC, and the step."""
         if isinstance(index, pd.DatetimeIndex):
             stamps = _in_utc(index, self.timezone)
             return stamps, read_index(stamps, self.sampling_time, known, gaps=True)[0]
@@ -206,8 +200,11 @@ def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
         ) from error
 
 
-def _column_names(table: pd.DataFrame | np.ndarray) -> list[Any]:
-    """Names of the columns; roles by position for an array, and for a frame without roles and time stamps."""
-    names = column_names(table)
-    stamped = isinstance(table, pd.DataFrame) and isinstance(table.index, pd.DatetimeIndex)
-    return names if stamped or any(role_of(name) for name in names) else roles_by_position(len(names))
+def _column_names(table: pd.DataFrame) -> list[Any]:
+    """Names of the columns; roles by position for a frame without roles and time stamps."""
+    names = list(table.columns)
+    return (
+        names
+        if isinstance(table.index, pd.DatetimeIndex) or any(role_of(name) for name in names)
+        else roles_by_position(len(names))
+    )

@@ -1,8 +1,9 @@
-"""Base class of the transformers, and reading of tables that keeps index and names."""
+"""Base class of the transformers, which see every table as a frame."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
@@ -26,7 +27,7 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         X : DataFrame or array-like of shape (n_samples, n_features)
         y : ignored
         """
-        self._fit_table(read_columns(self, X, reset=True))
+        self._fit_table(_framed(_read_columns(self, X, reset=True)))
         return self
 
     def transform(self, X: Any) -> pd.DataFrame | np.ndarray:
@@ -36,15 +37,20 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         """
+        return self._transformed(X, self._transform_table)
+
+    def _transformed(self, X: Any, change: Callable[[pd.DataFrame], pd.DataFrame]) -> pd.DataFrame | np.ndarray:
+        """A table that has the columns of ``fit``, changed; an array remains one."""
         check_is_fitted(self)
-        return self._transform_table(read_columns(self, X, reset=False))
+        table = _read_columns(self, X, reset=False)
+        return change(table) if isinstance(table, pd.DataFrame) else change(_framed(table)).to_numpy()
 
     @abstractmethod
-    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
+    def _fit_table(self, table: pd.DataFrame) -> None:
         """Set the fitted attributes."""
 
     @abstractmethod
-    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
+    def _transform_table(self, table: pd.DataFrame) -> pd.DataFrame:
         """Transform a table that has the columns of ``fit``."""
 
     def __sklearn_tags__(self) -> Any:
@@ -53,7 +59,7 @@ class TableTransformer(TransformerMixin, BaseEstimator):
         return tags
 
 
-def read_columns(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
+def _read_columns(estimator: BaseEstimator, X: Any, *, reset: bool) -> pd.DataFrame | np.ndarray:
     """Return a frame, its names checked, and anything else as a float64 array; NaN is allowed, inf is not."""
     X = as_pandas(X)
     if not isinstance(X, pd.DataFrame):
@@ -85,9 +91,9 @@ def roles_by_position(n_columns: int) -> list[str]:
     return [("T_oa", "q_sol")[j] if j < 2 else f"u_{j}" for j in range(n_columns)]
 
 
-def column_names(table: pd.DataFrame | np.ndarray) -> list[Any]:
-    """Names of the columns of a frame, roles by position of an array."""
-    return list(table.columns) if isinstance(table, pd.DataFrame) else roles_by_position(table.shape[1])
+def _framed(table: pd.DataFrame | np.ndarray) -> pd.DataFrame:
+    """A frame as it is; the columns of an array are named by their roles."""
+    return table if isinstance(table, pd.DataFrame) else pd.DataFrame(table, columns=roles_by_position(table.shape[1]))
 
 
 def position_of(column: Any, names: list[Any]) -> int | None:

@@ -11,7 +11,7 @@ from sklearn.base import OneToOneFeatureMixin
 
 from .._table import checked_columns, is_history, is_set_point, listed, numeric
 from .._time import duration_from_zero, read_index
-from ._frames import TableTransformer, column_names, position_of
+from ._frames import TableTransformer, position_of
 
 
 class GapFiller(OneToOneFeatureMixin, TableTransformer):
@@ -57,9 +57,9 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
         self.sampling_time = sampling_time
         self.columns = columns
 
-    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
+    def _fit_table(self, table: pd.DataFrame) -> None:
         self.max_gap_ = duration_from_zero(self.max_gap, "max_gap")
-        names = column_names(table)
+        names = list(table.columns)
         self.roles_ = {j: str(name) for j, name in enumerate(names)}
         for role, column in checked_columns(self.columns).items():
             position = position_of(column, names)
@@ -68,20 +68,18 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
             if position is not None:
                 self.roles_[position] = role
 
-    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
-        frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
-        if isinstance(frame.index, pd.DatetimeIndex):
-            hours = stamp_hours(frame.index)
+    def _transform_table(self, table: pd.DataFrame) -> pd.DataFrame:
+        if isinstance(table.index, pd.DatetimeIndex):
+            hours = stamp_hours(table.index)
         else:
-            given = frame if frame is table else None
-            step = read_index(frame.index, self.sampling_time, None, X=given)[0]
-            hours = np.arange(len(frame)) * (step / pd.Timedelta("1h"))
-        filled = frame.copy()
+            step = read_index(table.index, self.sampling_time, None, X=table)[0]
+            hours = np.arange(len(table)) * (step / pd.Timedelta("1h"))
+        filled = table.copy()
         for j, role in self.roles_.items():
-            if not is_history(role) and pd.api.types.is_numeric_dtype(frame.dtypes.iloc[j]):
-                values = fill_gaps(numeric(frame.iloc[:, j]), hours, self.max_gap_, hold=is_set_point(role))
+            if not is_history(role) and pd.api.types.is_numeric_dtype(table.dtypes.iloc[j]):
+                values = fill_gaps(numeric(table.iloc[:, j]), hours, self.max_gap_, hold=is_set_point(role))
                 filled.isetitem(j, values)
-        return filled if isinstance(table, pd.DataFrame) else filled.to_numpy()
+        return filled
 
 
 def stamp_hours(index: pd.DatetimeIndex) -> np.ndarray:

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
-from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import as_mapping
 from .._table import listed, numeric
-from ._frames import TableTransformer, column_names, position_of, read_columns
+from ._frames import TableTransformer, position_of
 
 #: unit of each kind of quantity in the data contract.
 CONTRACT_UNIT = {"temperature": "degC", "irradiance": "kW/m2", "fraction": "-", "power": "kW"}
@@ -109,8 +108,8 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
     def __init__(self, units: dict[Any, str] | None = None) -> None:
         self.units = units
 
-    def _fit_table(self, table: pd.DataFrame | np.ndarray) -> None:
-        names = column_names(table)
+    def _fit_table(self, table: pd.DataFrame) -> None:
+        names = list(table.columns)
         self.conversions_: dict[int, Conversion] = {}
         for column, unit in as_mapping("units", self.units, "columns to units, such as {'T_oa': 'degF'}").items():
             position = position_of(column, names)
@@ -120,7 +119,7 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
                 raise ValueError(f"units= names the column {names[position]!r} twice, by name and by position.")
             self.conversions_[position] = conversion_of(unit, column)
 
-    def _transform_table(self, table: pd.DataFrame | np.ndarray) -> pd.DataFrame | np.ndarray:
+    def _transform_table(self, table: pd.DataFrame) -> pd.DataFrame:
         return self._apply(table, convert)
 
     def inverse_transform(self, X: Any) -> pd.DataFrame | np.ndarray:
@@ -130,17 +129,10 @@ class UnitConverter(OneToOneFeatureMixin, TableTransformer):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         """
-        check_is_fitted(self)
-        return self._apply(read_columns(self, X, reset=False), convert_back)
+        return self._transformed(X, lambda table: self._apply(table, convert_back))
 
-    def _apply(
-        self, table: pd.DataFrame | np.ndarray, function: Callable[[np.ndarray, Conversion], np.ndarray]
-    ) -> pd.DataFrame | np.ndarray:
-        if isinstance(table, pd.DataFrame):
-            converted = table.copy()
-            for j, conversion in self.conversions_.items():
-                converted[table.columns[j]] = function(numeric(table.iloc[:, j]), conversion)
-            return converted
+    def _apply(self, table: pd.DataFrame, function: Callable[[np.ndarray, Conversion], np.ndarray]) -> pd.DataFrame:
+        converted = table.copy()
         for j, conversion in self.conversions_.items():
-            table[:, j] = function(table[:, j], conversion)
-        return table
+            converted[table.columns[j]] = function(numeric(table.iloc[:, j]), conversion)
+        return converted
