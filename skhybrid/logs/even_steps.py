@@ -130,10 +130,8 @@ def regularize(
     slack = pd.Timedelta(0) if len(held) == len(names) else min(target, source) / 2
     grid = _even_index(stamps, target, source, slack)
     raw = {
-        name: _held_column(name, numeric(ordered[name]), stamps, grid, target, hold)
-        if name in held
-        else resample_column(name, numeric(ordered[name]), stamps, grid, target, source)
-        for name in names
+        n: resample_column(n, numeric(ordered[n]), stamps, grid, target, source, hold if n in held else None)
+        for n in names
     }
     silent = _silent(stamps, grid) if len(held) else np.zeros(len(grid), dtype=bool)
     raw = {n: np.where(silent, np.nan, v) if n in held and is_history(n) else v for n, v in raw.items()}
@@ -235,12 +233,6 @@ def _even_index(
     return stamps if index.tz is None else stamps.tz_localize("UTC").tz_convert(index.tz)
 
 
-def _seconds(index: pd.DatetimeIndex, grid: pd.DatetimeIndex, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times of the even stamps and of the logged values [s], from the first stamp of the log on."""
-    ticks = index.as_unit("ns").asi8
-    return (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9
-
-
 def resample_column(
     name: str,
     values: np.ndarray,
@@ -248,45 +240,41 @@ def resample_column(
     grid: pd.DatetimeIndex,
     step: pd.Timedelta,
     source: pd.Timedelta,
+    hold: pd.Timedelta | None = None,
 ) -> np.ndarray:
-    """One column at even stamps, from rows about ``source`` apart; NaN where the log has no data."""
+    """One column at even stamps, from rows about ``source`` apart; NaN where the log has no data.
+
+    If it was logged by change, each value holds until the next, at most for ``hold``.
+    """
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(grid), np.nan)
-    wanted, logged = _seconds(index, grid, known)
+    ticks, seconds = index.as_unit("ns").asi8, step.total_seconds()
+    wanted, logged, values = (grid.as_unit("ns").asi8 - ticks[0]) / 1e9, (ticks[known] - ticks[0]) / 1e9, values[known]
+    if hold is not None:
+        return _held(name, wanted, logged, values, seconds, hold)
     if is_history(name):
-        return _nearest(wanted, logged, values[known], min(step, source).total_seconds() / 2)
+        return _nearest(wanted, logged, values, min(step, source).total_seconds() / 2)
     # a column may be logged less often than the others
     own = (typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
     if is_instant(name):
-        return _interpolated(wanted, logged, values[known], own)
+        return _interpolated(wanted, logged, values, own)
     spacing = np.append(np.diff(logged), own)
-    held = np.where(spacing <= CONTIGUOUS * own, spacing, own)
-    return _means(wanted, logged, values[known], step.total_seconds(), held)
+    return _means(wanted, logged, values, seconds, np.where(spacing <= CONTIGUOUS * own, spacing, own))
 
 
-def _held_column(
-    name: str,
-    values: np.ndarray,
-    index: pd.DatetimeIndex,
-    grid: pd.DatetimeIndex,
-    step: pd.Timedelta,
-    hold: pd.Timedelta,
+def _held(
+    name: str, wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, step: float, hold: pd.Timedelta
 ) -> np.ndarray:
-    """One column that was logged by change, at the even stamps: each value holds until the next, at most ``hold``."""
-    known = np.isfinite(values)
-    if not known.any():
-        return np.full(len(grid), np.nan)
-    wanted, logged = _seconds(index, grid, known)
+    """Values that were logged by change, at the wanted times [s]."""
     longest = (max(hold, _SET_POINT_HOLD) if is_set_point(name) else hold).total_seconds()
     if is_instant(name) or is_history(name):
         last = np.searchsorted(logged, wanted, side="right") - 1
         inside = (last >= 0) & (wanted - logged[last] <= longest)
-        return np.where(inside, values[known][last], np.nan)
-    seconds = step.total_seconds()
-    held = np.where(is_plant(name) & (values[known] == 0.0), np.inf, longest)  # it is off until it is logged otherwise
-    spans = np.minimum(np.diff(logged, append=wanted[-1] + seconds), held)  # the last one holds to the end
-    return _means(wanted, logged, values[known], seconds, spans)
+        return np.where(inside, values[last], np.nan)
+    held = np.where(is_plant(name) & (values == 0.0), np.inf, longest)  # it is off until it is logged otherwise
+    spans = np.minimum(np.diff(logged, append=wanted[-1] + step), held)  # the last one holds to the end
+    return _means(wanted, logged, values, step, spans)
 
 
 def _silent(index: pd.DatetimeIndex, grid: pd.DatetimeIndex) -> np.ndarray:

@@ -203,8 +203,5 @@ def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
 def _column_names(table: pd.DataFrame) -> list[Any]:
     """Names of the columns; roles by position for a frame without roles and time stamps."""
     names = list(table.columns)
-    return (
-        names
-        if isinstance(table.index, pd.DatetimeIndex) or any(role_of(name) for name in names)
-        else roles_by_position(len(names))
-    )
+    known = isinstance(table.index, pd.DatetimeIndex) or any(role_of(name) for name in names)
+    return names if known else roles_by_position(len(names))
