@@ -22,8 +22,9 @@ from skhybrid.logs.log_findings import (
     sensor_findings,
     unit_switch,
 )
-from skhybrid.logs.naming import assign_roles, guess_role, unit_in_name
+from skhybrid.logs.naming import guess_role, unit_in_name
 from skhybrid.logs.standstills import standstills, without_standstills
+from skhybrid.logs.zone_names import assign_zone_roles
 from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_study_log
 
@@ -175,7 +176,7 @@ def test_a_counter_of_hours_or_starts_is_no_meter_of_heat():
 
 
 def test_two_set_points_without_a_side_are_the_lower_and_the_upper():
-    found = assign_roles(dict.fromkeys(("Max setpoint", "target_temp_high", "target_temp_low")))
+    found = assign_zone_roles(dict.fromkeys(("Max setpoint", "target_temp_high", "target_temp_low")))
     assert [guess.role for guess in found.values()] == [None, "T_cool_set", "T_heat_set"]
 
 
@@ -190,9 +191,12 @@ def test_the_set_point_in_force_and_the_whole_sun_count():
         ("GHI W/m2", "DNI W/m2"), ("shortwave_radiation", "diffuse_radiation"), ("Zone temp", "Zone floor temp"),
         ("Außentemperatur", "Außentemperatur gedämpft"),
     ):  # fmt: skip
-        assert [guess.role is None for guess in assign_roles({other: None, better: None}).values()] == [True, False]
+        assert [guess.role is None for guess in assign_zone_roles({other: None, better: None}).values()] == [
+            True,
+            False,
+        ]
     for n in (2, 3, 4):
-        roles = {name: guess.role for name, guess in assign_roles(dict.fromkeys(names[:n])).items()}
+        roles = {name: guess.role for name, guess in assign_zone_roles(dict.fromkeys(names[:n])).items()}
         assert roles == dict.fromkeys(names[:n]) | {names[max(n - 1, 2) if n > 2 else 0]: "T_heat_set"}
 
 
@@ -216,13 +220,13 @@ def test_a_column_of_on_and_off_is_no_heat(tmp_path, last, is_heat):
 )
 def test_of_two_meters_of_one_heat_one_is_taken(names, used):
     """Electricity of a heat pump stood for its heat, and a part of the heat was added to all of it."""
-    found = assign_roles({name: unit_in_name(name) for name in names})
+    found = assign_zone_roles({name: unit_in_name(name) for name in names})
     assert [guess.role is not None for guess in found.values()] == [place == used for place in range(2)]
     assert "was taken for the same quantity" in found[names[1 - used]].reason
 
 
 def test_a_role_has_one_column():
-    found = assign_roles({"Room A temp": None, "Room B temp": None, "hvac kW": "kW", "heat valve": None})
+    found = assign_zone_roles({"Room A temp": None, "Room B temp": None, "hvac kW": "kW", "heat valve": None})
     assert found["Room A temp"].role == "T_za"
     assert found["Room B temp"].role is None
     assert "'Room A temp'" in found["Room B temp"].reason

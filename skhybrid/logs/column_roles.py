@@ -21,15 +21,9 @@ from .zone_names import assign_zone_roles, further_rooms, guess_in_zone, zone_gu
 
 
 class ColumnRoles:
-    """The roles, units and scales of a log's columns.
+    """The roles, units and scales of a log's columns: as given, else as the columns of ``raw``, in time order, show.
 
-    Parameters
-    ----------
-    raw : RawLog, whose rows are in the order of their stamps
-    columns : mapping of role to column, that are known
-    units : mapping of role to unit, that are known
-    scale : mapping of role to number, factors that make a stage between 0 and 1 of a column
-    scaled : set of str, roles of stages whose capacity is known, and of meters that are known to be heat or electricity
+    ``scaled`` are the roles of stages whose capacity is known, and of meters that are known to be heat or electricity.
 
     Attributes
     ----------

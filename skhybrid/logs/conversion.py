@@ -11,9 +11,8 @@ import pandas as pd
 from .._table import listed, role_of
 from .._warnings import several
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
-from .blank_zeros import zeros_left_blank
 from .counters import hours_between, is_counter, power_of_counter
-from .fill_values import fill_remark, fill_values, sensor_failures, without_huge
+from .fill_values import fill_remark, fill_values, sensor_failures, without_huge, zeros_left_blank
 from .raw_log import RawLog
 from .setpoint_modes import in_force, shared_zones
 from .unit_names import COUNTERS, ENERGY, IRRADIATION

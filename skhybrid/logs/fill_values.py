@@ -1,4 +1,4 @@
-"""Numbers that files, loggers and failed sensors give where nothing was measured, such as -9999 and 85 degC."""
+"""Numbers where nothing was measured, such as -9999 and 85 degC, and blanks where an input is 0."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from .._ranges import range_of
 from .._table import SETPOINT_ROLES
 from .._warnings import several
 from .counters import usual_peak
+from .even_steps import typical_step
 
 _CODES = (-999.0, -999.9, -9999.0, -9999.9, -99999.0, 999.0, 999.9, 9999.0, 9999.9, 99999.0)
 _HUGE = 1e15  # beyond every quantity; NetCDF fills with 9.97e36
@@ -19,6 +20,13 @@ _FEW_CODES = 2  # a failed sensor shows one value, or two by turns
 _NEAR = 2.0  # of the usual temperatures, which values are in that are degF [K]
 _SPIKE, _LEAST_SPIKE = 20.0, 20.0  # times the usual peak of heat, and kW, beyond which a meter has failed
 _FAR_FROM_ZERO = 5.0  # no temperature falls to exactly 0 that is else above this [degC]
+#: inputs that a plant that is off, and the sun at night, leave blank
+_ZERO = ("q_sol", "u_", "Q_")
+_BLANK = 0.2  # share of the rows of the log that are blank, at least
+_ZEROS = 0.02  # share of the values that are 0, at most
+_BESIDE = 0.9  # share of the values that have a temperature beside them, at least
+_SPELLS = 0.5  # blanks per day that has values, at least: an outage does not come so often
+_FEWEST = 20  # values
 
 
 def fill_values(series: pd.Series, role: str, is_counter: bool) -> pd.Series:
@@ -72,3 +80,23 @@ def without_huge(series: pd.Series) -> pd.Series:
 def fill_remark(series: pd.Series, filled: pd.Series) -> str:
     """A remark on the values that are codes."""
     return f"{several(int(filled.sum()), 'value')} such as {series[filled.to_numpy()].iloc[0]:.6g} taken as missing"
+
+
+def zeros_left_blank(frame: pd.DataFrame, role: str) -> np.ndarray:
+    """Whether a role is blank in each row because it is 0: often blank beside a temperature, and else never 0.
+
+    A role that is logged less often than the temperature is blank for another reason.
+    """
+    beside = next((name for name in frame if str(name).startswith("T_za")), "T_oa")
+    index, values = pd.DatetimeIndex(frame.index), frame[role].to_numpy()
+    known, none = np.isfinite(values), np.zeros(len(frame), dtype=bool)
+    if not role.startswith(_ZERO) or beside not in frame or known.sum() < _FEWEST or not index.is_monotonic_increasing:
+        return none
+    measured = frame[beside].notna().to_numpy()
+    blank = measured & ~known
+    spells = (np.diff(blank.astype(np.int8), prepend=0) > 0).sum()
+    often = blank.sum() >= _BLANK * measured.sum() and spells >= _SPELLS * index[known].normalize().nunique()
+    never = (values[known] == 0.0).mean() < _ZEROS
+    if not (often and never and (known & measured).sum() >= _BESIDE * known.sum()):
+        return none
+    return blank if typical_step(index[known]) <= typical_step(index[measured]) else none

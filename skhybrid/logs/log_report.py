@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,6 @@ from .log_findings import (
     swap_findings,
     unused_findings,
 )
-from .log_report_html import report_html
 from .naming import UNPLACED
 from .plant_findings import cooling_findings, parallel_findings, plant_findings, shared_plant_findings
 from .raw_log import RawLog
@@ -41,6 +41,13 @@ from .standstills import controlled_rows
 
 _SHOWN_ROWS = 3
 _STEPS = tuple(pd.Timedelta(minutes=m) for m in (5, 10, 15, 20, 30, 60))  # steps to choose from; each divides a day
+_STYLE = """
+.skhybrid-log { font: 14px/1.5 system-ui, sans-serif; max-width: 62rem; }
+.skhybrid-log table { border-collapse: collapse; font-size: 0.92em; } .skhybrid-log h4 { margin: 1em 0 0.3em; }
+.skhybrid-log th, .skhybrid-log td { text-align: left; padding: 0.25em 0.7em; border-bottom: 1px solid #8885; }
+.skhybrid-log .wide { overflow-x: auto; } .skhybrid-log .off { opacity: 0.6; }
+.skhybrid-log .error { color: #c0392b; font-weight: 600; } .skhybrid-log .warning { color: #b9770e; font-weight: 600; }
+"""
 
 
 class LogReport:
@@ -206,7 +213,7 @@ class LogReport:
         return {title: texts for title, texts in found.items() if texts}
 
     def _repr_html_(self) -> str:
-        return report_html(self.headline(), self.columns, self._first_rows(), self.sections())
+        return _report_html(self.headline(), self.columns, self._first_rows(), self.sections())
 
     def _first_rows(self) -> pd.DataFrame:
         return self.frame[~self.frame.index.duplicated()].dropna(how="all").head(_SHOWN_ROWS)
@@ -289,3 +296,37 @@ def _unit_words(row: Any) -> str:
     scale = "" if row["scale"] in (None, 1.0) else f", {row['scale']:.4g} times the column"
     unit = "fraction" if row["role"].startswith("u_") and row["unit"] == "-" else row["unit"]
     return f"{unit}{scale}{' (assumed)' if row['assumed'] else ''}"
+
+
+def _report_html(
+    headline: str, columns: pd.DataFrame, first_rows: pd.DataFrame, sections: Mapping[str, Sequence[str]]
+) -> str:
+    """The parts of a report as one block of HTML."""
+    shown = columns.astype({"role": object, "unit": object}).fillna({"role": "unused", "unit": ""})
+    rows = [
+        _row(name, role, unit, reason, off=role == "unused")
+        for name, role, unit, reason in zip(shown.index, shown["role"], shown["unit"], shown["reason"], strict=True)
+    ]
+    head = "<tr><th>column</th><th>role</th><th>unit</th><th>reason</th></tr>"
+    lists = "".join(
+        f"<h4>{escape(title)}</h4><ul>{''.join(map(_item, texts))}</ul>" for title, texts in sections.items()
+    )
+    first = first_rows.to_html(float_format="{:.2f}".format, border=0)
+    return (
+        f'<div class="skhybrid-log"><style>{_STYLE}</style><p>{escape(headline)}</p>'
+        f'<div class="wide"><table>{head}{"".join(rows)}</table></div>'
+        f'<h4>First rows [degC, kW]</h4><div class="wide">{first}</div>{lists}</div>'
+    )
+
+
+def _row(*cells: object, off: bool) -> str:
+    kind = ' class="off"' if off else ""
+    return f"<tr{kind}>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>"
+
+
+def _item(text: str) -> str:
+    """A finding with its level in colour."""
+    level, colon, rest = text.partition(":")
+    if colon and level in ("error", "warning"):
+        return f'<li><span class="{level}">{level}</span>:{escape(rest)}</li>'
+    return f"<li>{escape(text)}</li>"

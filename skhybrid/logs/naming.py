@@ -277,11 +277,6 @@ def _kind(words: str, unit: str | None) -> str | None:
     return "power" if re.search(r"\bkw\b|power|heat rate|leistung|vermogen|puissance", words) else None
 
 
-def assign_roles(units: Mapping[str, str | None]) -> dict[str, Guess]:
-    """The role of each column by its name and unit; ``units`` are those of the columns in their order."""
-    return one_column_each({column: guess_role(column, unit) for column, unit in units.items()})
-
-
 def one_column_each(guesses: Mapping[str, Guess], zones: Sequence[str] = ()) -> dict[str, Guess]:
     """Guesses in which each role has one column: that which was given, or the most certain one, then the first.
 

@@ -13,26 +13,12 @@ from .stamps import cell, line
 _EPOCH = r"[12]\d{9}(?:\d{3}|\d{6}|\d{9})?(?:\.\d*)?"
 _DIGITS = r"(?:19|20)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])[ :T]?(?:[01]\d|2[0-4])(?:[0-5]\d){0,2}Z?"
 _SERIAL = r"[2-6]\d{4}(?:[.,]\d+)?"  # of 1954 to 2091
-_IS_EPOCH, _IS_DIGITS, _IS_SERIAL = map(re.compile, (_EPOCH, _DIGITS, _SERIAL))
+#: whether a cell looks like parts of seconds since 1970, a date with its time in digits alone, or days since 1900
+is_epoch, is_digits, is_serial = (re.compile(form).fullmatch for form in (_EPOCH, _DIGITS, _SERIAL))
 _EPOCH_UNITS = ((1e11, "s", 1e9), (1e14, "ms", 1e6), (1e17, "us", 1e3), (np.inf, "ns", 1.0))  # limit, unit, nanoseconds
 _EXCEL = "1899-12-30"  # the day 0 of Excel
 _SAMPLE = 1000  # rows that show what all are
 ANY = f"{_EPOCH}|{_DIGITS}"
-
-
-def is_epoch(text: str) -> bool:
-    """Whether a cell looks like seconds since 1970, or parts of them."""
-    return _IS_EPOCH.fullmatch(text) is not None
-
-
-def is_digits(text: str) -> bool:
-    """Whether a cell is a date with its hour, minute and second in digits alone."""
-    return _IS_DIGITS.fullmatch(text) is not None
-
-
-def is_serial(text: str) -> bool:
-    """Whether a cell may be days since 1900."""
-    return _IS_SERIAL.fullmatch(text) is not None
 
 
 def are_serials(cells: Sequence[str]) -> bool:

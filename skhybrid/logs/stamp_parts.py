@@ -19,12 +19,9 @@ _PARTS = tuple(
     )
 )
 _LEAST_PARTS = 3  # of which a date has three
+#: whether a cell is a year
+is_year = re.compile(r"(19|20)\d{2}(?:\.0+)?").fullmatch
 _HOUR = re.compile(r"\d{1,2}(?:\.0+)?")
-
-
-def is_year(text: str) -> bool:
-    """Whether a cell is a year."""
-    return re.fullmatch(r"(19|20)\d{2}(\.0+)?", text) is not None
 
 
 def part_columns(names: Sequence[str]) -> tuple[str, ...]:
@@ -52,13 +49,10 @@ def joined_cells(table: pd.DataFrame, stamps: Sequence[str]) -> pd.Series:
     if len(cells) == 2:
         date, time = cells
         return date + " " + time.where(~time.str.fullmatch(_HOUR.pattern), _whole(time) + ":00")
-    year, month, day, hour, minute = (_whole(part) for part in [*cells, *_zeros(cells[0], 5 - len(cells))])
+    zero = pd.Series("0", table.index)
+    year, month, day, hour, minute = map(_whole, [*cells, zero, zero][:5])
     return year + "-" + month + "-" + day + " " + hour + ":" + minute
 
 
 def _whole(cells: pd.Series) -> pd.Series:
     return cells.str.replace(r"\.0+$", "", regex=True).str.zfill(2)
-
-
-def _zeros(like: pd.Series, n: int) -> list[pd.Series]:
-    return [pd.Series("0", like.index)] * n

@@ -50,18 +50,7 @@ _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
     r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|k?btu/?hr?|k?btu|therms?)))\s*\Z"
 )
-_SYMBOLS = (
-    ("Â", ""),
-    ("²", "2"),
-    ("³", "3"),
-    ("^", ""),
-    ("°", "deg"),
-    ("º", "deg"),
-    ("·", ""),
-    ("⋅", ""),
-    ("*", ""),
-    ("⁻", "-"),
-)
+_SYMBOLS = str.maketrans({**dict.fromkeys("Â^·⋅*", ""), "²": "2", "³": "3", "°": "deg", "º": "deg", "⁻": "-"})
 
 
 def unit_named(text: object) -> str | None:
@@ -99,6 +88,4 @@ def _plain(text: str) -> str:
     text = text.strip()
     if len(text) > 2 and (text[0], text[-1]) in (("[", "]"), ("(", ")"), ("{", "}")):
         text = text[1:-1]
-    for old, new in _SYMBOLS:
-        text = text.replace(old, new)
-    return re.sub(r"\s+", "", text)
+    return re.sub(r"\s+", "", text.translate(_SYMBOLS))

@@ -18,7 +18,6 @@ from .naming import (
     TAKEN,
     TEMPERATURE,
     Guess,
-    assign_roles,
     guess_role,
     one_column_each,
     plain,
@@ -73,7 +72,7 @@ def zone_roles(units: Mapping[str, str | None]) -> dict[str, str]:
     rooms = {word for c, unit in others.items() if guess_role(c, unit).role == "T_za" for word in words[c]}
     rooms -= {word for measured in zones.values() for word in words[measured]}
     others = {c: unit for c, unit in others.items() if not set(words[c]) & rooms}
-    shared = {g.role: c for c, g in assign_roles(others).items() if g.role is not None and g.role != "T_za"}
+    shared = {g.role: c for c, g in assign_zone_roles(others).items() if g.role is not None and g.role != "T_za"}
     return shared | found
 
 

@@ -55,13 +55,9 @@ def make_app(
     weather: str | PathLike[str] | None = None,
     schedule: Any = None,
 ) -> FastAPI:
-    """The application that serves a zone folder.
+    """The application that serves a zone folder; without a token only requests to this machine's names are answered.
 
-    Parameters
-    ----------
-    folder : path-like
-    token : str, optional, that requests need; without one only requests to this machine's own names are answered
-    weather, schedule : as for :meth:`skhybrid.zone.ZoneFolder.tick`, at each post
+    ``weather`` and ``schedule`` are those of :meth:`skhybrid.zone.ZoneFolder.tick`, at each post.
     """
     zone = ZoneFolder(folder)
     what = "several zones" if zone.zones else "one zone"

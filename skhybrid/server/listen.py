@@ -51,22 +51,9 @@ def serve(
     schedule: Any = None,
     log_level: str = "info",
 ) -> None:
-    """Serve a zone folder on a socket until a signal ends the process.
+    """Serve a zone folder on a socket of :func:`open_socket` until a signal ends the process.
 
-    Parameters
-    ----------
-    folder : path-like, as ``skhybrid zone init`` makes it
-    listener : socket, from :func:`open_socket`
-    token : str, optional, that requests need
-    weather, schedule : as for :meth:`skhybrid.zone.ZoneFolder.tick`, at each post
-    log_level : str, of uvicorn
-
-    Raises
-    ------
-    ImportError
-        If FastAPI or uvicorn is missing.
-    FileNotFoundError, ModelFileError
-        If the folder holds no zone, or its model cannot be read.
+    ``weather`` and ``schedule`` are those of :meth:`skhybrid.zone.ZoneFolder.tick`, at each post.
     """
     try:
         import uvicorn
