@@ -107,12 +107,7 @@ class ColumnRoles:
         return self.guesses[channel.name].is_electricity and channel.role not in self._scaled
 
     def _channel(
-        self,
-        name: str,
-        guess: Guess,
-        stated: str | None,
-        units: Mapping[str, str],
-        scale: Mapping[str, float],
+        self, name: str, guess: Guess, stated: str | None, units: Mapping[str, str], scale: Mapping[str, float]
     ) -> Channel:
         """The channel of a role, with the unit that is given or stated, or that its values suggest."""
         role = str(guess.role)
