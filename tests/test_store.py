@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
+import os
 import resource
 import sqlite3
 import subprocess
 import sys
 import tempfile
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ import pandas as pd
 import pytest
 from sklearn.linear_model import Ridge
 from sklearn.metrics import make_scorer, mean_squared_error
+from sklearn.preprocessing import FunctionTransformer
 
 from skhybrid import DisturbanceForecaster
 from skhybrid.exceptions import SkhybridWarning
@@ -325,3 +329,29 @@ def test_functions_without_a_name_of_their_own_are_told_apart_by_what_they_do():
         return endless(n - 1)
 
     assert "endless" in as_plain(endless)
+
+
+def test_a_function_of_a_file_of_ones_own_is_told_apart_by_its_code(tmp_path, monkeypatch):
+    """As the same script has it before and after a change, with another default, or below a decorator."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    head = "import functools\ndef plain(f):\n    return functools.wraps(f)(lambda *a: f(*a))\n"
+    codes = ["def own(y, p):\n    return y", "def own(y, p):\n    return p", "def own(y, p=1):\n    return y"]
+    seen = []
+    for number, code in enumerate([*codes, "@plain\n" + codes[0], "@plain\n" + codes[1], codes[0]]):
+        own = _imported(tmp_path / "my_functions.py", head + code, number)
+        wrapped = FunctionTransformer(own), make_scorer(own), partial(own, 1)
+        seen.append(tuple(map(as_plain, (own, *wrapped))))
+    for same_use in zip(*seen, strict=True):
+        assert len(set(same_use)) == 5
+        assert same_use[0] == same_use[-1]
+    assert as_plain(mean_squared_error) == "sklearn.metrics._regression.mean_squared_error"
+    assert as_plain(candidate_id) == "skhybrid.model_selection.search.fingerprint.candidate_id"
+
+
+def _imported(path, text, number):
+    """The function ``own`` of a module that is imported anew; ``number`` tells its stamp from those before."""
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, (number, number))
+    sys.modules.pop(path.stem, None)
+    importlib.invalidate_caches()
+    return importlib.import_module(path.stem).own

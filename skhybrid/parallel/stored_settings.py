@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import sysconfig
 from collections.abc import Mapping
+from functools import partial
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -17,6 +19,7 @@ from ..exceptions import SkhybridWarning
 
 VERSION = "version of "  # settings whose names begin with this may differ, with a warning
 WITHOUT_EFFECT = ("n_jobs", "verbose", "memory")  # parameters that change no result, at any depth
+_INSTALLED = tuple({sysconfig.get_path(kind) for kind in ("stdlib", "platstdlib", "purelib", "platlib")})
 
 
 def as_plain(value: Any) -> str:
@@ -33,13 +36,15 @@ def as_plain(value: Any) -> str:
         return "[" + ", ".join(map(as_plain, value)) + "]"
     if isinstance(value, np.generic):
         return repr(value.item())
-    if inspect.isfunction(value) and "<" in value.__qualname__:  # <lambda> and <locals> name many functions
+    if _may_change(value):
         return f"{name_of(value)} {hashlib.sha256(_code_of(value).encode()).hexdigest()[:16]}"
     if inspect.isroutine(value) or inspect.isclass(value):
         return name_of(value)
-    text = repr(value)
-    if "<lambda>" in text and hasattr(value, "_score_func"):  # a scorer of scikit-learn
+    if isinstance(value, partial):
+        return f"{name_of(type(value))} {as_plain([value.func, value.args, value.keywords])}"
+    if _may_change(getattr(value, "_score_func", None)):  # of a scorer of scikit-learn
         return f"{name_of(type(value))} {as_plain(vars(value))}"
+    text = repr(value)
     if isinstance(value, np.ndarray | pd.DataFrame | pd.Series | pd.Index) or " at 0x" in text or "..." in text:
         return f"{name_of(type(value))} {joblib.hash(value)}"  # its text is cut short, or differs between processes
     return text
@@ -53,6 +58,15 @@ def is_estimator(value: Any) -> bool:
 def name_of(thing: Any) -> str:
     """Module and qualified name of a class or function."""
     return f"{getattr(thing, '__module__', '')}.{getattr(thing, '__qualname__', thing)}"
+
+
+def _may_change(value: Any) -> bool:
+    """Whether a value is a function whose name does not tell what it does: of no installed package, or without one."""
+    if not inspect.isfunction(value):
+        return False
+    path, package = inspect.unwrap(value).__code__.co_filename, str(value.__module__).split(".")[0]
+    installed = path.startswith(("<frozen ", *_INSTALLED)) or package == __name__.split(".")[0]
+    return "<" in value.__qualname__ or not installed
 
 
 def _code_of(function: FunctionType) -> str:
