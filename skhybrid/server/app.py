@@ -20,6 +20,7 @@ from starlette.requests import ClientDisconnect
 from .. import __version__
 from .._warnings import warnings_to, without_python
 from ..exceptions import ModelFileError, SkhybridWarning
+from ..study.settings import read_settings
 from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
 from .page import docs_page, zone_page
@@ -45,6 +46,7 @@ _POST_REFUSALS = _REFUSALS | {
     413: {"model": Refusal, "description": "the body is too large"},
     415: {"model": Refusal, "description": "the body is neither JSON nor CSV"},
     422: {"model": Refusal, "description": "the rows cannot be used; nothing was changed"},
+    500: {"model": Refusal, "description": "a file of the zone cannot be used; nothing was changed"},
 }
 
 
@@ -142,7 +144,11 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
         with one_at_a_time, tempfile.TemporaryDirectory() as place, warnings_to(said.append):
             path = Path(place) / _FILE
             path.write_text(text, encoding="utf-8")
-            done = zone.post(path, weather, schedule, plain=is_json)
+            try:
+                done = zone.post(path, weather, schedule, plain=is_json)
+            except ValueError:
+                _refuse_broken_settings(zone)
+                raise
         frame = None if done.forecast is None else done.forecast.frame
         return {
             "rows": n_rows,
@@ -159,6 +165,14 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
         if kind not in ("application/json", "text/csv"):
             raise HTTPException(415, "the content type is neither application/json nor text/csv.")
         return await run_in_threadpool(take, await _body(request), kind == "application/json")
+
+
+def _refuse_broken_settings(zone: ZoneFolder) -> None:
+    """Refuse a request where the configuration cannot be used, which is not the fault of its rows."""
+    try:
+        read_settings(zone.config)
+    except ValueError as error:
+        raise HTTPException(500, f"{str(error).removesuffix('.')}; mend it and post the rows again.") from None
 
 
 def _add_refusals(app: FastAPI) -> None:
