@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from sklearn.base import clone
 
@@ -30,6 +31,7 @@ from skhybrid.identification.uncertainty.periodic_errors import periodic_uncerta
 from skhybrid.identification.uncertainty.profile_likelihood import _standard_error
 from skhybrid.identification.uncertainty.standard_errors import ParameterUncertainty, jackknife_covariance
 from skhybrid.thermal import Parameter
+from skhybrid.thermal.parameters import search_bounds
 
 KNOWN = {"Q_h": 6.0}
 SHED = RCNetwork("shed", {"za": "C_za"}, {"R_zo": ("za", "T_oa")}, {"za": None})
@@ -195,6 +197,27 @@ def test_a_coefficient_that_its_sign_holds_at_zero_has_no_error(office):
 def test_two_days_have_no_scatter():
     assert not jackknife_covariance(np.ones((2, 3))).any()
     assert least_squares_uncertainty(_Line(2), np.zeros(3), 1.0, ["A"], None, 0).n_days == 2
+
+
+def test_errors_of_nearly_white_innovations_are_those_of_fits_without_each_day(office):
+    """The Hessian without a day is nearly flat there: a step by it was many times the move of the fit, up to 100."""
+    still = GrayBoxRC(known=dict(office.theta)).fit(office.X, office.y)
+    X, noise = office.X.drop(columns="T_za"), np.random.default_rng(5).normal(size=len(office.y))
+    y = pd.Series(still.simulate(X) + 0.05 * noise, X.index)
+    model = OutputDisturbanceID(known=KNOWN, n_starts=4, random_state=0).fit(X, y)
+    problem = ConstrainedProblem.of(model, X, y).problem()
+    free = free_point(problem, {**model.theta_, **model.disturbance_})
+    found = least_squares_uncertainty(problem, free, model.noise_std_**2, list(model.theta_.index), None, 0)
+    moves = []
+    for d in range(7):
+        kept = np.arange(len(y)) // 96 != d
+        parts = (partial(lambda part, kept, x: problem.linearised(x)[part][kept], part, kept) for part in (0, 1))
+        refit = least_squares(next(parts), free, next(parts), search_bounds(problem.searched), x_scale="jac")
+        moves.append((refit.x - free)[[problem.searched.index(p) for p in found.parameters]])
+    ratio = np.sqrt(np.diag(found.jackknife) / np.diag(jackknife_covariance(np.array(moves))))
+    assert len(ratio) == 7
+    assert (ratio > 0.8).all()
+    assert (ratio < 1.25).all()  # it was 3.1 for R_zo
 
 
 def test_periodic_moves_are_those_of_fits_without_a_day(minimum):

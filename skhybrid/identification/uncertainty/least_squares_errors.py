@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
+from ...thermal.parameters import search_bounds
 from .identifiability import held_subspace
 from .standard_errors import (
     ParameterUncertainty,
     day_of_rows,
+    informed_directions,
     inverse_information,
     jackknife_covariance,
     log_slopes,
@@ -37,7 +40,8 @@ def least_squares_uncertainty(
         return ParameterUncertainty((), none, none, none, n_days)
     noise = max(noise, 1e-200)  # of an exact fit; information in units of it stays finite
     errors, jacobian = problem.linearised(free)
-    chosen = open_places(problem, free, errors @ jacobian / noise + prior_slope(problem, free))
+    slope = errors @ jacobian / noise + prior_slope(problem, free)
+    chosen = open_places(problem, free, slope)
     searched, jacobian = [problem.searched[i] for i in chosen], jacobian[:, chosen]
     held = tuple(q.name for q in problem.searched if q.name in set(names) and q not in searched)
     if not len(chosen):
@@ -52,14 +56,15 @@ def least_squares_uncertainty(
     total = by_day.sum(axis=0) + prior
     bread = inverse_information(total / noise)
     model = bread @ (gauss.sum(axis=0) / noise + prior / noise) @ bread if by_day is exact else bread
-    moves = []
-    for own, own_gauss, score in zip(by_day, gauss, scores, strict=True):
-        left = total - own if _positive(total - own) else gauss.sum(axis=0) + prior - own_gauss
-        moves.append(inverse_information(left / noise) @ (score / noise))
+    # the Hessian without a day is nearly flat where the disturbance is nearly white
+    slopes = slope[chosen] - scores / noise
+    within = tuple(end[chosen] - free[chosen] for end in search_bounds(problem.searched))
+    whole = gauss.sum(axis=0) + prior
+    moves = np.array([_step(s, (whole - g) / noise, within) for s, g in zip(slopes, gauss, strict=True)])
     scale = log_slopes(problem, free)[chosen][place]
     model = model[np.ix_(place, place)] * scale[:, None] * scale
     sensitivity = _without(jacobian, place) / np.sqrt(noise) / scale
-    jackknife = jackknife_covariance(np.array(moves)[:, place] * scale @ held_subspace(model), overlap)
+    jackknife = jackknife_covariance(moves[:, place] * scale @ held_subspace(model), overlap)
     return ParameterUncertainty(tuple(searched[i] for i in place), sensitivity, model, jackknife, n_days, held)
 
 
@@ -77,6 +82,14 @@ def _day_hessians(problem: Any, free: np.ndarray, day: np.ndarray, chosen: np.nd
         up, down = _day_scores(above[0], above[1][:, chosen], day), _day_scores(below[0], below[1][:, chosen], day)
         out[:, :, q] = (up - down) / (2.0 * _STEP)
     return 0.5 * (out + out.transpose(0, 2, 1))
+
+
+def _step(slope: np.ndarray, information: np.ndarray, within: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(k,) step to the minimum of a quadratic with a ``slope`` (k,) at zero, between lower and upper ends."""
+    values, vectors = informed_directions(information)
+    root = np.sqrt(values)
+    ends = np.minimum(within[0], 0.0), np.maximum(within[1], 0.0)
+    return lsq_linear(root[:, None] * vectors.T, -(slope @ vectors) / root, ends, method="bvls").x
 
 
 def _positive(matrix: np.ndarray) -> bool:

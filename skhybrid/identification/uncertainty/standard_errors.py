@@ -32,8 +32,9 @@ class ParameterUncertainty(NamedTuple):
     A parameter that a bound holds is left out: the optimum is not stationary in it, so that the Hessian says nothing of
     its error.  The others have theirs at its value.
 
-    One Newton step replaces the fit without a day.  Least squares takes the Hessian without that day (CR3); the
-    periodic model takes the whole one, which understates the move by a day that holds most of the information.
+    One step replaces the fit without a day.  Least squares takes the Gauss-Newton matrix without that day (CR3) and
+    stays within the bounds; the periodic model takes the whole Hessian, which understates the move by a day that holds
+    most of the information.
 
     Sources: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 11; Cameron and Miller, A Practitioner's
     Guide to Cluster-Robust Inference, J. Human Resources 50, 2015.
@@ -114,9 +115,14 @@ def day_of_rows(n_rows: int, hours: float) -> np.ndarray:
 
 def inverse_information(information: np.ndarray) -> np.ndarray:
     """Inverse of an information matrix; a direction without any gets a huge variance, not none."""
+    values, vectors = informed_directions(information)
+    return (vectors / values) @ vectors.T
+
+
+def informed_directions(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (k,) and eigenvectors (k, k) of an information matrix; those of directions without any are small."""
     values, vectors = np.linalg.eigh(0.5 * (information + information.T))
-    floor = max(1e-15 * float(values.max(initial=0.0)), _MOST**-2)
-    return (vectors / np.maximum(values, floor)) @ vectors.T
+    return np.maximum(values, max(1e-15 * float(values.max(initial=0.0)), _MOST**-2)), vectors
 
 
 def jackknife_covariance(moves: np.ndarray, overlap: int = 0) -> np.ndarray:
