@@ -15,6 +15,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import ZoneFleet
 from skhybrid.fleet.zone_rows import read_rows
+from skhybrid.persistence import save_model
 
 DAY = 24
 ZONES = {
@@ -46,6 +47,33 @@ def test_the_status_lists_zones_also_where_no_model_can_be_read(fleet):
     found = fleet.status()
     assert found["verdict"].tolist() == ["not usable"] * 3
     assert found["reasons"].str.contains("is not a skhybrid model file").all()
+
+
+def test_a_fit_that_goes_on_builds_no_model(fleet, monkeypatch):
+    """The checksum says whether a file is whole; a model took 8 to 17 ms."""
+    monkeypatch.setattr("skhybrid.fleet.model_store.load_model", lambda path: pytest.fail(f"{path} was loaded"))
+    monkeypatch.setattr(ARXRegressor, "fit", lambda *_: pytest.fail("a zone was fitted again"))
+    assert fleet.fit(TRAINING).zones_ == list(ZONES)
+
+
+def test_a_file_of_another_program_is_no_zone(fleet, tmp_path):
+    store = Path(fleet.store_)
+    np.savez(store / "weather.npz", T_oa=np.zeros(3))
+    (store / "notes.npz").write_text("of mine")
+    save_model(ARXRegressor().fit(ZONE, ZONE["T_za"]), store / "alone.skops")
+    (store / "c.skops").unlink()  # a zone without its model is one
+    assert fleet.zones_ == list(ZONES)
+    assert fleet.status()["zone"].tolist() == ["c", "a", "b"]
+
+
+@pytest.mark.parametrize("key", ["verdict", "reasons", "last_row"])
+def test_a_key_that_the_status_has_as_a_column_is_refused(key, tmp_path):
+    fleet = ZoneFleet(ARXRegressor(), key, store=tmp_path / "new")
+    with pytest.raises(ValueError, match=f"key='{key}' is a column of the status itself; give the fleet another key"):
+        fleet.fit(pd.concat([X.assign(**{key: zone}) for zone, X in TRAINING.items()]))
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(ValueError, match=f"key='{key}'"):
+        fleet.status()
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "3"])

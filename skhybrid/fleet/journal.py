@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
@@ -50,6 +51,15 @@ class Journal:
             raise
         except Exception as error:  # a damaged file can let any part of the reading fail
             raise ValueError(f"{path} cannot be read as the journal of a zone; remove it and fit again.") from error
+
+
+def is_journal(path: str | PathLike[str]) -> bool:
+    """Whether a file holds what a journal does, not arrays of another program."""
+    try:
+        with zipfile.ZipFile(path) as found:
+            return {f"{name}.npy" for name in ("text", *_FRAMES)} <= set(found.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False
 
 
 def _kind_of(frame: pd.DataFrame) -> dict[str, Any]:

@@ -20,8 +20,8 @@ from .._sqlite import open_database, table_of_others, transaction
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import check_settings
-from ..persistence import load_model, save_model
-from .journal import Journal
+from ..persistence import check_model_file, load_model, save_model
+from .journal import Journal, is_journal
 
 _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
 _NEW_MODEL = ("+0.skops", "+1.skops")  # of a zone, by turns; no name of a zone has a plus, see _file
@@ -58,7 +58,13 @@ class ModelStore:
 
     def zones(self) -> list[str]:
         """Names of the zones that have a model."""
-        return sorted(unquote(file.name.removesuffix(_JOURNAL)) for file in self.path.glob(f"[!.]*{_JOURNAL}"))
+        files = (file for file in self.path.glob(f"[!.]*{_JOURNAL}") if self._is_of_zone(file))
+        return sorted(unquote(file.name.removesuffix(_JOURNAL)) for file in files)
+
+    def _is_of_zone(self, journal: Path) -> bool:
+        """Whether a file is a journal: it has a model beside it, or where that is lost, holds what a journal does."""
+        stem = str(journal).removesuffix(_JOURNAL)
+        return any(Path(stem + kind).exists() for kind in (_MODEL, *_NEW_MODEL)) or is_journal(journal)
 
     def has(self, zone: str) -> bool:
         """Whether a zone has a model."""
@@ -73,16 +79,15 @@ class ModelStore:
         path, known = self._file(zone, _JOURNAL), -1
         while known != (known := path.stat().st_mtime_ns):  # another process may replace the pair meanwhile
             journal = self.journal(zone)
-            new = self._file(zone, _NEW_MODEL[journal.facts.get("turn", 0)])
-            model = load_model(new if new.exists() else self._file(zone, _MODEL))
+            model = load_model(self._model_of(zone, journal))
         if len(journal.rows) and hasattr(model, "update"):
             model.update(journal.rows)
         return model, journal
 
-    def can_load(self, zone: str) -> bool:
-        """Whether the files of a zone are whole."""
+    def is_whole(self, zone: str) -> bool:
+        """Whether the files of a zone can be read and are as they were saved."""
         try:
-            self.load(zone)
+            check_model_file(self._model_of(zone, self.journal(zone)))
         except (OSError, ValueError):
             return False
         return True
@@ -125,6 +130,11 @@ class ModelStore:
     def keep_failures(self, whys: Mapping[str, str]) -> None:
         """Keep why zones could not be fitted."""
         write_text(self.path / _FAILURES, json.dumps(dict(whys)))
+
+    def _model_of(self, zone: str, journal: Journal) -> Path:
+        """The file of a zone's model: that of the journal's turn, or the usual one where that is absent."""
+        new = self._file(zone, _NEW_MODEL[journal.facts.get("turn", 0)])
+        return new if new.exists() else self._file(zone, _MODEL)
 
     def _file(self, zone: str, kind: str) -> Path:
         stem = _stem(zone)

@@ -20,7 +20,7 @@ from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import VERSION, as_plain, is_estimator
 from .dispatch import ZoneOutcome, run
 from .fleet_page import write_fleet_page
-from .fleet_status import status_table, zone_status
+from .fleet_status import COLUMNS, status_table, zone_status
 from .long_table import joined_zones
 from .model_store import ModelStore, TemporaryStore
 from .prior import FleetPrior
@@ -115,6 +115,7 @@ class ZoneFleet(BaseEstimator):
         OSError
             If the disk is full, or another fleet is at work in the store; finished zones are kept.
         """
+        self._check_key()
         self._folder = self._new_folder()
         self._fit_errors: dict[Any, str] = {}
         self.errors_: dict[Any, str] = {}
@@ -259,6 +260,7 @@ class ZoneFleet(BaseEstimator):
             of the forecasts of the last day that was taken in, ``rmse_training`` on left-out training days [K];
             ``coverage`` of the 80 % intervals in the last four weeks [-]; and ``drift``, whether errors have grown.
         """
+        self._check_key()
         zones = self.zones_
         files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
         outcomes = self._run(zone_status, dict.fromkeys(zones, ()), files, all_may_fail=True)
@@ -326,6 +328,10 @@ class ZoneFleet(BaseEstimator):
 
     def _new_folder(self) -> str | TemporaryStore:
         return TemporaryStore() if self.store is None else os.path.abspath(self.store)  # workers may run elsewhere
+
+    def _check_key(self) -> None:
+        if self.key in COLUMNS:
+            raise ValueError(f"key={self.key!r} is a column of the status itself; give the fleet another key.")
 
     def _settings(self) -> dict[str, str]:
         """Settings that a store must have been made with."""

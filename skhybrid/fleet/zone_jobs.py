@@ -38,7 +38,7 @@ def fit_zone(
     why, days = None, []
     if models.has(zone):
         known = models.journal(zone).facts
-        if known["fitted"] == mark and known["updated"] is None and models.can_load(zone):
+        if known["fitted"] == mark and known["updated"] is None and models.is_whole(zone):
             return known["fallback"]
         days = known["days"]
     try:
