@@ -807,7 +807,7 @@ def test_stages_give_the_heat_that_is_asked_of_them(fitted, X):
 
 def test_a_capacity_of_none_is_refused():
     with pytest.raises(ValueError, match="known= gives Q_c no value; give a number, or leave it out"):
-        make_schedule_scheme(None, {"Q_h": 6.0, "Q_c": None}, "1D", None, "forecast", None)
+        make_schedule_scheme(HybridPredictor(known={"Q_h": 6.0, "Q_c": None}))
 
 
 @pytest.mark.parametrize(("hours", "n_lags"), [(47, 4), (48, 24)])

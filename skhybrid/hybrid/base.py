@@ -15,13 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._arguments import check_bool
 from .._joining import from_first_measured
 from .._summary import TrainingRecord, network_tables
-from .._table import (
-    SETPOINT_ROLES,
-    UNLIMITED,
-    ZoneTable,
-    checked_columns,
-    read_target,
-)
+from .._table import SETPOINT_ROLES, UNLIMITED, ZoneTable, checked_columns, read_target
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
@@ -29,9 +23,8 @@ from ..forecasting.quantiles import LeftOut
 from .affine_frames import AffineFramesMixin
 from .parts import fit_preprocess
 from .scheme import Boundary, Scheme, read_boundary
-from .setpoint_columns import check_setpoints, setpoints_in
+from .setpoint_columns import UsualTemperature, check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
-from .thermostat_law.usual_temperature import UsualTemperature
 
 #: what a forecast takes in from the history up to its origin
 Adapt = Literal["linear", "full"] | None

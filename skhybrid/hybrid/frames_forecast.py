@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,6 +22,14 @@ from .frames_reading import FramesReadingMixin
 from .scheme import Paths, Scheme, read_boundary
 from .setpoint_columns import band_of, setpoints_in, with_band
 from .thermostat_law.closed_loop_paths import ClosedLoopPaths
+
+
+class Wanted(NamedTuple):
+    """Wishes for a forecast of rows ahead."""
+
+    now: float | None = None  # temperature measured in the first row, where it is [degC]
+    levels: np.ndarray | None = None  # of quantiles
+    weather: WeatherError | None = None  # by which they are wider
 
 
 class FramesForecastMixin(FramesReadingMixin):
@@ -87,65 +95,54 @@ class FramesForecastMixin(FramesReadingMixin):
         refuse_no_frames(history, future)
         now = None if T_za is None else read_now(T_za, future.index)
         levels = None if quantiles is None else read_quantiles(quantiles)
-        weather = read_weather_error(weather_error)
+        wanted = Wanted(now, levels, read_weather_error(weather_error))
         if setpoint is None and not self._has_setpoints_only(future):
             self._refuse_without_heat(future)
             if limits is not None:
                 raise ValueError("limits= are for a plant that a thermostat runs; with given heat leave limits=None.")
-            return self._under_heat(history, future, now, levels, weather)
+            return self._under_heat(history, future, wanted)
         self._refuse_without_plant("set-points do nothing: leave setpoint=None")
-        return self._under_thermostat(history, future, now, levels, setpoint, limits, weather)
+        return self._under_thermostat(history, future, wanted, setpoint, limits)
 
-    def _under_heat(
-        self, history: Any, future: Any, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
-    ) -> pd.DataFrame:
-        """The forecast with the heat of ``future``; ``now`` is the temperature of its first row, where measured."""
+    def _under_heat(self, history: Any, future: Any, wanted: Wanted) -> pd.DataFrame:
+        """The forecast with the heat of ``future``."""
         if history is None:
             ahead = self._read_future(future)
             self._warn_of_plan(ahead, len(future.index))
-            return pd.DataFrame(self._columns_ahead(ahead, now, levels, weather), future.index)
-        table, origin = self._read_both(history, future, now)
+            return pd.DataFrame(self._columns_ahead(ahead, wanted), future.index)
+        table, origin = self._read_both(history, future, wanted.now)
         self._warn_of_plan(table, len(future.index))
-        paths = self._present_scheme().forecast(table, origin, len(future.index) - (now is not None))
-        bands = {} if levels is None else self._band_columns(table, origin, paths, now, levels, weather)
-        return pd.DataFrame(paths.columns(now) | bands, future.index)
+        paths = self._present_scheme().forecast(table, origin, len(future.index) - (wanted.now is not None))
+        return pd.DataFrame(self._columns(paths, table, origin, wanted), future.index)
 
-    def _columns_ahead(
-        self, ahead: ZoneTable, now: float | None, levels: np.ndarray | None, weather: WeatherError | None
-    ) -> dict[str, np.ndarray]:
+    def _columns_ahead(self, ahead: ZoneTable, wanted: Wanted) -> dict[str, np.ndarray]:
         """The columns of :meth:`forecast` of rows that follow the known ones, under their heat."""
-        paths = self._present_scheme().forecast_ahead(ahead, now)
+        paths = self._present_scheme().forecast_ahead(ahead, wanted.now)
+        if wanted.levels is None:
+            return paths.columns(wanted.now)
+        return self._columns(paths, *self._after_known(ahead, wanted.now), wanted)
+
+    def _columns(self, paths: Paths, table: ZoneTable, origin: np.ndarray, wanted: Wanted) -> dict[str, np.ndarray]:
+        """The columns of a path from an origin, and one for each of its quantiles."""
+        (now, levels, weather), n_leads = wanted, paths.temperature.shape[1]
         if levels is None:
             return paths.columns(now)
-        return paths.columns(now) | self._band_columns(*self._after_known(ahead, now), paths, now, levels, weather)
-
-    def _band_columns(
-        self,
-        table: ZoneTable,
-        origin: np.ndarray,
-        paths: Paths,
-        now: float | None,
-        levels: np.ndarray,
-        weather: WeatherError | None,
-    ) -> dict[str, np.ndarray]:
-        """A column for each quantile of a path."""
-        n_leads, bands = paths.temperature.shape[1], np.empty((0, len(levels)))
+        bands = np.empty((0, len(levels)))
         if n_leads:
             bands = self._quantile_paths(table, origin, n_leads, levels, weather, paths.temperature)[0]
         bands = bands if now is None else np.vstack([np.full(len(levels), now), bands])
-        return dict(zip(quantile_columns(levels), bands.T, strict=True))
+        return paths.columns(now) | dict(zip(quantile_columns(levels), bands.T, strict=True))
 
     def _under_thermostat(
         self,
         history: Any,
         future: Any,
-        now: float | None,
-        levels: np.ndarray | None,
+        wanted: Wanted,
         setpoint: Any,
         limits: tuple[float | None, float | None] | None,
-        weather: WeatherError | None,
     ) -> pd.DataFrame:
         """The forecast in which the plant follows set-points."""
+        now, levels, weather = wanted
         n_ahead, scheme = len(future.index), self._present_scheme()
         idle = self._idle(future)
         table, _ = (

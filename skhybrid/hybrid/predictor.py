@@ -129,7 +129,7 @@ class HybridPredictor(BaseTwoStage):
                     f"{name}={getattr(self, name)!r} does nothing with the schedule model, which {reason}; leave it "
                     "out, or give a gray_box or a forecaster for the two-stage scheme."
                 )
-        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose, self.prior)
+        return make_schedule_scheme(self)
 
     def _takes_two_stages(self) -> bool:
         return self.gray_box is not None or self.forecaster is not None or self.disturbance == "output"

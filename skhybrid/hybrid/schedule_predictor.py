@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
-from ..thermal import RCNetwork, get_network
+from ..thermal import get_network
 from ..thermal.parameters import known_values
 from .base import Adapt, BaseHybrid
 from .parameter_docs import shared_docs
@@ -108,18 +107,12 @@ class SchedulePredictor(BaseHybrid):
         self.prior = prior
 
     def _make_scheme(self) -> ScheduleScheme:
-        return make_schedule_scheme(self.network, self.known, self.horizon, self.adapt, self.purpose, self.prior)
+        return make_schedule_scheme(self)
 
 
-def make_schedule_scheme(
-    network: str | RCNetwork | None,
-    known: Mapping[str, float] | None,
-    horizon: Any,
-    adapt: str | None,
-    purpose: str,
-    prior: Any,
-) -> ScheduleScheme:
-    """The scheme of the schedule model, unfitted; ``known`` may give capacities only [kW]."""
+def make_schedule_scheme(predictor: Any) -> ScheduleScheme:
+    """The scheme of the schedule model, unfitted, by the parameters of a predictor."""
+    purpose, prior = predictor.purpose, predictor.prior
     if purpose not in get_args(Purpose):
         raise ValueError(f"purpose={purpose!r} is neither 'forecast' nor 'plan'.")
     if prior is not None and not (hasattr(prior, "arx") and hasattr(prior, "network")):
@@ -128,11 +121,13 @@ def make_schedule_scheme(
         raise ValueError(
             "prior= was learned for forecasts and would undo the pull of purpose='plan' on the gain; leave one out."
         )
-    found, given = get_network(DEFAULT_NETWORK if network is None else network), known_values(known)
+    network = get_network(DEFAULT_NETWORK if predictor.network is None else predictor.network)
+    given = known_values(predictor.known)
     for name in given:
         if not str(name).startswith("Q_"):
             raise ValueError(
                 f"known= gives {name!r}, but the schedule model takes capacities such as 'Q_h' only; give a gray_box "
                 "to fix other parameters of a network."
             )
-    return ScheduleScheme(found, known=given, horizon=horizon, adapt=adapt, purpose=purpose, prior=prior)
+    horizon, adapt = predictor.horizon, predictor.adapt
+    return ScheduleScheme(network, known=given, horizon=horizon, adapt=adapt, purpose=purpose, prior=prior)

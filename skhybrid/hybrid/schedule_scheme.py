@@ -36,7 +36,7 @@ from .blending.rolling_blend import BlendRecord, RollingBlend
 from .drift import DriftMonitor
 from .known_rows import KnownRows
 from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
-from .tables import days_after, parts_of_days, since_history, with_temperature
+from .tables import days_after, parts_of_days, since_history
 
 _LOOKS_BACK = 64  # rows before its origin that a forecast looks back on, for the lags of ARX
 _FILTERED_DAYS = 30  # days of rows before those, from which the filtered inputs of ARX are computed
@@ -52,17 +52,10 @@ class ScheduleScheme(Scheme):
     name = "schedule"
 
     def __init__(
-        self,
-        network: RCNetwork,
-        *,
-        known: dict[str, float],
-        horizon: Any,
-        adapt: str | None,
-        purpose: str,
-        prior: Any,
+        self, network: RCNetwork, *, known: dict[str, float], horizon: Any, adapt: str | None, purpose: str, prior: Any
     ) -> None:
-        self.network, self.known, self.horizon, self.adapt, self.purpose = network, known, horizon, adapt, purpose
-        self.prior = prior
+        self.network, self.known, self.horizon = network, known, horizon
+        self.adapt, self.purpose, self.prior = adapt, purpose, prior
         #: adapt -> the blend at the last training row, and as far as the last forecast from a last known row went; none
         #: of them is ever changed
         self._begun: dict[str | None, RollingBlend] = {}
@@ -284,7 +277,8 @@ class ScheduleScheme(Scheme):
 
     def _at_last(self, future: ZoneTable, T_za: float | None) -> tuple[RollingBlend, list[Any]]:
         """The blend at the last known row, or at the measured one after it, and the rows that it reads."""
-        blend, views = self._at_last_row(with_temperature(future, T_za), n_more=int(T_za is not None))
+        T = np.append(np.nan if T_za is None else T_za, np.full(future.n_rows - 1, np.nan))
+        blend, views = self._at_last_row(future.replace(history={"T_za": T}), n_more=int(T_za is not None))
         if T_za is not None:  # a row that is not kept
             blend = blend.fork()
             blend.advance(views, self.rows.n_rows)

@@ -1,26 +1,23 @@
-"""Set-points that come as columns of a table."""
+"""Set-points that come as columns of a table, and the usual temperature in their place."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from .._calendar import day_type_hour
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._warnings import several
 from ..control import FREE, Band, refuse_where
+from ..forecasting.baselines import means_by_hour
 
 
 def band_of(table: ZoneTable) -> Band:
     """The set-points (n_rows,) of a table; infinite where a side has none."""
-    sides = (
-        np.where(np.isfinite(table.history[role]), table.history[role], free)
-        if role in table.history
-        else np.full(table.n_rows, free)
-        for role, free in zip(SETPOINT_ROLES, FREE, strict=True)
-    )
-    return Band(*sides)
+    sides = zip(map(table.measured, SETPOINT_ROLES), FREE, strict=True)
+    return Band(*(np.where(np.isfinite(side), side, free) for side, free in sides))
 
 
 def with_band(table: ZoneTable, band: Band) -> ZoneTable:
@@ -29,6 +26,22 @@ def with_band(table: ZoneTable, band: Band) -> ZoneTable:
     whole = (np.append(known[:first], side) for known, side in zip(band_of(table), band, strict=True))
     given = {role: np.where(np.isfinite(side), side, np.nan) for role, side in zip(SETPOINT_ROLES, whole, strict=True)}
     return table.replace(history={**table.history, **given})
+
+
+class UsualTemperature(NamedTuple):
+    """The mean temperature by hour and kind of day, of a zone whose set-points are not logged but whose plant runs."""
+
+    by_hour: np.ndarray  # (48,) [degC]
+
+    @classmethod
+    def of(cls, training: ZoneTable) -> Self:
+        """That of the measured temperature of a training."""
+        return cls(means_by_hour(training, training.history["T_za"]))
+
+    def held(self, table: ZoneTable) -> ZoneTable:
+        """The table with it as set-points of heating and cooling, whatever set-points it has."""
+        usual = self.by_hour[day_type_hour(table)]
+        return with_band(table, Band(usual, usual))
 
 
 def setpoints_in(table: ZoneTable) -> dict[str, np.ndarray]:

@@ -40,14 +40,6 @@ def time_zone_of(table: ZoneTable) -> Any:
     return table.index.tz if isinstance(table.index, pd.DatetimeIndex) else None
 
 
-def with_temperature(future: ZoneTable, T_za: float | None) -> ZoneTable:
-    """Rows ahead of which nothing is measured, or the temperature of the first one."""
-    T = np.full(future.n_rows, np.nan)
-    if T_za is not None:
-        T[0] = T_za
-    return future.replace(history={"T_za": T})
-
-
 def midnights(table: ZoneTable) -> np.ndarray:
     """Rows that are the first of a local day."""
     day = table.time.normalize()

@@ -13,6 +13,7 @@ from joblib import Memory
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 
+from .._joining import with_measured
 from .._table import ZoneTable, concatenate_tables
 from .._time import ASSUMED_START, rows_per_day
 from .._warnings import ignore, warnings_to
@@ -140,9 +141,7 @@ class TwoStageScheme(EarlierStates):
         """The scheme at the origin of rows ahead, which is the first one if that is measured, and the rows after it."""
         if T_za is None:
             return self, ahead
-        now = ahead.rows(slice(0, 1))
-        now = now.replace(history={**now.history, "T_za": np.array([T_za])})
-        return self.advanced(now), ahead.rows(slice(1, None))
+        return self.advanced(with_measured(ahead.rows(slice(0, 1)), 0, T_za)), ahead.rows(slice(1, None))
 
     def _ahead(self, future: ZoneTable) -> tuple[np.ndarray, np.ndarray]:
         """(n_rows + 1,) disturbance from the last known row on, and (n_rows,) temperatures."""

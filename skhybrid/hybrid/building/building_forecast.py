@@ -10,15 +10,23 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from ..._joining import read_now, refuse_no_frames
-from ..._table import as_numbers, is_plant, listed
+from ..._table import ZoneTable, as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ...forecasting.weather_error import WeatherError, read_weather_error
 from ..base import BaseHybrid
-from .building_tables import BuildingTablesMixin, tables_of_zones, with_neighbour_temperatures, with_next
+from ..frames_forecast import Wanted
+from .building_tables import (
+    BuildingTablesMixin,
+    arrays_by_name,
+    of_zone,
+    tables_of_zones,
+    warn_of_usual,
+    with_neighbour_temperatures,
+    with_next,
+)
 from .zone_columns import MEASURED, NEXT, held
-from .zone_messages import of_zone, warn_of_usual
 
 _T = TypeVar("_T")
 #: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
@@ -260,40 +268,40 @@ class BuildingForecastMixin(BuildingTablesMixin):
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint)
-        weather = read_weather_error(weather_error)
+        asked = quantiles, read_weather_error(weather_error)
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:
             self._refuse_shared_plants()
         if limits is not None:
             self._refuse_without_plant("limits")
         alone = known is None and not setpoints and limits is None
-        of = self._under_heat(ahead, now, quantiles, weather) if alone else None
-        if of is None:
-            of = self._by_frames(known, ahead, now, wanted if setpoints else None, quantiles, limits, weather)
+        tables = tables_of_zones(self.own_, self._columns, ahead) if alone else None
+        if tables is None:
+            of = self._by_frames(known, ahead, now, wanted if setpoints else None, limits, *asked)
+        else:
+            of = self._under_heat(tables, ahead.index, now, *asked)
         return pd.DataFrame(self._joined(of, first_lead=0 if now else 1), future.index)
 
     def _under_heat(
         self,
-        ahead: pd.DataFrame,
+        tables: Mapping[str, ZoneTable],
+        index: pd.Index,
         now: Mapping[str, Any],
         quantiles: Sequence[float] | None,
         weather: WeatherError | None,
-    ) -> _Columns | None:
-        """Forecasts under given heat after all known rows, which are read once; None where they are not alike."""
-        tables = tables_of_zones(self.own_, self._columns, ahead)
-        if tables is None:
-            return None
+    ) -> _Columns:
+        """Forecasts under given heat of rows that follow the known ones, by zone in ``tables``."""
         levels = None if quantiles is None else read_quantiles(quantiles)
         T_now = {}
         for zone, T in now.items():
             with of_zone(zone):
-                T_now[zone] = read_now(T, ahead.index)
+                T_now[zone] = read_now(T, index)
 
         def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
             table = with_neighbour_temperatures(tables[zone], T)
             if not T:
-                model._warn_of_plan(table, len(ahead.index))
-            return model._columns_ahead(table, T_now.get(zone), None if T else levels, weather)
+                model._warn_of_plan(table, len(index))
+            return model._columns_ahead(table, Wanted(T_now.get(zone), None if T else levels, weather))
 
         return of
 
@@ -303,8 +311,8 @@ class BuildingForecastMixin(BuildingTablesMixin):
         ahead: pd.DataFrame,
         now: Mapping[str, Any],
         wanted: Mapping[str, Any] | None,
-        quantiles: Sequence[float] | None,
         limits: tuple[float | None, float | None] | None,
+        quantiles: Sequence[float] | None,
         weather: WeatherError | None,
     ) -> _Columns:
         """Forecasts for which each predictor reads history and rows ahead by itself; none ``wanted``: under heat."""
@@ -387,8 +395,3 @@ class BuildingForecastMixin(BuildingTablesMixin):
             with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
                 found[zone] = one.blended(own[zone], of(one.model, zone, T), first_lead)
         return {f"{name}_{zone}": values for zone, columns in found.items() for name, values in columns.items()}
-
-
-def arrays_by_name(frame: pd.DataFrame) -> dict[str, np.ndarray]:
-    """The columns of a frame by name."""
-    return {str(name): values.to_numpy() for name, values in frame.items()}

@@ -1,4 +1,4 @@
-"""Loads of all zones of a building, forecasts that are affine in their heat, and joint samples."""
+"""Forecasts of all zones of a building under set-points, their loads, affine forecasts, and joint samples."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from sklearn.utils.validation import check_is_fitted
 from ..._arguments import check_integer
 from ..._clock import hour_of_day
 from ..._joining import refuse_no_frames
-from ..._table import as_numbers
+from ..._table import ZoneTable, as_numbers
 from ..._time import wall_clock
-from ..._warnings import warnings_dropped
-from ...control import AffineForecast, Limits, decided_on, heat_column, read_inputs, read_limits
+from ..._warnings import ignore, warnings_dropped, warnings_to
+from ...control import AffineForecast, Limits, LoadPaths, decided_on, heat_column, read_inputs, read_limits
 from ...exceptions import PlanWarning, UnitWarning
 from ...forecasting.quantiles import LeftOut, quantile_columns
+from ...forecasting.weather_error import WeatherError, read_weather_error
 from ..base import BaseHybrid
-from .building_forecast import BuildingForecastMixin, arrays_by_name
-from .building_tables import with_next
+from ..thermostat_law.closed_loop_paths import ClosedLoopPaths
+from .building_forecast import BuildingForecastMixin
+from .building_tables import arrays_by_name, of_zone, warn_of_usual, with_neighbour_temperatures, with_next
 from .coupled_zone import CoupledZone, at_common_origins
-from .zone_columns import held
-from .zone_messages import of_zone
+from .zone_columns import NEXT, held
 
 _NEAR = 1.5  # hours within which the errors of the training are drawn
 _SPANS = 12  # parts of the rows in which zones that share a plant are settled, one after the other
@@ -63,9 +64,66 @@ def _hours(index: pd.Index) -> np.ndarray:
 
 
 class BuildingPlansMixin(BuildingForecastMixin):
-    """``predict_load``, ``affine_forecast`` and ``sample`` of :class:`BuildingPredictor`."""
+    """``closed_loop_from``, ``predict_load``, ``affine_forecast`` and ``sample`` of :class:`BuildingPredictor`."""
 
     _joint: JointErrors | None
+
+    def closed_loop_from(
+        self,
+        X: pd.DataFrame,
+        origins: Sequence[int] | np.ndarray,
+        horizon: Any = None,
+        quantiles: Sequence[float] | None = None,
+        weather_error: Any = None,
+    ) -> dict[str, ClosedLoopPaths]:
+        """Forecast all zones from given rows, under the set-points of X and their learned thermostats.
+
+        Parameters
+        ----------
+        X : DataFrame of n_samples rows
+            Weather and set-points are known in advance; heat of every zone is read before each origin, ``T_za_<zone>``
+            up to it.  After it, neighbours are as forecast.
+        origins : sequence of int
+            Row numbers of X, increasing.
+        horizon : timedelta-like, optional
+        quantiles : sequence of float, optional
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`forecast`.
+
+        Returns
+        -------
+        dict of str to ClosedLoopPaths
+            By zone, as :meth:`HybridPredictor.closed_loop_from` has it; a zone without a plant is free, and a plant of
+            which no thermostat was learned runs as usual.
+
+        Raises
+        ------
+        ValueError
+            As there, in the name of the zone; also where zones share a plant, or none has one.
+
+        Warns
+        -----
+        SkhybridWarning
+            Of plants that run as usual, once per fit.
+        """
+        check_is_fitted(self)
+        self._refuse_shared_plants()
+        self._refuse_without_plant("heat_known=False")
+        X, rows = self._prepared(self._read(X)), np.asarray(origins)
+        asked = horizon, quantiles, read_weather_error(weather_error)
+        tables, own = {}, {}
+        for zone, model in self.own_.items():
+            with of_zone(zone):
+                warn_of_usual(model)
+                tables[zone] = model._read_X(X)
+                own[zone] = _paths_of(model, tables[zone], rows, *asked, {})
+        known, found = self._carried_on(self._known(X)), dict(own)
+        for zone, one in self.coupled_.items():
+            table = with_neighbour_temperatures(tables[zone], {other: known[other] for other in one.neighbours})
+            ahead = {NEXT + other: held(own[other].paths.temperature) for other in one.neighbours}
+            with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
+                found[zone] = _blended(own[zone], _paths_of(one.model, table, rows, *asked, ahead), one)
+        return found
 
     def predict_load(self, X: pd.DataFrame, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings each zone to its set-points, under the forecast disturbances.
@@ -177,7 +235,8 @@ class BuildingPlansMixin(BuildingForecastMixin):
         """
         check_is_fitted(self)
         refuse_no_frames(history, future)
-        roles = self._inputs(inputs)
+        columns = self._columns.columns
+        roles = list(decided_on(columns) if inputs is None else read_inputs(inputs, list(columns), columns.__getitem__))
         ahead, now = self._prepared(future), self._now_by_zone(T_za)
         known = None if history is None else self._prepared(history)
         plan = np.column_stack([self._planned(ahead, role) for role in roles])
@@ -194,10 +253,6 @@ class BuildingPlansMixin(BuildingForecastMixin):
         free = np.column_stack([f.path - np.tensordot(f.gain, plan, axes=2) for f in found.values()])
         gain = np.stack([f.gain for f in found.values()], axis=-1)
         return AffineForecast(free, gain, np.column_stack([f.zeta for f in found.values()]), future.index, tuple(roles))
-
-    def _inputs(self, inputs: Sequence[str] | None) -> list[str]:
-        columns = self._columns.columns
-        return list(decided_on(columns) if inputs is None else read_inputs(inputs, list(columns), columns.__getitem__))
 
     def _planned(self, rows: pd.DataFrame, role: str) -> np.ndarray:
         column = self._columns.columns[role]
@@ -244,6 +299,46 @@ class BuildingPlansMixin(BuildingForecastMixin):
         drawn = self._joint.drawn(_hours(index)[0] - before, n_samples, len(frame), check_random_state(random_state))
         ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
         return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)
+
+
+def _paths_of(
+    model: BaseHybrid,
+    table: ZoneTable,
+    origins: np.ndarray,
+    horizon: Any,
+    quantiles: Sequence[float] | None,
+    weather: WeatherError | None,
+    boundary: Mapping[str, np.ndarray],
+) -> ClosedLoopPaths:
+    """Forecasts of a zone by one of its predictors; without a plant it is free."""
+    if model._plant:
+        return model._running().closed_loop_from(table, origins, horizon, quantiles, boundary, weather)
+    T = model.predict_from(table, origins, horizon, boundary or None)
+    paths = LoadPaths(np.zeros(T.shape), T, np.full(T.shape, np.nan))
+    if quantiles is None or boundary:  # quantiles with neighbours are made from those of the zone by itself
+        return ClosedLoopPaths(paths)
+    bands = model.predict_quantiles_from(table, origins, quantiles, horizon, weather_error=weather)
+    return ClosedLoopPaths(paths, None, bands)
+
+
+def _blended(own: ClosedLoopPaths, coupled: ClosedLoopPaths, one: CoupledZone) -> ClosedLoopPaths:
+    """The blend of a zone's paths by itself and with neighbours, with quantiles as :meth:`CoupledZone.blended`."""
+    n_leads = own.paths.temperature.shape[1]
+    share = one.share(n_leads)
+    over_step = np.append(0.0, share[:-1])  # heat that acts before the first temperature is that by itself
+
+    def heat(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return (1.0 - over_step) * a + over_step * b
+
+    T = (1.0 - share) * own.paths.temperature + share * coupled.paths.temperature
+    bands, loads = own.temperature_bands, own.heat_bands
+    if bands is not None:
+        bands = T[..., None] + (bands - own.paths.temperature[..., None]) * one.widths(n_leads)[:, None]
+    if loads is not None and coupled.heat_bands is not None:
+        loads = heat(loads.swapaxes(1, 2), coupled.heat_bands.swapaxes(1, 2)).swapaxes(1, 2)
+    plant = {name: heat(values, coupled.plant[name]) for name, values in own.plant.items()}
+    paths = LoadPaths(heat(own.paths.heat, coupled.paths.heat), T, heat(own.paths.zeta, coupled.paths.zeta))
+    return own._replace(paths=paths, heat_bands=loads, temperature_bands=bands, plant=plant)
 
 
 class _Affine(NamedTuple):

@@ -29,26 +29,15 @@ from ..base import BaseHybrid
 from ..parts import fit_preprocess
 from ..predictor import HybridPredictor, takes_two_stages
 from ..schedule_predictor import DEFAULT_NETWORK
-from .building_closed_loop import BuildingClosedLoopMixin
 from .building_plans import BuildingPlansMixin, JointErrors
-from .building_tables import tables_of_zones, with_neighbour_temperatures
+from .building_tables import of_zone, tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import CoupledZone, couple, with_neighbours
-from .zone_columns import (
-    NEXT,
-    ZoneColumns,
-    found_neighbours,
-    neighbours_of,
-    read_temperatures,
-    refuse_same,
-)
-from .zone_messages import of_zone
+from .zone_columns import NEXT, ZoneColumns, found_neighbours, neighbours_of, read_temperatures, refuse_same
 
 _SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
 
-class BuildingPredictor(
-    BuildingPlansMixin, BuildingClosedLoopMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
-):
+class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Day-ahead forecast of temperature and load of all zones of a building.
 
     Each zone has two predictors: one that knows only the zone itself, and one that takes its neighbours' temperatures

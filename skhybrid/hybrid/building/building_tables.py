@@ -1,8 +1,9 @@
-"""Tables of a building: measured temperatures of its zones, and rows parsed once for the predictors of all of them."""
+"""Tables of a building, read once for the predictors of all zones, and messages that name the zone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,33 @@ from sklearn.utils.validation import validate_data
 
 from ..._ranges import is_in_watts
 from ..._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable, as_numbers, as_pandas, checked_columns, read_array
-from ..._warnings import raise_warning, warnings_to
+from ..._warnings import raise_warning, warn_once, warnings_of_zone, warnings_to
 from ...exceptions import SkhybridWarning
 from ..base import BaseHybrid
 from ..parts import preprocessed
 from .coupled_zone import CoupledZone
 from .zone_columns import NEXT, ZoneColumns, carried_on, temperatures_of
+
+
+@contextmanager
+def of_zone(zone: str) -> Iterator[None]:
+    """Name the zone in errors and warnings of its predictor."""
+    try:
+        with warnings_of_zone(zone):
+            yield
+    except ValueError as error:
+        raise type(error)(f"zone {zone!r}: {error}") from None
+
+
+def warn_of_usual(model: BaseHybrid) -> None:
+    """Warn, once per fit, of a plant that is forecast without set-points."""
+    if model._has_usual_plant:
+        warn_once(
+            "no thermostat was learned, as the training had no set-points or the plant never ran: heat and temperature "
+            "are forecast as they usually were at that hour and in that weather.",
+            SkhybridWarning,
+            model.training_,
+        )
 
 
 class BuildingTablesMixin:
@@ -110,3 +132,8 @@ def with_neighbour_temperatures(table: ZoneTable, T: Mapping[str, np.ndarray]) -
     if not T:
         return table
     return table.replace(inputs={**table.inputs, **{NEXT + zone: values for zone, values in T.items()}})
+
+
+def arrays_by_name(frame: pd.DataFrame) -> dict[str, np.ndarray]:
+    """The columns of a frame by name."""
+    return {str(name): values.to_numpy() for name, values in frame.items()}

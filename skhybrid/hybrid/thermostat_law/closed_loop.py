@@ -22,12 +22,11 @@ from ...forecasting.weather_error import WeatherError, weather_spreads
 from ..blending.blend import blend_weights, by_lead, faded, lead_groups, moments
 from ..known_rows import KnownRows
 from ..scheme import Boundary, Scheme
-from ..setpoint_columns import band_of
+from ..setpoint_columns import UsualTemperature, band_of
 from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
 from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
-from .usual_temperature import UsualTemperature
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
 _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least

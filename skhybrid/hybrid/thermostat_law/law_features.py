@@ -43,11 +43,6 @@ class LawRows(NamedTuple):
         per_day, changes = rows_per_day(table.step), clock_changes(table)
         return cls(table.measured(), heat, band, weather, clock, per_day, changes, beside)
 
-    def last_measured(self, origins: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
-        """(n,) last measured temperature at each origin [degC], or another one where there is none."""
-        last = carried_forward(self.T)[origins]
-        return np.where(np.isfinite(last), last, otherwise)
-
 
 def same_clock(rows: LawRows, origins: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Heat, and temperature at the end, of the row at the same time a week before; else a day or any full days.
@@ -95,7 +90,7 @@ def further_features(rows: LawRows, origins: np.ndarray, lead: np.ndarray) -> np
     series = np.column_stack([rows.weather, heating, cooling])
     means = [span_means(series, np.maximum(at + 1 - _hours(rows, hours), 0), at + 1) for hours in _MEANS]
     day, week = rows.per_day, _WEEK * rows.per_day
-    T = rows.last_measured(origins, np.full(len(origins), np.nan))
+    T = carried_forward(rows.T)[origins]
     heat_before, T_before = same_clock(rows, origins, at)
     yesterday = same_slot(at, origins - 1, day, rows.changes)
     columns = [lead, rows.clock[at][:, 1], heating[at], cooling[at], T, T - heating[at], T - cooling[at]]
