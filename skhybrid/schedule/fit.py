@@ -122,17 +122,16 @@ def fit_leads(
     T: np.ndarray,
     n_leads: int,
     known: dict[str, float] | None = None,
-    calendar: bool = True,
     purpose: str = "forecast",
     prior: NetworkPrior | None = None,
 ) -> LeadFit:
     """Fit a network with schedules on the errors of forecasts up to ``n_leads`` rows ahead.
 
-    ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW]; without ``calendar`` there are no schedules.  Where
-    the rows do not tell what the known heat does, the network is about as large as is usual for such a plant.  With the
-    purpose "plan" the response to a kW is pulled toward what jumps of the heat say of it, and forecasts are fitted with
-    the heat that could be expected at their origins, unless too little of it could.  A ``prior`` takes the place of the
-    grid, of the shrinkage and of the usual size.
+    ``T`` (N,) [degC], NaN where missing; ``known`` capacities [kW].  Where the rows do not tell what the known heat
+    does, the network is about as large as is usual for such a plant.  With the purpose "plan" the response to a kW is
+    pulled toward what jumps of the heat say of it, and forecasts are fitted with the heat that could be expected at
+    their origins, unless too little of it could.  A ``prior`` takes the place of the grid, of the shrinkage and of the
+    usual size.
 
     Raises
     ------
@@ -147,7 +146,7 @@ def fit_leads(
             f"X has {table.n_rows} rows of {spell(table.step)}, too few for forecasts over {n_leads} rows: give a "
             "day or more, or a shorter horizon."
         )
-    plan = make_plan(network, table, known or {}, calendar)
+    plan = make_plan(network, table, known or {}, calendar=True)
     reference = float(np.nanmean(T)) if np.isfinite(T).any() else 20.0
     pull = None
     if purpose == "plan":
@@ -280,7 +279,7 @@ def _fit_under(
     for _ in range(2):
         problem = replace(problem, prior=prior.at(best.psi, plan.mean_outdoor))
         at = problem.solved(best.psi, best.gram, best.designs)
-        problem = _weighted_as_usual(problem, at, usual, hours)
+        problem = weighted(problem, at, usual, _USUAL_HOURS / hours)
         best = minimise(problem, problem.evaluate(best.psi), max_steps=4)
     blocks = blocks_of_days(scored.sample, table.step_hours)
     return _with_contrasts(problem, best, blocks, table, reference)[0]
@@ -297,28 +296,19 @@ def _start(
     return problem, problem.solved(psi, gram(E) + problem.pull_gram(psi), (E,))
 
 
-def weighted(problem: LeadProblem, at: Evaluation) -> LeadProblem:
-    """A problem with each lead weighted by the inverse variance of its errors at a point."""
-    squares, known = _squares_by_lead(problem, at)
-    variance = np.where(known > 0, squares / np.maximum(known, 1), 1.0)
-    return replace(problem, precision=1.0 / np.maximum(variance, _LEAST_ERROR**2))
+def weighted(
+    problem: LeadProblem, at: Evaluation, usual: np.ndarray | float = 1.0, n_usual: float = 0.0
+) -> LeadProblem:
+    """A problem with each lead weighted by the inverse variance of its errors at a point.
 
-
-def _squares_by_lead(problem: LeadProblem, at: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-    """(L,) squared errors [K2] of forecasts at each lead, and how many are measured."""
+    The ``usual`` variance (L,) [K2] counts as that of ``n_usual`` more errors, and holds where none is measured.
+    """
     root = problem.root_weights(problem.scored)
     errors = _forecast_errors(root, at.designs[0].reshape(*root.shape, -1), at.solution.coef)
-    return np.nansum(errors**2, axis=0), np.isfinite(errors).sum(axis=0)
-
-
-def _weighted_as_usual(problem: LeadProblem, at: Evaluation, usual: np.ndarray, hours: float) -> LeadProblem:
-    """A problem weighted by its errors at a point and by the ``usual`` variance (L,) [K2], as some hours of errors.
-
-    ``hours`` lie between origins.
-    """
-    squares, known = _squares_by_lead(problem, at)
-    rows = _USUAL_HOURS / hours
-    return replace(problem, precision=1.0 / np.maximum((squares + rows * usual) / (known + rows), _LEAST_ERROR**2))
+    known = np.isfinite(errors).sum(axis=0) + n_usual
+    squares = np.nansum(errors**2, axis=0) + n_usual * usual
+    variance = np.where(known > 0, squares / np.where(known > 0, known, 1.0), usual)
+    return replace(problem, precision=1.0 / np.maximum(variance, _LEAST_ERROR**2))
 
 
 def _best_of_grid(

@@ -81,7 +81,7 @@ def bends_at(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.nd
 
 def plant_gain(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.ndarray) -> np.ndarray:
     """(N, N, m) gain of the temperature by a plan (N, m), its tangent where stages have bends."""
-    (A, _), C = emitting(fit, state), _output(fit, state)
+    (A, _), C = emitting(fit, state), fit.model.output[None]
     gain = gain_of(impulse_response(A, plant_inputs(fit, state, roles), C, len(plan))[..., 0])
     slope = bends_at(fit, state, roles, plan).slope
     if slope.any():
@@ -108,16 +108,11 @@ def scheduled_linear_network(
     return LinearNetwork(
         A,
         plant_inputs(fit, state, roles),
-        _output(fit, state),
+        fit.model.output[None],
         np.append(state.nodes, state.emitter) + reference,
         forcing_by(M, segment, heat) + reference - A @ reference,
         (*(f"T_{node}" for node in fit.plan.network.nodes), "Q_emitter"),
     )
-
-
-def _output(fit: LeadFit, state: OriginState) -> np.ndarray:
-    """(1, n + 1) row of the measured node."""
-    return np.eye(len(state.matrices.A) + 1)[[fit.model.zone]]
 
 
 def _coef(fit: LeadFit, state: OriginState, name: str) -> float:

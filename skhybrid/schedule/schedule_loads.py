@@ -224,7 +224,7 @@ def _system(fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray
     heat = channels.heat(np.where(channels.solar, state.coef[: len(channels.names)], 0.0), len(M.A))
     heat[:, segment.plan.zone] += zeta
     effects = np.array([share * effect + (1.0 - share) * direct for share in sides])
-    return _System(A, forcing_by(M, segment, heat), effects, np.eye(len(A))[fit.model.zone])
+    return _System(A, forcing_by(M, segment, heat), effects, fit.model.output)
 
 
 def _share_known(plan: ChannelPlan, plant: Plant, stages: Sequence[tuple[str, float]]) -> float:

@@ -48,8 +48,7 @@ class ScheduledNetwork:
     @classmethod
     def of(cls, fit: LeadFit) -> ScheduledNetwork:
         values = pd.Series(np.exp(fit.psi), fit.model.names)
-        names = [*fit.channel_names, *(["emitter"] if fit.plan.emitter else [])]
-        coef, of_filter = pd.Series(fit.coef, names), list(FILTER_PARAMETERS)
+        coef, of_filter = pd.Series(fit.coef, fit.problem.channels), list(FILTER_PARAMETERS)
         schedule = _schedule(coef, fit.plan)
         return cls(fit.model.network, values.drop(of_filter), values[of_filter], coef, schedule, fit.plan)
 

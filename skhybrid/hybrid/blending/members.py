@@ -101,7 +101,7 @@ class ScheduleMember:
 
     def fit(self, training: ZoneTable, n_leads: int) -> Self:
         T = training.history["T_za"]
-        given = self.known, True, self.purpose, self._prior
+        given = self.known, self.purpose, self._prior
         self.fit_ = fit_leads(self.network, training, T, n_leads, *given)
         return self
 
