@@ -102,8 +102,6 @@ def make_house(
     [('living', 'kitchen')]
     """
     check_integer("zones", zones, 2, len(_ROOMS))
-    if not (np.isfinite(partition) and partition > 0):
-        raise ValueError(f"partition={partition!r} must be a positive resistance [K/kW].")
     per_step = check_arguments(n_days, pattern, excitation, noise_std, sampling_time)
     names = _ROOMS[:zones]
     theta_rng, weather_rng, noise_rng, *room_rngs = spawn_generators(random_state, 3 + 3 * zones)
@@ -158,6 +156,8 @@ def _floor_plan(names: tuple[str, ...]) -> list[tuple[str, str]]:
 
 def _draw_theta(network: RCNetwork, partition: float, rng: np.random.Generator) -> dict[str, float]:
     """Parameters of a usual room, a fifth larger or smaller."""
+    if not (np.isfinite(partition) and partition > 0):
+        raise ValueError(f"partition={partition!r} must be a positive resistance [K/kW].")
     names = [p.name for p in network.parameters() if not p.name.startswith("Q_c")]
     usual = {p: next((v for name, v in _ROOM.items() if p.startswith(f"{name}_")), partition) for p in names}
     return {p: float(v * np.exp(0.2 * rng.standard_normal())) for p, v in usual.items()}
