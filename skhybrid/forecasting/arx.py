@@ -167,11 +167,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def evidence_(self) -> ZoneEvidence:
         """Normal equations of the fit, from which a :class:`~skhybrid.fleet.FleetPrior` is learned."""
         check_is_fitted(self)
-        if self._has_multi_step:
-            sums = ZoneSums(self.design_, self.sampling_time_, self._fit.information(), self._fit.noise)
-        else:
-            sums = ZoneSums(self.design_, self.sampling_time_, self._moments, self._noise)
-        return ZoneEvidence({self.objective: sums})
+        many = self._has_multi_step
+        found = (self._fit.information(), self._fit.noise) if many else (self._moments, self._noise)
+        return ZoneEvidence({self.objective: ZoneSums(self.design_, self.sampling_time_, *found)})
 
     @property
     def _has_multi_step(self) -> bool:

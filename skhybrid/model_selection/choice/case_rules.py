@@ -147,13 +147,17 @@ def _keys(table: pd.DataFrame) -> pd.Series:
 
 def _overview(candidates: pd.DataFrame, cases: tuple[ModelCase, ...]) -> pd.DataFrame:
     """One row per case: identity, ``history`` [d], ``week`` feature, ingredients, ``median`` [K] and ``n_sizes``."""
-    made_of = ingredients(candidates, cases).assign(key=_keys(candidates))
-    first = candidates.assign(key=_keys(candidates)).groupby("key")[list(IDENTITY)].first()
-    found = [case_of(f, c, cases) for f, c in zip(first["framework"], first["case"], strict=True)]
-    first["history"], first["week"] = [case.history for case in found], [_week_feature(case) for case in found]
-    errors = candidates["rmse"].groupby(_keys(candidates))
-    overview = first.join(made_of.groupby("key").first())
-    return overview.assign(median=errors.median(), n_sizes=errors.size()).sort_values("median", kind="stable")
+    overview = _by_key(candidates)
+    found = [case_of(f, c, cases) for f, c in zip(overview["framework"], overview["case"], strict=True)]
+    overview["history"], overview["week"] = [case.history for case in found], [_week_feature(case) for case in found]
+    return overview.join(ingredients(candidates, cases).groupby(_keys(candidates)).first())
+
+
+def _by_key(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row per case or baseline in order of error: identity, ``median`` [K] and ``n_sizes``."""
+    groups = rows.groupby(_keys(rows))
+    found = groups[list(IDENTITY)].first().rename_axis("key")
+    return found.assign(median=groups["rmse"].median(), n_sizes=groups.size()).sort_values("median", kind="stable")
 
 
 def _week_feature(case: ModelCase) -> str:
@@ -258,11 +262,9 @@ def _choose_by_rules(
 
 def _baselines(rows: pd.DataFrame, robust: RobustnessComparison, chosen: str, level: float) -> pd.DataFrame:
     """One row per baseline in order of error: identity, median, n_sizes, ``probability`` that the choice is better."""
-    errors = rows["rmse"].groupby(_keys(rows))
-    found = rows.assign(key=_keys(rows)).groupby("key")[list(IDENTITY)].first()
-    found = found.assign(median=errors.median(), n_sizes=errors.size())
+    found = _by_key(rows)
     beaten = np.array([robust.probability_below(chosen, error) for error in found["median"]], dtype=float)
-    return found.assign(probability=beaten, sufficient=beaten < level).sort_values("median", kind="stable")
+    return found.assign(probability=beaten, sufficient=beaten < level)
 
 
 def _verdict_on_baselines(baselines: pd.DataFrame, median: float) -> tuple[str | None, str]:
