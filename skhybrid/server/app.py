@@ -23,10 +23,9 @@ from ..exceptions import ModelFileError, SkhybridWarning
 from ..study.settings import read_settings
 from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
-from .page import docs_page, zone_page
+from .page import docs_page, page_of
 from .schemas import ROWS, BuildingForecast, BuildingStatus, Forecast, Posted, Refusal, Row, Status
 from .zone_view import QUANTITIES, plain_rows, view_zones
-from .zones_page import building_page
 
 _MOST_BYTES = 8 * 2**20  # of a body: months of rows
 _FILE = "rows.csv"  # of a body, for as long as it is read
@@ -102,10 +101,7 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
             now = (int(time.time() // 3600), *(file.stat().st_mtime_ns for file in files if file.exists()))
             if now not in drawn:
                 model = zone.load()
-                views, status = view_zones(zone, model), zone.status(model)
-                text = (
-                    building_page(model.settings.name, views, status) if model.zones else zone_page(views[""], status)
-                )
+                text = page_of(model.settings.name, view_zones(zone, model), zone.status(model))
                 drawn.clear()
                 drawn[now] = text
             return drawn[now]

@@ -1,69 +1,80 @@
-"""The page of a zone, and the page that describes the routes: HTML without scripts or anything from elsewhere."""
+"""The page of a zone or of a building, and that which describes the routes: HTML without scripts or foreign parts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
 import pandas as pd
 
-from ..study.report.figures import NARROW, WIDE, backtest_figure, day_figure, in_two_widths
+from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes, zones_in_words
+from ..study.report.figures import (
+    NARROW,
+    WIDE,
+    backtest_figure,
+    day_figure,
+    days_figure,
+    in_two_widths,
+    weeks_figure,
+)
 from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
-from ..study.report.words import percent_or_dash
+from ..study.report.words import number, percent_or_dash
 from ..study.verdict import Verdict
 from .zone_view import ZoneView, compared
 
-REFRESH = '<meta http-equiv="refresh" content="300">\n'
-SPANS = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of past days in a figure
-LINKS = '<p class="soft">{}</p>'.format(
+_REFRESH = '<meta http-equiv="refresh" content="300">\n'
+_SPANS = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of past days in a figure
+_LINKS = '<p class="soft">{}</p>'.format(
     " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
 )
-NO_FORECAST = "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
 _OLD = pd.Timedelta(days=1)
+_T, _LOAD = "temperature [K]", "load [kW]"  # the names of their errors in a status
 
 
-def zone_page(view: ZoneView, status: dict[str, Any]) -> str:
-    """The page of a zone: verdict, tomorrow, yesterday, and the last week."""
-    head = f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(view.name)}</h1>\n'
-    sections = [
-        head + verdict_boxes([Verdict(**one) for one in status["verdicts"]]),
-        _tomorrow(view),
-        _yesterday(view),
-        _week(view),
-        _state(status),
-        LINKS,
-    ]
-    return html_page(f"{view.name}: forecast", sections, REFRESH)
+def page_of(name: str, views: Mapping[str, ZoneView], status: dict[str, Any]) -> str:
+    """The page of a zone, whose view has an empty name, or of several: verdicts, tomorrow, yesterday, the last week."""
+    several = "" not in views
+    of = f"{len(views)} zones" if several else "a zone"
+    head = f'<p class="soft">skhybrid: day-ahead forecast of {of}</p><h1>{escape(name)}</h1>\n'
+    verdicts = _verdicts_of_zones(status) if several else verdict_boxes(_verdicts(status))
+    state = _state_of_zones(status) if several else _state(status)
+    sections = [head + verdicts, _tomorrow(views, several), _yesterday(views, several), _week(views, several)]
+    return html_page(f"{name}: forecast", [*sections, state, _LINKS], _REFRESH + (ZONE_STYLE if several else ""))
 
 
-def _tomorrow(view: ZoneView) -> str:
-    if view.origin is None:
-        return NO_FORECAST
-    rows = view.forecast
-    low, high = rows["T_za"].min(), rows["T_za"].max()
-    cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", "room temperature in the day to come")]
-    if view.scaled:
-        cards += energy_cards(rows)
-    unscaled = not view.scaled and "Q_hvac" in rows
-    return day_to_come(cards, view.origin, "band is", unscaled, lambda width: day_figure(rows, width))
+def _verdicts(state: dict[str, Any]) -> list[Verdict]:
+    return [Verdict(**one) for one in state["verdicts"]]
 
 
-def day_to_come(
-    cards: list[tuple[str, str]], origin: pd.Timestamp, bands: str, unscaled: bool, figure: Callable[[float], Any]
-) -> str:
-    """The section on the latest forecast, of which ``figure`` makes a drawing of some width."""
-    scale = " The heat has no certain scale: no capacity is known." if unscaled else ""
+def _verdicts_of_zones(status: dict[str, Any]) -> str:
+    known = {zone: found for zone, state in status["zones"].items() if (found := _verdicts(state))}
+    return f'<p class="verdict">{escape(zones_in_words(known))}</p>\n{zone_boxes(known)}' if known else ""
+
+
+def _tomorrow(views: Mapping[str, ZoneView], several: bool) -> str:
+    rows = {zone: view.forecast for zone, view in views.items() if "T_za" in view.forecast}
+    origin = next(iter(views.values())).origin
+    if origin is None or not rows:
+        return "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
+    low, high = min(frame["T_za"].min() for frame in rows.values()), max(frame["T_za"].max() for frame in rows.values())
+    of, bands = ("temperature of all zones", "bands are") if several else ("room temperature", "band is")
+    cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", f"{of} in the day to come")]
+    scaled = all(view.scaled for view in views.values())
+    loads = [frame["Q_hvac"] for frame in rows.values() if "Q_hvac" in frame]
+    if scaled and loads:  # it need not cover a day
+        energy = day_energy(pd.DataFrame({"Q_hvac": sum(loads[1:], loads[0])}))
+        cards += [(value, text.replace("that day", "in that time")) for value, text in energy]
+    scale = " The heat has no certain scale: no capacity is known." if not scaled and loads else ""
+
+    def figure(width: float) -> Any:
+        return days_figure(rows, width, "kW" if scaled else "relative") if several else day_figure(rows[""], width)
+
     return (
         f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {_stamp_words(origin)}; the {bands} meant to "
         f"hold 80 % of the measurements.{scale}{_age_words(origin)}</p>\n"
         + in_two_widths(figure, "Forecast of temperature and heat.", "day")
     )
-
-
-def energy_cards(rows: pd.DataFrame) -> list[tuple[str, str]]:
-    """Energies of a forecast as cards; it need not cover a day."""
-    return [(value, text.replace("that day", "in that time")) for value, text in day_energy(rows)]
 
 
 def _age_words(origin: pd.Timestamp) -> str:
@@ -73,36 +84,36 @@ def _age_words(origin: pd.Timestamp) -> str:
     return " It is more than a day old: no newer rows came in, or the weather to come was not known."
 
 
-def _yesterday(view: ZoneView) -> str:
-    origin, rows = (None, view.past) if view.past.empty else last_past(view)
-    return past_day(origin, lambda width: day_figure(rows, width))
-
-
-def past_day(origin: pd.Timestamp | None, figure: Callable[[float], Any]) -> str:
-    """The section on the last forecast that is over, if there is one."""
-    head = "<h2>Forecast and measured</h2>\n"
+def _yesterday(views: Mapping[str, ZoneView], several: bool) -> str:
+    """The last forecast that is over, if there is one, and what was measured."""
+    head, rows = "<h2>Forecast and measured</h2>\n", {}
+    origin: pd.Timestamp | None = None
+    for zone, past in ((zone, view.past) for zone, view in views.items() if view.past["T_za"].notna().any()):
+        last = past[past["origin"] == past["origin"].max()].set_index("time")
+        origin = last["origin"].iloc[0] if origin is None else origin
+        measured = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"})
+        rows[zone] = measured.dropna(axis=1, how="all")
     if origin is None:
         return head + "<p>No forecast is over yet.</p>"
+
+    def figure(width: float) -> Any:
+        return days_figure(rows, width) if several else day_figure(rows[""], width)
+
     words = f"<p>The last forecast that is over, from {_stamp_words(origin)}.</p>\n"
     return head + words + in_two_widths(figure, "The last forecast that is over, and measurements.", "past")
 
 
-def last_past(view: ZoneView) -> tuple[pd.Timestamp, pd.DataFrame]:
-    """Origin and rows of the last forecast that is over, with what was measured."""
-    last = view.past[view.past["origin"] == view.past["origin"].max()].set_index("time")
-    rows = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"}).dropna(axis=1, how="all")
-    return last["origin"].iloc[0], rows
-
-
-def _week(view: ZoneView) -> str:
-    rows = compared(view.past)
-    if rows["origin"].nunique() < 2 or rows["y_true"].isna().all():
-        return ""
-    return days_before(lambda width: backtest_figure({"forecast": rows}, SPANS[width], width))
-
-
-def days_before(figure: Callable[[float], Any]) -> str:
+def _week(views: Mapping[str, ZoneView], several: bool) -> str:
     """The forecasts and measurements of the last days."""
+    past = {zone: compared(view.past).assign(zone=zone) for zone, view in views.items()}
+    known = [rows for rows in past.values() if rows["origin"].nunique() >= 2 and rows["y_true"].notna().any()]
+    if not known:
+        return ""
+    frames, draw = {"forecast": pd.concat(known, ignore_index=True)}, weeks_figure if several else backtest_figure
+
+    def figure(width: float) -> Any:
+        return draw(frames, _SPANS[width], width)
+
     words = "<p>The days before; a vertical line is the origin of a forecast.</p>\n"
     return words + in_two_widths(figure, "Past forecasts and measurements.", "week")
 
@@ -110,21 +121,42 @@ def days_before(figure: Callable[[float], Any]) -> str:
 def _state(status: dict[str, Any]) -> str:
     rows = []
     for name, short in (("yesterday's forecast", "last one"), ("last four weeks", "four weeks")):
-        for quantity in ("temperature [K]", "load [kW]"):
+        for quantity in (_T, _LOAD):
             if errors := (status[name] or {}).get(quantity):
                 shown = (f"{errors[key]:.2f}" for key in ("rmse", "bias"))
                 rows.append((f"{short} {quantity[quantity.index('[') :]}", *shown, percent_or_dash(errors["coverage"])))
-    facts = f"{rows_words(status)} Drift: {drift_words(status['drift'])}."
+    facts = f"{_rows_words(status)} Drift: {_drift_words(status['drift'])}."
     table = html_table(("errors", "RMSE", "bias", "in band"), rows) if rows else ""
     return f"<h2>State</h2>\n{table}<p>{escape(facts)}</p>"
 
 
-def rows_words(status: dict[str, Any]) -> str:
+def _state_of_zones(status: dict[str, Any]) -> str:
+    """Errors and drift, a row per zone."""
+    rows = [(zone, *_errors(state), _drift_words(state["drift"])) for zone, state in status["zones"].items()]
+    weeks = ("four weeks [K]", "bias [K]", "in band", _LOAD)
+    heads = ("zone", "last one [K]", *weeks, "drift")
+    words = (
+        "RMSE of the last forecast that is over, and of those of four weeks with bias and share in the 80 % interval."
+    )
+    return (
+        f'<h2>State</h2>\n{by_zone(heads, rows, n_texts=1)}<p class="soft">{words}</p>'
+        f"<p>{escape(_rows_words(status))}</p>"
+    )
+
+
+def _errors(state: dict[str, Any]) -> list[str]:
+    last, weeks = state["yesterday's forecast"] or {}, state["last four weeks"] or {}
+    newest, all_of, load = (found or {} for found in (last.get(_T), weeks.get(_T), weeks.get(_LOAD)))
+    numbers = [number(newest.get("rmse"), 2), number(all_of.get("rmse"), 2), number(all_of.get("bias"), 2)]
+    return [*numbers, percent_or_dash(all_of.get("coverage")), number(load.get("rmse"), 2)]
+
+
+def _rows_words(status: dict[str, Any]) -> str:
     """The last row, and until when the model learned."""
     return f"Last row: {status['last row'] or '–'}. Learned until: {status['learned until']}."
 
 
-def drift_words(drift: dict[str, Any]) -> str:
+def _drift_words(drift: dict[str, Any]) -> str:
     """Whether errors have drifted."""
     if not drift:
         return "not known yet"
