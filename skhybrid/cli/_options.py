@@ -74,7 +74,10 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., None]], click
                 try:
                     function(say=say, as_json=as_json, **options)
                 finally:
-                    texts = _tell(caught, say)
+                    told = [one_line(w.message) for w in caught if issubclass(w.category, UserWarning)]
+                    texts = list(dict.fromkeys(told))
+                    for text in texts:
+                        say.note(f"warning: {text}")
             return FAILED if strict and (texts or say.n_warnings) else DONE
 
         for option in (
@@ -88,14 +91,6 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., None]], click
         return made
 
     return decorate
-
-
-def _tell(caught: Sequence[warnings.WarningMessage], say: Progress) -> list[str]:
-    """Write the warnings for a user, each once; their texts."""
-    texts = list(dict.fromkeys(one_line(w.message) for w in caught if issubclass(w.category, UserWarning)))
-    for text in texts:
-        say.note(f"warning: {text}")
-    return texts
 
 
 def _refuse_one_file_twice(options: Mapping[str, Any]) -> None:

@@ -13,10 +13,9 @@ import pandas as pd
 
 from .._arguments import check_integer
 from .._warnings import several
-from .cell_numbers import NumberColumn, number_in
+from .cell_numbers import NumberColumn, columns_judged, number_in, quality_columns, without_bad
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
-from .quality_columns import columns_judged, quality_columns, without_bad
 from .raw_log import RawLog
 from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_parts import joined_cells
@@ -303,15 +302,9 @@ def _numeric_channels(channels: dict[str, NumberColumn], pieces: Pieces) -> dict
                     "decimal=',' for a CSV, or store them as numbers in Excel"
                 )
     if not kept:
-        cells = next(
-            (
-                f"; its cells are such as {channel.usual_word[0]!r}"
-                for channel in channels.values()
-                if channel.usual_word[1]
-            ),
-            "",
-        )
-        raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps{cells}.")
+        words = [channel.usual_word[0] for channel in channels.values() if channel.usual_word[1]]
+        such = f"; its cells are such as {words[0]!r}" if words else ""
+        raise ValueError(f"{pieces.where} has no column of numbers beside its time stamps{such}.")
     return kept
 
 

@@ -1,9 +1,10 @@
-"""Numbers in the cells of a log: decimal signs, on and off, and the words that loggers write for an error."""
+"""Numbers in the cells of a log: decimal signs, on and off, and the words and columns that tell of an error."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,9 +35,11 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
 _WITH_STATUS = re.compile(r"(.+?)\s*[{\[(]\s*([\w ,]+?)\s*[)\]}]")  # 20.5 °C {ok}
 _GOOD = re.compile(r"(?:(?:ok|good|valid|normal|overridden|alarm|unackedalarm)\W*)+", re.IGNORECASE)
+_QUALITY = re.compile(r"qualit|validity|\bflag\b|\bstatus(?:[ .]\(?\d+\)?)?\Z", re.IGNORECASE)
+_GOOD_CODE, _OFTEN = 192.0, 0.5  # by OPC, and above; share of the rows that shows it
 
 
-def is_error(text: str) -> bool:
+def _is_error(text: str) -> bool:
     """Whether a cell is a word that loggers write for an error."""
     return re.search(r"\w", text) is not None and _ERRORS.fullmatch(text.strip()) is not None
 
@@ -179,3 +182,29 @@ class NumberColumn:
         if not _ERRORS.fullmatch(word) and len(self.said) < 100:
             self.said.add(word)
         return np.nan
+
+
+def quality_columns(names: Iterable[Hashable]) -> list[str]:
+    """The columns that have the usual name of one of quality."""
+    return [str(name) for name in names if _QUALITY.search(str(name))]
+
+
+def columns_judged(names: Iterable[Hashable]) -> dict[str, str]:
+    """The column that each one of quality judges: the one before it, where several have one, or its name says so."""
+    ordered = list(map(str, names))
+    found = quality_columns(ordered)
+    before = {name: ordered[ordered.index(name) - 1] for name in found if name != ordered[0]}
+    pairs = {name: judged for name, judged in before.items() if judged not in found}
+    return pairs if len(pairs) > 1 else {name: judged for name, judged in pairs.items() if name.startswith(judged)}
+
+
+def without_bad(piece: pd.DataFrame, judged: Mapping[str, str]) -> pd.DataFrame:
+    """The rows of a table with the word for a bad quality in place of each value that has one."""
+    out = {}
+    for name, of in judged.items():
+        words, numbers = piece[name].astype(str), pd.to_numeric(piece[name], errors="coerce")
+        by_number = bool((numbers == _GOOD_CODE).mean() > _OFTEN)
+        bad = numbers < _GOOD_CODE if by_number else piece[name].notna() & words.map(_is_error)
+        if bad.any():
+            out[of] = piece[of].astype(object).where(~bad, "bad" if by_number else words)
+    return piece.assign(**out)

@@ -63,7 +63,10 @@ class ColumnRoles:
             if guess.role is not None
         ]
         self.further_rooms = [] if given or rooms else further_rooms(stated, {c.role: c.name for c in channels})
-        channels = self._outdoor_as_room(self._of_known_scale(channels, set(given)))
+        channels = self._of_known_scale(channels, set(given))
+        by_name = {c.role for c in channels if self.guesses[c.name].reason == NAMED_BY_ROLE}
+        channels, why = outdoor_as_room(channels, raw.frame, self.assumed, by_name)
+        self.assumed |= {"T_oa": why} if why else {}
         self.channels = self._with_modes(channels, given)
 
     @property
@@ -134,12 +137,6 @@ class ColumnRoles:
             else:
                 kept.append(c)
         return kept
-
-    def _outdoor_as_room(self, channels: list[Channel]) -> list[Channel]:
-        own = {c.role for c in channels if self.guesses[c.name].reason == NAMED_BY_ROLE}
-        channels, why = outdoor_as_room(channels, self.raw.frame, self.assumed, own)
-        self.assumed |= {"T_oa": why} if why else {}
-        return channels
 
     def _with_modes(self, channels: list[Channel], given: Mapping[str, str]) -> list[Channel]:
         """The channels with those of modes, and with cooling set-points that are those of heating too."""

@@ -166,10 +166,8 @@ def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
         text = f"heat into the room is positive, but this is never: give [scale] {role} = -1 if its sign is reversed"
         yield Finding("warning", name, f"{text}, or Q_cool if it is cooling.")
     elif role.startswith(("Q_heat", "Q_cool")) and has_both_signs(known):
-        text = (
-            f"goes from {low:.4g} to {high:.4g} kW: if it heats and cools, give it as Q_hvac, positive where it heats"
-        )
-        yield Finding("error" if role.startswith("Q_cool") else "warning", name, f"{text}.")
+        text = f"goes from {low:.4g} to {high:.4g} kW: if it heats and cools, give it as Q_hvac, positive where it"
+        yield Finding("error" if role.startswith("Q_cool") else "warning", name, f"{text} heats.")
     elif role.startswith(("q_sol", "Q_")) and 0.0 < max(high, -low) < _TOO_LITTLE:
         unit = "kW/m2" if role.startswith("q_sol") else "kW"
         text = f"reaches {1e3 * max(high, -low):.2g} {unit[1:]} only: is it in {unit}? Then give that as its unit"
@@ -208,12 +206,9 @@ def _longest_run(missing: pd.Series) -> pd.DatetimeIndex:
 def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
     """Remarks on the jumps of a counter [kWh], its resets, and its steps where they are coarse."""
     if (coarse := counter_tick(readings)) is not None:
-        text = (
-            f"counts in steps of {coarse[0]:g} kWh, one in about {coarse[1]:.2g} h: its heat is spread over that time"
-        )
-        yield Finding(
-            "note" if coarse[1] <= _COARSE else "warning", name, f"{text}; log a finer meter if there is one."
-        )
+        level, text = "note" if coarse[1] <= _COARSE else "warning", "its heat is spread over that time; log a finer"
+        steps = f"counts in steps of {coarse[0]:g} kWh, one in about {coarse[1]:.2g} h"
+        yield Finding(level, name, f"{steps}: {text} meter if there is one.")
     at = counter_jumps(readings)
     if len(at):
         more = f" and at {len(at) - 1} more; these rows are" if len(at) > 1 else "; that row is"
@@ -222,10 +217,8 @@ def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
     at = counter_resets(readings)
     if len(at):
         more = f", and {len(at) - 1} more" if len(at) > 1 else ""
-        text = (
-            f"the counter falls at {at[0]}{more}: it was set to zero, or replaced; the heat just before is not known."
-        )
-        yield Finding("note", name, text)
+        text = f"the counter falls at {at[0]}{more}: it was set to zero, or replaced; the heat just before"
+        yield Finding("note", name, f"{text} is not known.")
 
 
 def _jumping(name: str, known: pd.Series, least: float) -> Iterator[Finding]:
@@ -328,10 +321,8 @@ def partial_findings(reasons: Mapping[str, str]) -> Iterator[Finding]:
     """A remark on each column that is a part only of what its role needs, by the reasons for the roles of columns."""
     for name, reason in reasons.items():
         if reason == PART_OF_SUN:
-            text = (
-                "is a part of the sun's irradiance, by its name: if the log has the direct and the diffuse part, give"
-            )
-            yield Finding("warning", name, f"{text} the global irradiance on the horizontal.")
+            text = "is a part of the sun's irradiance, by its name: if the log has the direct and the diffuse part,"
+            yield Finding("warning", name, f"{text} give the global irradiance on the horizontal.")
         elif reason == OF_A_MODE:
             text = "is the set-point of one mode, by its name: if it is not always in force, write the one that is"
             yield Finding("warning", name, f"{text} in one column.")

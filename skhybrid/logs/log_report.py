@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -213,7 +213,21 @@ class LogReport:
         return {title: texts for title, texts in found.items() if texts}
 
     def _repr_html_(self) -> str:
-        return _report_html(self.headline(), self.columns, self._first_rows(), self.sections())
+        shown = self.columns.astype({"role": object, "unit": object}).fillna({"role": "unused", "unit": ""})
+        rows = [
+            _row(name, role, unit, reason, off=role == "unused")
+            for name, role, unit, reason in zip(shown.index, shown["role"], shown["unit"], shown["reason"], strict=True)
+        ]
+        head = "<tr><th>column</th><th>role</th><th>unit</th><th>reason</th></tr>"
+        lists = "".join(
+            f"<h4>{escape(title)}</h4><ul>{''.join(map(_item, texts))}</ul>" for title, texts in self.sections().items()
+        )
+        first = self._first_rows().to_html(float_format="{:.2f}".format, border=0)
+        return (
+            f'<div class="skhybrid-log"><style>{_STYLE}</style><p>{escape(self.headline())}</p>'
+            f'<div class="wide"><table>{head}{"".join(rows)}</table></div>'
+            f'<h4>First rows [degC, kW]</h4><div class="wide">{first}</div>{lists}</div>'
+        )
 
     def _first_rows(self) -> pd.DataFrame:
         return self.frame[~self.frame.index.duplicated()].dropna(how="all").head(_SHOWN_ROWS)
@@ -296,27 +310,6 @@ def _unit_words(row: Any) -> str:
     scale = "" if row["scale"] in (None, 1.0) else f", {row['scale']:.4g} times the column"
     unit = "fraction" if row["role"].startswith("u_") and row["unit"] == "-" else row["unit"]
     return f"{unit}{scale}{' (assumed)' if row['assumed'] else ''}"
-
-
-def _report_html(
-    headline: str, columns: pd.DataFrame, first_rows: pd.DataFrame, sections: Mapping[str, Sequence[str]]
-) -> str:
-    """The parts of a report as one block of HTML."""
-    shown = columns.astype({"role": object, "unit": object}).fillna({"role": "unused", "unit": ""})
-    rows = [
-        _row(name, role, unit, reason, off=role == "unused")
-        for name, role, unit, reason in zip(shown.index, shown["role"], shown["unit"], shown["reason"], strict=True)
-    ]
-    head = "<tr><th>column</th><th>role</th><th>unit</th><th>reason</th></tr>"
-    lists = "".join(
-        f"<h4>{escape(title)}</h4><ul>{''.join(map(_item, texts))}</ul>" for title, texts in sections.items()
-    )
-    first = first_rows.to_html(float_format="{:.2f}".format, border=0)
-    return (
-        f'<div class="skhybrid-log"><style>{_STYLE}</style><p>{escape(headline)}</p>'
-        f'<div class="wide"><table>{head}{"".join(rows)}</table></div>'
-        f'<h4>First rows [degC, kW]</h4><div class="wide">{first}</div>{lists}</div>'
-    )
 
 
 def _row(*cells: object, off: bool) -> str:

@@ -14,6 +14,7 @@ from .stamp_cells import read_stamps
 from .stamps import cell, line, time_zone_named
 
 _NAME = r"(?:\d|\d\s*[AaPp]\.?[Mm]\.?)\s*([A-Z]{3,5})$"
+_NAME_AFTER_TIME = r"\s*(?![AP]M)[A-Z]{3,5}$"
 _OFFSET = r"(?i)(?<![a-z])(?:utc|gmt)(?:\s*([+-])\s*(\d{1,2})(?::?(\d{2}))?)?(?![a-z])"
 _UTC = {"UTC", "GMT"}  # names that say an offset by themselves
 _SHORTEST = 300  # seconds of the shortest rows that may be stamped with their last one
@@ -49,7 +50,7 @@ def zoned_stamps(
 ) -> ZonedStamps:
     """The stamps of cells from some columns: naive where neither the cells nor the columns' names tell a zone."""
     names = zone_names(cells)
-    plain = cells if names is None else without_names(cells)
+    plain = cells if names is None else cells.astype(str).str.strip().str.replace(_NAME_AFTER_TIME, "", regex=True)
     stamps, notes, ends = read_stamps(plain, dayfirst, where, year, guesses)
     if (stamps.as_unit("s").asi8 % _SHORTEST == _SHORTEST - 1).all():
         notes = [*notes, f"stamps such as {cell(cells.iloc[0])} are the last second of their rows: a second is added"]
@@ -68,11 +69,6 @@ def zone_names(cells: pd.Series) -> pd.Series | None:
         return None
     names = cells.astype(str).str.strip().str.extract(_NAME)[0].replace(_GERMAN)
     return None if _UTC.issuperset(names.unique()) else names
-
-
-def without_names(cells: pd.Series) -> pd.Series:
-    """Stamps without the names of their zones."""
-    return cells.astype(str).str.strip().str.replace(r"\s*(?![AP]M)[A-Z]{3,5}$", "", regex=True)
 
 
 def in_named_zones(

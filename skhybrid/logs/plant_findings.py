@@ -74,20 +74,17 @@ def cooling_findings(frame: pd.DataFrame, meters: Mapping[str, str]) -> Iterator
         cold = heat[frame["T_oa"] < frame[room] - _COLDER_OUT].dropna() / heat.abs().quantile(0.99)
         share = float((cold < -RUNS).mean()) if len(cold) * step >= _HOTTER_FOR else 0.0
         if not role.startswith("Q_heat") and share > max(RUNS, 10.0 * (cold > RUNS).mean()):
-            text = (
-                f"is negative in {percent(share)} of the hours when it is {_COLDER_OUT:g} K colder outdoors than in the"
-            )
-            yield Finding("warning", name, f"{text} room: is it heating? Then give [scale] {role} = -1.")
+            text = f"is negative in {percent(share)} of the hours when it is {_COLDER_OUT:g} K colder outdoors"
+            yield Finding("warning", name, f"{text} than in the room: is it heating? Then give [scale] {role} = -1.")
         if not heat.min() >= 0.0:
             continue
         hot = heat[frame["T_oa"] > frame[room] + _HOTTER].dropna()
         share = float((hot > RUNS * heat.quantile(0.99)).mean()) if len(hot) * step >= _HOTTER_FOR else 0.0
         if share > _MOST_RUN:
             text = f"is positive in {percent(share)} of the hours when it is hotter outdoors than in the room"
-            advice = "Heat into the room is positive: make cooling negative, give it in a column of its own as "
-            advice += f"Q_cool{end}, or "
-            advice += "give a column that says heat or cool as mode"
-            yield Finding("warning", name, f"{text}: is it cooling? {advice}.")
+            advice = f"make cooling negative, give it in a column of its own as Q_cool{end}, or give a column that says"
+            text = f"{text}: is it cooling? Heat into the room is positive: {advice} heat or cool as mode."
+            yield Finding("warning", name, text)
 
 
 def _left_alone(missed: pd.Series) -> pd.Index | None:

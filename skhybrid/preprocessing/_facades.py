@@ -84,7 +84,9 @@ class FacadeIrradiance(TableTransformer):
     def _fit_table(self, table: pd.DataFrame) -> None:
         facades = self._checked_facades()
         self._check_place()
-        names = _column_names(table)
+        names = list(table.columns)
+        if not isinstance(table.index, pd.DatetimeIndex) and not any(role_of(name) for name in names):
+            names = roles_by_position(len(names))
         positions = self._find_columns(names)
         present = [name for name in facades if f"q_sol_{name}" in names]
         if present:
@@ -198,10 +200,3 @@ def _in_utc(index: pd.DatetimeIndex, timezone: str | None) -> pd.DatetimeIndex:
             f"the time stamps (first {index[0]}) cannot be localized to timezone={timezone!r} ({error}); localize "
             "them yourself, or pass a fixed offset such as '+01:00' for a log without daylight saving."
         ) from error
-
-
-def _column_names(table: pd.DataFrame) -> list[Any]:
-    """Names of the columns; roles by position for a frame without roles and time stamps."""
-    names = list(table.columns)
-    known = isinstance(table.index, pd.DatetimeIndex) or any(role_of(name) for name in names)
-    return names if known else roles_by_position(len(names))

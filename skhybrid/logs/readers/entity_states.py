@@ -71,7 +71,20 @@ def climate_roles(entities: list[str], channels: Iterable[str]) -> dict[str, str
     return {role: f"{entity}.{name}" for role, name in wanted.items() if f"{entity}.{name}" in names}
 
 
-def even_grid(first: float, last: float, step: pd.Timedelta, n_channels: int, where: str) -> np.ndarray:
+def on_even_rows(
+    series: dict[str, tuple[np.ndarray, np.ndarray]], step: pd.Timedelta, timezone: str | None, where: str
+) -> tuple[pd.DataFrame, np.ndarray]:
+    """The values in force at each multiple of ``step``, and its seconds since 1970; empties the ``series``.
+
+    These are the stamps [s] and values of each channel, whose first and last rows bound the result.
+    """
+    first, last = min(at[0] for at, _ in series.values()), max(at[-1] for at, _ in series.values())
+    grid = _even_grid(first, last, step, len(series), where)
+    held = {name: hold(*series.pop(name), grid) for name in list(series)}  # both would take twice the memory
+    return pd.DataFrame(held, index=utc_index(grid, timezone)), grid
+
+
+def _even_grid(first: float, last: float, step: pd.Timedelta, n_channels: int, where: str) -> np.ndarray:
     """Seconds since 1970 of the multiples of ``step`` between two stamps."""
     seconds = step.total_seconds()
     begin, end = np.ceil(first / seconds), np.floor(last / seconds)

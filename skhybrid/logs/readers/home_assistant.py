@@ -14,7 +14,7 @@ from ..._table import listed
 from ..._time import positive_duration
 from ..raw_log import RawLog
 from ..text_files import damage_refused, existing, open_bytes
-from .entity_states import even_grid, hold, refuse_unknown, some_of, states_to_numbers, utc_index
+from .entity_states import on_even_rows, refuse_unknown, some_of, states_to_numbers
 from .known_table import header_names, utc_ticks
 from .recorder import HELD_NOTE, is_recorder, is_sqlite, read_recorder
 
@@ -62,9 +62,7 @@ def _read_history(
     if not series:
         found = some_of(text) if text else "none at all"
         raise ValueError(f"{where} has no entity with numbers, only {found}; export a sensor's history.")
-    first, last = min(s[0][0] for s in series.values()), max(s[0][-1] for s in series.values())
-    grid = even_grid(first, last, step, len(series), where)
-    frame = pd.DataFrame({name: hold(*of, grid) for name, of in series.items()}, index=utc_index(grid, timezone))
+    frame, _ = on_even_rows(series, step, timezone, where)
     notes = [HELD_NOTE, "the CSV names no units; take them from Home Assistant."]
     if text:
         notes.append(f"left out, because they have no numbers: {some_of(text)}.")

@@ -20,8 +20,7 @@ from ..unit_names import ENERGY, unit_named, unit_or_energy
 from .entity_states import (
     climate_roles,
     climate_values,
-    even_grid,
-    hold,
+    on_even_rows,
     refuse_unknown,
     some_of,
     states_to_numbers,
@@ -161,10 +160,8 @@ def _read_states(
             text.append(name)
     if not series:
         raise ValueError(f"{where} has no entity with numbers, only {some_of(text)}.")
-    ends = [(stamps[0], stamps[-1]) for stamps, _ in series.values()]
-    grid = even_grid(min(e[0] for e in ends), max(e[1] for e in ends), step, len(series), where)
-    held = {c: hold(*series.pop(c), grid) for c in list(series)}  # both would take twice the memory
-    frame = pd.DataFrame(held, index=utc_index(grid, timezone))
+    frame, grid = on_even_rows(series, step, timezone, where)
+    held = list(map(str, frame))
     notes = [HELD_NOTE, *_blank_outages(database, frame, grid, tables)]
     if text:
         notes.append(f"left out, because they have no numbers: {some_of(text)}.")

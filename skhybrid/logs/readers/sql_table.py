@@ -35,7 +35,10 @@ def read(
     choice = Choice(**options)
     if table is not None and query is not None:
         raise ValueError("table= and query= were both given; give one of them.")
-    alchemy = _sqlalchemy()
+    try:
+        import sqlalchemy as alchemy
+    except ImportError:
+        raise ImportError('reading a database needs SQLAlchemy; install it with pip install "skhybrid[sql]".') from None
     url = _url(alchemy, source)
     place = f"{url.get_backend_name()} database {Path(url.database or '').name!r}"  # never with its password
     engine = _engine(alchemy, url)
@@ -50,14 +53,6 @@ def read(
         raise ValueError(f"the {place} cannot be read ({reason}).") from None
     finally:
         engine.dispose()
-
-
-def _sqlalchemy() -> Any:
-    try:
-        import sqlalchemy
-    except ImportError:
-        raise ImportError('reading a database needs SQLAlchemy; install it with pip install "skhybrid[sql]".') from None
-    return sqlalchemy
 
 
 def _url(alchemy: Any, source: Path | str) -> Any:
