@@ -43,7 +43,7 @@ class GainWarning(SkhybridWarning):
 
 
 class MeasurementWarning(SkhybridWarning):
-    """A zone has no measurement: it is forecast from what was known before, its neighbours, or the training's mean."""
+    """Rows lack a temperature or a set-point: a zone is forecast from what is known besides."""
 
 
 class PlanWarning(SkhybridWarning):

@@ -2,6 +2,7 @@
 
 import copy
 import re
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,7 +22,7 @@ from skhybrid import (
 from skhybrid._table import read_table
 from skhybrid.control import Band, WantedPaths
 from skhybrid.datasets import make_office
-from skhybrid.exceptions import PlanWarning, UnitWarning
+from skhybrid.exceptions import MeasurementWarning, PlanWarning, UnitWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
@@ -320,6 +321,20 @@ def test_a_set_point_that_was_learned_with_is_needed_ahead(log, model, side):
         model.closed_loop_from(lacking, [5])
     with pytest.raises(ValueError, match=message):
         model.forecast(lacking[:DAY], lacking[DAY:].drop(columns=[*PLANT, "T_za"]))
+
+
+def test_rows_without_the_set_points_that_were_learned_with_are_taken_in_with_a_warning(log, model):
+    """They counted as free running without a word: after two weeks the load was twice what it is with them."""
+    rows, said = log[TRAINED : TRAINED + DAY], "have no T_heat_set and T_cool_set, with which the thermostat"
+    lacking = copy.deepcopy(model)
+    with pytest.warns(MeasurementWarning, match=said):
+        lacking.update(rows.drop(columns=SIDES))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", MeasurementWarning)
+        lacking.update(log[TRAINED + DAY : TRAINED + 2 * DAY].drop(columns=SIDES))  # once per fit
+        copy.deepcopy(model).update(rows)
+    with pytest.warns(MeasurementWarning, match="have no T_cool_set, with which"):
+        copy.deepcopy(model).update(rows.drop(columns="T_cool_set"))
 
 
 def test_a_set_point_that_the_training_lacks_is_not_used(log):

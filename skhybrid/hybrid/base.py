@@ -181,6 +181,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     def _copy_after(self, table: ZoneTable) -> Self:
         """A copy that has gone through rows that follow the known ones, with their temperature as history."""
         check_setpoints(table, self._column_of)
+        self._warn_without_setpoints(table)
         made = copy(self)
         made._scheme = self._scheme.advanced(_measured(table, table.history["T_za"]))
         made._scheme.go_on()
@@ -267,6 +268,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
                 "missing (rows ahead are for predict and forecast)."
             )
         check_setpoints(table, self._column_of)
+        self._warn_without_setpoints(table)
         self._scheme = self._scheme.advanced(_measured(table, target))
         return self
 

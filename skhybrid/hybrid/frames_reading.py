@@ -27,8 +27,9 @@ from .._table import (
     refuse_gap,
     refuse_other_clock,
 )
-from .._warnings import several
+from .._warnings import several, warn_once
 from ..control import Plan, refuse_where, warn_uncovered
+from ..exceptions import MeasurementWarning
 from ..thermal import RCNetwork
 from .parts import preprocessed
 from .scheme_intervals import HybridQuantilesMixin
@@ -168,6 +169,20 @@ class FramesReadingMixin(HybridQuantilesMixin):
             what = f"{name} is missing in {several(int(missing.sum()), 'row')}, but the thermostat was learned with it"
             refuse_where(missing, ahead, what, "give the set-point that is in force there")
         check_setpoints(ahead, self._column_of)
+
+    def _warn_without_setpoints(self, table: ZoneTable) -> None:
+        """Warn, once per fit, of rows to take in that lack set-points with which the thermostat was learned."""
+        if self._law is None or self._runs_as_usual:
+            return
+        learned = setpoints_in(self._scheme.rows.training)
+        lacking = [str(self._column_of(role)) for role in learned if np.isnan(table.measured(role)).all()]
+        if lacking:
+            warn_once(
+                f"rows that are taken in have no {' and '.join(lacking)}, with which the thermostat was learned: they "
+                "count as free running, and loads are forecast worse after them; give the set-point that was in force.",
+                MeasurementWarning,
+                self._law,
+            )
 
     def _refuse_without_plant(self, so: str) -> None:
         if not self._plant:
