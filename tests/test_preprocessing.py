@@ -125,6 +125,8 @@ def test_short_gaps_are_filled_by_lines_and_long_ones_left(log):
     assert out["q_sol"].isna().sum() == 5
     assert GapFiller(max_gap="75min").fit_transform(log)["q_sol"].notna().all()
     assert GapFiller(max_gap="15min").fit_transform(log)["T_oa"].isna().sum() == 2
+    for kind in ("object", "category"):
+        np.testing.assert_allclose(GapFiller().fit_transform(log.astype({"T_oa": kind}))["T_oa"], truth["T_oa"])
 
 
 @pytest.mark.parametrize("column", ["T_heat_set", "T_cool_set_north"])

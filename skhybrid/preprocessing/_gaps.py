@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import OneToOneFeatureMixin
 
-from .._table import checked_columns, is_history, is_set_point, listed, numeric
+from .._table import checked_columns, is_history, is_set_point, listed, numeric, role_of
 from .._time import duration_from_zero, read_index
 from ._frames import TableTransformer, position_of
 
@@ -38,8 +38,8 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
     -----
     Interpolation uses the value after the gap.  That is no leak for inputs, which a forecast may know in advance, but
     it would be one for history: ``T_za``, ``T_za_<zone>`` and ``zeta`` are never filled (filters skip missing values).
-    Gaps at either end of the table and in columns that are not numeric stay missing.  Rows that are absent altogether
-    are restored by :func:`skhybrid.datasets.regularize`.
+    Gaps at either end of the table stay missing, as do those of columns that neither are numeric nor have a role.  Rows
+    that are absent altogether are restored by :func:`skhybrid.datasets.regularize`.
 
     Examples
     --------
@@ -76,7 +76,8 @@ class GapFiller(OneToOneFeatureMixin, TableTransformer):
             hours = np.arange(len(table)) * (step / pd.Timedelta("1h"))
         filled = table.copy()
         for j, role in self.roles_.items():
-            if not is_history(role) and pd.api.types.is_numeric_dtype(table.dtypes.iloc[j]):
+            numbers = pd.api.types.is_numeric_dtype(table.dtypes.iloc[j]) or role_of(role)  # estimators read any type
+            if numbers and not is_history(role):
                 values = fill_gaps(numeric(table.iloc[:, j]), hours, self.max_gap_, hold=is_set_point(role))
                 filled.isetitem(j, values)
         return filled
