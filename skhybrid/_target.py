@@ -36,20 +36,20 @@ def refuse_order(given: pd.Index, index: pd.Index) -> None:
             f"X and y have different time stamps (X from {index[0]} to {index[-1]}, y from {given[0]} to {given[-1]}); "
             "align them first."
         )
-    ordered = pd.api.types.is_numeric_dtype(given) or isinstance(given, pd.DatetimeIndex)
-    if ordered and not given.is_monotonic_increasing:
+    numbered, timed = pd.api.types.is_numeric_dtype(given), (pd.DatetimeIndex, pd.PeriodIndex, pd.TimedeltaIndex)
+    if (numbered or isinstance(given, timed)) and not given.is_monotonic_increasing:
         numbers = given.to_numpy()
         row = int(np.argmax(numbers[1:] < numbers[:-1]))
         raise ValueError(
             f"the rows of y are not in time order: index {given[row]} is followed by {given[row + 1]}; bring them into "
             "the order of X, such as with y.sort_index()."
         )
-    unlabelled = pd.RangeIndex(len(index))
-    both = pd.api.types.is_numeric_dtype(given) and pd.api.types.is_numeric_dtype(index)
-    if both and not unlabelled.equals(given) and not unlabelled.equals(index):
+    counted = any(rows.equals(pd.RangeIndex(len(rows))) for rows in (given, index))
+    if numbered == pd.api.types.is_numeric_dtype(index) and not counted:
+        first = [str(rows[0]) if numbered else repr(rows[0]) for rows in (index, given)]
         raise ValueError(
-            f"X and y have different indices (X from {index[0]}, y from {given[0]}); align them with "
-            "y.reindex(X.index), or reset both."
+            f"X and y have different indices (X from {first[0]}, y from {first[1]}); align them with "
+            "y.reindex(X.index), or give y the index of X."
         )
 
 

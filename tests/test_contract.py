@@ -805,6 +805,10 @@ def test_a_target_in_another_order_is_refused(office):
     with pytest.raises(ValueError, match=r"different indices .X from 10, y from 11.; align them with"):
         gray_box(office, X[10:90], y[11:91], sampling_time="15min")
     gray_box(office, X[10:90], y[10:90].reset_index(drop=True), sampling_time="15min")
+    later = office.y[10:90]
+    for index in (later.index.to_period("15min"), later.index.astype(str), later.index.astype(object)):
+        with pytest.raises(ValueError, match="different indices"):
+            gray_box(office, office.X[:80], later.set_axis(index))
 
 
 # -------------------------------------------------------------------------------------------------------- time stamps
