@@ -16,8 +16,8 @@ _LARGEST = sys.float_info.max
 
 
 def is_integer(value: Any) -> bool:
-    """Whether a value is an integer, which a bool is not."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    """Whether a value is an integer, which a bool and a duration of NumPy are not."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
 
 
 def store_arguments(estimator: Any, given: Mapping[str, Any]) -> None:

@@ -108,8 +108,9 @@ def unmeasured(future: ZoneTable, training: ZoneTable) -> ZoneTable:
 def read_now(T_za: Any, index: pd.Index) -> float:
     """The temperature that is measured now [degC], at the first of some rows ahead."""
     if not is_number(T_za):
+        given = repr(T_za) if np.ndim(T_za) == 0 else f"({type(T_za).__name__})"
         raise ValueError(
-            f"T_za={T_za!r} is not a number; give the temperature [degC] measured at {index[0]}, or leave it out where "
+            f"T_za={given} is not a number; give the temperature [degC] measured at {index[0]}, or leave it out where "
             "there is none."
         )
     value = float(T_za)

@@ -319,6 +319,7 @@ def test_a_gray_box_follows_new_rows(name, fitted, tables):
         ({"inputs": ("Q_hvac", "Q_hvac")}, "list of different names"),
         ({"inputs": 3}, "list of different names"),
         ({"T_za": "warm"}, "T_za='warm' is not a number"),
+        ({"T_za": pd.Series([21.0, 22.0])}, r"T_za=\(Series\) is not a number; give"),
         ({"T_za": np.nan}, r"T_za=nan is not a number.*or leave it out"),
         ({"T_za": [21.0]}, "is not (a number|one temperature)"),
         ({"T_za": -9999.0}, "T_za holds -9999"),

@@ -77,6 +77,8 @@ def test_blocks_of_days_keep_the_time_of_day_when_the_clocks_change(begin, of_ch
     assert {len(test) for _, test in splits} == {PER_DAY, of_change}
     in_rows = list(RollingOriginSplit(train=7 * PER_DAY, test=PER_DAY).split(X))
     assert [len(test) for _, test in in_rows] == [PER_DAY] * 13
+    numpys = list(RollingOriginSplit(train=np.timedelta64(7, "D"), test="1D", gap="1D").split(X))
+    assert [len(train) for train, _ in numpys] == [len(train) for train, _ in splits]
 
 
 def test_a_block_that_is_scored_for_an_hour_is_warned_of():
