@@ -312,14 +312,14 @@ def _columns_by_name(estimator: Any, X: pd.DataFrame, wanted: _Request) -> dict[
 
     Frames whose columns have no role are held to the order of the training table, as scikit-learn does.
     """
-    known = wanted.known_roles(estimator)
-    if not known:
+    known, columns = wanted.known_roles(estimator), wanted.columns or {}
+    if known:
+        places = {role: columns.get(role, role) for role in [*known, *sorted(wanted.history_roles)]}
+        found = {role: c for role, c in places.items() if c in X and (role in columns or c not in columns.values())}
+    else:
         validate_data(estimator, X, reset=wanted.reset, skip_check_array=True)
-        return columns_by_role(X, wanted.columns, wanted.required)
-    columns = wanted.columns or {}
-    places = {role: columns.get(role, role) for role in [*known, *sorted(wanted.history_roles)]}
-    taken = {column for role, column in columns.items() if column != role}
-    found = {role: c for role, c in places.items() if c in X and (role in columns or c not in taken)}
+        found = columns_by_role(X, wanted.columns, wanted.required)
+        known = [] if wanted.reset else [*getattr(getattr(estimator, "training_", None), "ranges", ())]
     wanted.refuse_absent(known, found, columns, X.columns)
     return found
 

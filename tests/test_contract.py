@@ -309,6 +309,12 @@ def test_frame_without_roles_is_taken_by_position(office):
         gray_box(office, X.set_axis(office.X.index), known=BY_POSITION)
 
 
+def test_a_frame_with_other_roles_than_the_training_array_is_refused(office):
+    model = gray_box(office, office.X[INPUTS].to_numpy(), known=BY_POSITION)
+    with pytest.raises(ValueError, match="X has no column 'u_2', which the training table has; it has 'T_oa', 'q_sol'"):
+        model.predict(office.X[INPUTS].reset_index(drop=True))
+
+
 def test_columns_that_cannot_be_read():
     with pytest.raises(ValueError, match=r"column 'T_oa' is not numeric .*convert it to float"):
         read(stamped(3).assign(T_oa=["a", "b", "c"]))
