@@ -20,13 +20,6 @@ class Filtered(NamedTuple):
     predicted_covariances: np.ndarray  # (N, n, n)
 
 
-class Smoothed(NamedTuple):
-    """States given all rows."""
-
-    states: np.ndarray  # (N, n)
-    covariances: np.ndarray  # (N, n, n)
-
-
 @compiled
 def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
     """States of every row given its own measurements and all earlier ones.
@@ -61,24 +54,22 @@ def kalman_filter(A, forcing, Q, noise_class, C, R, y, s0, P0):
     return Filtered(filtered, covariances, predicted, before)
 
 
-def smooth_states(A: np.ndarray, C: np.ndarray, R: np.ndarray, y: np.ndarray, found: Filtered) -> Smoothed:
-    """Fixed-interval smoother of what :func:`kalman_filter` found with these arguments.
+def smooth_states(A: np.ndarray, C: np.ndarray, R: np.ndarray, y: np.ndarray, found: Filtered) -> np.ndarray:
+    """States (N, n) given all rows, from what :func:`kalman_filter` found with these arguments.
 
     It goes back through the errors (modified Bryson-Frazier), and inverts no covariance of states: one without process
     noise is singular to rounding.
     """
-    states, spread = found.states.copy(), found.covariances.copy()
+    states = found.states.copy()
     seen = np.isfinite(y)
     measured = seen[:, :, None] * C  # 0 where nothing was measured
     errors = np.where(seen, y, 0.0) - np.einsum("koi,ki->ko", measured, found.predicted)
     S = measured @ found.predicted_covariances @ np.swapaxes(measured, 1, 2) + np.diag(R)
     weighted = np.linalg.solve(S, measured)
-    information = np.swapaxes(measured, 1, 2) @ weighted
-    kept = np.eye(len(A)) - found.predicted_covariances @ information  # of the prediction, after the row's measurements
-    slope, curvature = np.zeros(len(A)), np.zeros_like(A)  # of the later rows' squared errors by the state
+    share = found.predicted_covariances @ (np.swapaxes(measured, 1, 2) @ weighted)
+    kept = np.eye(len(A)) - share  # of the prediction, after the row's measurements
+    slope = np.zeros(len(A))  # of the later rows' squared errors by the state
     for k in range(len(y) - 1, -1, -1):
         states[k] -= found.covariances[k] @ slope
-        spread[k] -= found.covariances[k] @ curvature @ found.covariances[k]
         slope = A.T @ (kept[k].T @ slope - errors[k] @ weighted[k])
-        curvature = A.T @ (kept[k].T @ curvature @ kept[k] + information[k]) @ A
-    return Smoothed(states, spread)
+    return states

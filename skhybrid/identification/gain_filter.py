@@ -96,7 +96,7 @@ class GainFilter:
         R = np.full(len(C), self.R)
         found = kalman_filter(A, forcing, self.Q, classes, C, R, experiment.outputs, start.mean, start.covariance)
         filtered, covariances, predicted, before = found
-        states = smooth_states(A, C, R, experiment.outputs, found).states if smooth else filtered
+        states = smooth_states(A, C, R, experiment.outputs, found) if smooth else filtered
         end = FilterStart(A @ filtered[-1] + forcing[-1], A @ covariances[-1] @ A.T + self.Q[classes[-1]])
         return FilteredStates(states[:, : self.n].copy(), states[:, self.n :] + profile, end, (predicted, before))
 
