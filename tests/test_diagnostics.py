@@ -19,7 +19,7 @@ from skhybrid.identification import (
     ljung_box,
     make_state_space,
 )
-from skhybrid.identification.one_step_errors import arma_errors
+from skhybrid.identification.one_step_errors import arma_prediction
 from skhybrid.inspection import ResidualDisplay
 
 STEP_H = 0.25
@@ -240,10 +240,10 @@ def test_the_variance_after_a_gap_is_that_of_the_predictor():
         for i in range(k):
             process[k, i] = rho_1 ** (k - 1 - i) * rho_2
     units = np.where(seen[:, None], np.eye(n), np.nan)  # a column an impulse, each a measured output of its own
-    found = arma_errors(units, rho_1, rho_2)
-    turned = np.nan_to_num(found.error) @ process
+    found = arma_prediction(units, rho_1, rho_2)
+    turned = found.errors @ process
     covariance = turned[seen] @ turned[seen].T
-    variance = found.std[:, 0] ** 2
+    variance = found.variances[:, 0]
     np.testing.assert_allclose(np.diag(covariance), variance[seen])
     np.testing.assert_allclose(covariance - np.diag(np.diag(covariance)), 0.0, atol=1e-12)  # white
     assert variance[5] > 1.2

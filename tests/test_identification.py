@@ -18,9 +18,9 @@ from skhybrid.datasets import make_office, make_weather
 from skhybrid.datasets._office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose, make_state_space
+from skhybrid.identification.filtered_network import advance, identify_again
 from skhybrid.identification.fitting.excitation import fixing_scale, unexcited, warn_scale
 from skhybrid.identification.fitting.starts import start_at
-from skhybrid.identification.rolling_state import advance, identify_again
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
 from skhybrid.thermal import get_network
 

@@ -21,8 +21,8 @@ from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, load_frame
 from ..forecasting.joint_fit import fit_each
 from ..forecasting.named_models import BASELINES
 from ..forecasting.quantiles import LeftOut, block_origins, errors_inside, joined_blocks, left_out_blocks
-from ..identification.plan_model import input_places, linear_network, plan_gain
-from ..identification.rolling_state import advance, drive_on, identify_again
+from ..identification.filtered_network import advance, drive_on, identify_again
+from ..identification.loads import input_places, linear_network, plan_gain
 from ..thermal import get_network
 from .disturbance_steps import (
     Steps,

@@ -2,7 +2,6 @@
 
 from .adjacency import find_adjacency
 from .conventional import GrayBoxRC
-from .diagnostics.dynamic_response import frequency_response, make_state_space, step_response
 from .diagnostics.report import Diagnostics, diagnose, diagnose_residuals
 from .diagnostics.residual_tests import autocorrelation, cross_correlation, cumulative_periodogram, ljung_box
 from .experiment_design.plan import ExperimentPlan, plan_experiment
@@ -11,7 +10,7 @@ from .input_disturbance import InputDisturbanceID
 from .output_disturbance import OutputDisturbanceID
 from .periodic import PeriodicDisturbanceID
 from .rooms import RoomFits, identify_rooms
-from .state_space import StateSpace
+from .state_space import StateSpace, frequency_response, make_state_space, step_response
 from .uncertainty.identifiability import Identifiability
 from .uncertainty.posterior import Posterior, sample_posterior
 from .uncertainty.profile_likelihood import ProfileLikelihood, profile_likelihood

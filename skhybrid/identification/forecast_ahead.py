@@ -37,10 +37,9 @@ from ..control import (
     warn_uncovered,
 )
 from .experiment import read_outputs
-from .filtered_network import ForecastStart
+from .filtered_network import ForecastStart, kept_end
+from .loads import linear_network, plan_gain
 from .network_model import NetworkModel
-from .plan_model import linear_network, plan_gain
-from .rolling_state import kept_end
 from .state_space import StateSpace
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 from .._arguments import is_number, store_arguments
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
-from .disturbance_models import InputRandomWalk, measurement_variance
+from .disturbance_models import InputRandomWalk
 from .experiment import Experiment
 from .gain_filter import GainFilter
 from .least_squares import LeastSquaresIdentifier
@@ -53,16 +53,13 @@ class InputDisturbanceID(LeastSquaresIdentifier):
         sd = self.measurement_sd
         if sd is not None and not (is_number(sd) and sd > 0):
             raise ValueError(f"measurement_sd={sd!r} must be a positive number [K].")
-        return InputRandomWalk(self.measurement_sd)
+        return InputRandomWalk(sd)
 
     def _own_parameters(self) -> tuple[Parameter, ...]:
         return InputRandomWalk().own
 
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         return scaled_innovations(self.filtered_network_, table, segment, self.noise_std_)
-
-    def _measurement_variance(self, hours: float) -> float:
-        return measurement_variance(hours, self.measurement_sd)
 
     def _steady_variance(self, kalman: GainFilter) -> float:
         return steady_variance(kalman)

@@ -93,18 +93,12 @@ def arma_innovations(
         state = first_state(network, experiment.firsts)
         take_searched(state, network, found, segment)
     free = experiment.outputs - filtered.open_loop(experiment, state)[:-1, filtered.kalman.measured]
-    error, std = arma_errors(free, float(found["rho_1"]), float(found["rho_2"]))
-    return Innovations(error, noise_std * std)
-
-
-def arma_errors(free: np.ndarray, rho_1: float, rho_2: float) -> Innovations:
-    """One-step errors (N, o) of ``z[k+1] = rho_1 z[k] + rho_2 e[k]``, ``free = z + e``; std for unit noise."""
-    found = arma_prediction(free, rho_1, rho_2)
-    return Innovations(np.where(np.isfinite(free), found.errors, np.nan), np.sqrt(found.variances))
+    ahead = arma_prediction(free, float(found["rho_1"]), float(found["rho_2"]))
+    return Innovations(np.where(np.isfinite(free), ahead.errors, np.nan), noise_std * np.sqrt(ahead.variances))
 
 
 def arma_prediction(free: np.ndarray, rho_1: float, rho_2: float) -> Prediction:
-    """The disturbance (N + 1, o) that every row leads to expect of the next, and the errors (N, o), 0 where missing."""
+    """Prediction of ``z[k+1] = rho_1 z[k] + rho_2 e[k]`` from ``free = z + e`` (N, o), NaN where missing."""
     N, o = free.shape
     one, nothing, zeros, no_slopes = np.eye(o), np.zeros((o, o)), np.zeros(o), np.empty((o, o, 0))
     slopes = (no_slopes, np.empty((o, 0, 0)), no_slopes, no_slopes, np.empty((o, 0)))

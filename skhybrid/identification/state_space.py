@@ -1,16 +1,23 @@
-"""Discrete state-space model of a network, with named states and inputs."""
+"""Discrete state-space model of a network, and its frequency and step responses, exact at its own step."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..thermal import RCNetwork
+from .._arguments import check_integer
+from .._time import positive_duration, read_duration, rows_covering, spell
+from ..filtering import simulate_path
+from ..thermal import RCNetwork, get_network
+from ..thermal.declaration import as_names
 from ..thermal.parameters import check_known
 from .disturbance_models import measured_states
+
+_ROLES = ("T_oa", "q_sol", "u_heat", "u_cool")  # inputs of the paper's network
 
 
 @dataclass(frozen=True)
@@ -52,3 +59,125 @@ def state_space_of(
     C = np.eye(len(network.nodes))[measured_states(network)]
     names = (*network.inputs(roles), *network.gain_names)
     return StateSpace(d.A, d.B, C, np.zeros((len(C), len(names))), network.states, names, step)
+
+
+def make_state_space(
+    network: str | RCNetwork, theta: Mapping[str, float], *, roles: Iterable[str] = _ROLES, sampling_time: Any = "15min"
+) -> StateSpace:
+    """Discrete model of a network with given parameters, such as the true ones of a simulation.
+
+    Parameters
+    ----------
+    network : str or RCNetwork
+        A name of the catalogue, or a network of your own.
+    theta : mapping of parameter to value
+        Every parameter that the network has under these inputs, in the units of its parameter table.
+    roles : iterable of str
+        Inputs that act; the unmeasured ``heat_gain`` [kW] is added after them.
+    sampling_time : timedelta-like, default="15min"
+        Step of the exact zero-order hold.
+
+    Returns
+    -------
+    StateSpace
+
+    Raises
+    ------
+    ValueError
+        If a parameter has no value, or an impossible one.
+
+    Examples
+    --------
+    >>> from skhybrid.identification import frequency_response, make_state_space, step_response
+    >>> shed = make_state_space("1R1C", {"C_za": 2.0, "R_zo": 5.0, "A_win": 1.0}, roles=["T_oa", "q_sol"])
+    >>> shed.input_names
+    ('T_oa', 'q_sol', 'heat_gain')
+    >>> round(float(frequency_response(shed, ["365D"])["heat_gain"].abs().iloc[0]), 2)  # R_zo
+    5.0
+    >>> round(float(step_response(shed, "10h")["T_oa"].iloc[-1]), 3)  # after one time constant, 1 - 1/e
+    0.632
+    """
+    network, roles = get_network(network), as_names(roles)
+    step = positive_duration(sampling_time, "sampling_time")
+    return state_space_of(network, checked_theta(network, theta, roles), roles, step)
+
+
+def as_state_space(model: Any) -> StateSpace:
+    """A state-space model: given as such, or that of a fitted identification."""
+    if isinstance(model, StateSpace):
+        return model
+    if hasattr(model, "simulate_states"):
+        return model.to_state_space()
+    raise ValueError(f"{type(model).__name__} is neither a StateSpace nor a fitted identification of a network.")
+
+
+def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> pd.DataFrame:
+    """Response of the measured temperature to a sinusoidal input of each period.
+
+    Parameters
+    ----------
+    model : StateSpace or fitted identification
+    periods : sequence of timedelta-like, optional
+        Two steps of the model or longer; by default 200 from 10 minutes (or two steps) to 30 days, log-spaced.
+    output : int, default=0
+        Which measured temperature, for a model with several.
+
+    Returns
+    -------
+    DataFrame of complex of shape (n_periods, n_inputs)
+        Index ``period`` (Timedelta), columns the inputs: magnitude in K per unit of the input, phase [rad], negative
+        where the temperature lags.
+
+    Notes
+    -----
+    ``C (exp(2 pi i step / period) I - A)^-1 B + D``: exact for inputs sampled at the step and held over it.
+    """
+    model = as_state_space(model)
+    check_integer("output", output, 0, len(model.C) - 1)
+    chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
+    z = np.exp(2j * np.pi * (model.sampling_time / chosen).to_numpy(dtype=np.float64))
+    states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128)[None])
+    return pd.DataFrame(model.C[output] @ states + model.D[output], index=chosen, columns=list(model.input_names))
+
+
+def default_periods(model: StateSpace) -> pd.TimedeltaIndex:
+    """200 periods between 10 minutes (or two steps) and 30 days."""
+    shortest = max(pd.Timedelta("10min"), 2 * model.sampling_time) / pd.Timedelta("1s")
+    seconds = np.geomspace(shortest, 30 * 86400.0, 200)
+    return pd.TimedeltaIndex(pd.to_timedelta(np.ceil(seconds), unit="s"), name="period").as_unit("ns")
+
+
+def _read_periods(periods: Any, step: pd.Timedelta) -> pd.TimedeltaIndex:
+    given = [periods] if isinstance(periods, str | pd.Timedelta) else periods
+    chosen = pd.TimedeltaIndex([read_duration(p, "periods") for p in given], name="period").as_unit("ns")
+    if len(chosen) and chosen.min() < 2 * step:
+        raise ValueError(
+            f"the period {chosen.min()} is shorter than two steps of the model ({spell(2 * step)}), which says nothing "
+            "about it; ask for longer ones."
+        )
+    return chosen
+
+
+def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.DataFrame:
+    """Response of the measured temperature to a unit step of each input, from rest.
+
+    Parameters
+    ----------
+    model : StateSpace or fitted identification
+    duration : timedelta-like, default="12h"
+        Positive; rounded up to whole steps of the model.
+    output : int, default=0
+        Which measured temperature, for a model with several.
+
+    Returns
+    -------
+    DataFrame of shape (n_steps + 1, n_inputs)
+        Index ``time`` (Timedelta) since the step, columns the inputs; K per unit of the input.
+    """
+    model = as_state_space(model)
+    check_integer("output", output, 0, len(model.C) - 1)
+    n_steps, inputs = rows_covering(duration, model.sampling_time, "duration"), range(len(model.input_names))
+    start = np.zeros(len(model.A))
+    paths = [simulate_path(model.A, np.tile(model.B[:, j], (n_steps, 1)), start) @ model.C[output] for j in inputs]
+    time = pd.TimedeltaIndex(np.arange(n_steps + 1) * model.sampling_time, name="time").as_unit("ns")
+    return pd.DataFrame(np.array(paths).T + model.D[output], index=time, columns=list(model.input_names))

@@ -1,1 +1,1 @@
-"""Diagnostics of a fit: tests of its residuals, and responses to its inputs."""
+"""Diagnostics of a fit: tests of its residuals, and a report of them."""
