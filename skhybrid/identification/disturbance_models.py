@@ -13,6 +13,8 @@ from ..filtering import Discrete, Model
 from ..thermal import Parameter, RCNetwork
 from .experiment import Experiment
 
+OwnValues = Mapping[str, np.ndarray]  # (S,) of every parameter by name
+
 # Each model turns discretised networks, one per start, into innovations-form predictors with exact derivatives by all
 # parameters: those of the network first, then the disturbance's own.
 
@@ -102,9 +104,7 @@ class Conventional(_Disturbance):
 
     first_counted = filtered
 
-    def build(
-        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
-    ) -> Model:
+    def build(self, d: Discrete, own: OwnValues, network: RCNetwork, segment: Experiment, number: int) -> Model:
         S, n = d.A.shape[:2]
         s0, R = first_state(network, segment.firsts), measurement_variance(segment.hours)
         model = _appended(d, np.zeros((S, 0)), 0, 0, np.eye(n)[measured_states(network)], s0, R)
@@ -125,9 +125,7 @@ class InputRandomWalk(_Disturbance):
     def filtered(self, n_rows: int) -> int:
         return n_rows
 
-    def build(
-        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
-    ) -> Model:
+    def build(self, d: Discrete, own: OwnValues, network: RCNetwork, segment: Experiment, number: int) -> Model:
         (S, n), a = d.A.shape[:2], len(network.disturbed_nodes)
         s0, R = first_state(network, segment.firsts, a), measurement_variance(segment.hours, self.measurement_sd)
         model = _appended(d, np.ones((S, a)), a, 2, np.eye(n + a)[measured_states(network)], s0, R)
@@ -165,9 +163,7 @@ class OutputARMA(_Disturbance):
         )
         return rho + start
 
-    def build(
-        self, d: Discrete, own: Mapping[str, np.ndarray], network: RCNetwork, segment: Experiment, number: int
-    ) -> Model:
+    def build(self, d: Discrete, own: OwnValues, network: RCNetwork, segment: Experiment, number: int) -> Model:
         n, o, base = len(network.nodes), len(network.measured_nodes), d.dA.shape[1]
         C = np.hstack([np.eye(n)[measured_states(network)], np.eye(o)])
         s0 = first_state(network, segment.firsts, o)

@@ -21,7 +21,7 @@ from ..thermal import RCNetwork
 from .disturbance_models import checked_kind
 from .filtered_network import FilteredNetwork, ForecastStart
 from .loads import network_load
-from .one_step_errors import Innovations, innovations_table, kalman_innovations
+from .one_step_errors import Innovations, kalman_innovations
 
 
 class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
@@ -205,12 +205,16 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         """
         check_is_fitted(self)
         table = self._measured_table(X, "innovations compare predictions with the measurements")
-        in_training, parts = self.filtered_network_.is_training(table), []
+        in_training, errors, stds = self.filtered_network_.is_training(table), [], []
         for number, segment in enumerate(table.segments):
             longer, n_tail = self._after_tail(segment) if number == 0 else (segment, 0)
             found = self._innovations(longer, number if in_training else None)
-            parts.append(Innovations(found.error[n_tail:], found.std[n_tail:]))
-        return innovations_table(self.filtered_network_, table, parts)
+            errors.append(found.error[n_tail:])
+            stds.append(np.where(np.isfinite(errors[-1]), found.std[n_tail:], np.nan))
+        names = self.network_.measured_names
+        ends = [""] if len(names) == 1 else [f"_{name}" for name in names]
+        columns = [f"{value}{end}" for value in ("innovation", "std") for end in ends]
+        return pd.DataFrame(np.hstack([np.concatenate(errors), np.concatenate(stds)]), table.index, columns)
 
     def drive(self, X: Any, origins: Any, disturbance: Any, kind: str = "input") -> np.ndarray:
         """Forecast the rows after each origin under a given disturbance (paper Eqs. 17 and 18).

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from .._table import ZoneTable
 from .._time import rows_covering
@@ -23,17 +22,6 @@ class Innovations(NamedTuple):
 
     error: np.ndarray  # (N, o) [K]
     std: np.ndarray  # (N, o) [K]
-
-
-def innovations_table(filtered: FilteredNetwork, table: ZoneTable, parts: Sequence[Innovations]) -> pd.DataFrame:
-    """Innovations of a table's segments by row; ``std`` is NaN where nothing was measured."""
-    error = np.concatenate([part.error for part in parts])
-    std = np.where(np.isfinite(error), np.concatenate([part.std for part in parts]), np.nan)
-    names = filtered.network.measured_names
-    ends = [""] if len(names) == 1 else [f"_{name}" for name in names]
-    columns = {f"innovation{end}": error[:, j] for j, end in enumerate(ends)}
-    columns |= {f"std{end}": std[:, j] for j, end in enumerate(ends)}
-    return pd.DataFrame(columns, index=table.index)
 
 
 def kalman_innovations(filtered: FilteredNetwork, table: ZoneTable, segment: int | None) -> Innovations:

@@ -102,13 +102,15 @@ def make_state_space(
     return state_space_of(network, checked_theta(network, theta, roles), roles, step)
 
 
-def as_state_space(model: Any) -> StateSpace:
-    """A state-space model: given as such, or that of a fitted identification."""
-    if isinstance(model, StateSpace):
-        return model
-    if hasattr(model, "simulate_states"):
-        return model.to_state_space()
-    raise ValueError(f"{type(model).__name__} is neither a StateSpace nor a fitted identification of a network.")
+def _read_model(model: Any, output: int) -> StateSpace:
+    """A state-space model, given as such or that of a fitted identification, which has this output."""
+    if not isinstance(model, StateSpace):
+        if not hasattr(model, "simulate_states"):
+            name = type(model).__name__
+            raise ValueError(f"{name} is neither a StateSpace nor a fitted identification of a network.")
+        model = model.to_state_space()
+    check_integer("output", output, 0, len(model.C) - 1)
+    return model
 
 
 def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> pd.DataFrame:
@@ -132,30 +134,26 @@ def frequency_response(model: Any, periods: Any = None, *, output: int = 0) -> p
     -----
     ``C (exp(2 pi i step / period) I - A)^-1 B + D``: exact for inputs sampled at the step and held over it.
     """
-    model = as_state_space(model)
-    check_integer("output", output, 0, len(model.C) - 1)
-    chosen = default_periods(model) if periods is None else _read_periods(periods, model.sampling_time)
+    model = _read_model(model, output)
+    chosen = _read_periods(periods, model.sampling_time)
     z = np.exp(2j * np.pi * (model.sampling_time / chosen).to_numpy(dtype=np.float64))
     states = np.linalg.solve(z[:, None, None] * np.eye(len(model.A)) - model.A, model.B.astype(np.complex128)[None])
     return pd.DataFrame(model.C[output] @ states + model.D[output], index=chosen, columns=list(model.input_names))
 
 
-def default_periods(model: StateSpace) -> pd.TimedeltaIndex:
-    """200 periods between 10 minutes (or two steps) and 30 days."""
-    shortest = max(pd.Timedelta("10min"), 2 * model.sampling_time) / pd.Timedelta("1s")
-    seconds = np.geomspace(shortest, 30 * 86400.0, 200)
-    return pd.TimedeltaIndex(pd.to_timedelta(np.ceil(seconds), unit="s"), name="period").as_unit("ns")
-
-
 def _read_periods(periods: Any, step: pd.Timedelta) -> pd.TimedeltaIndex:
-    given = [periods] if isinstance(periods, str | pd.Timedelta) else periods
-    chosen = pd.TimedeltaIndex([read_duration(p, "periods") for p in given], name="period").as_unit("ns")
+    if periods is None:
+        shortest = max(pd.Timedelta("10min"), 2 * step) / pd.Timedelta("1s")
+        chosen = pd.to_timedelta(np.ceil(np.geomspace(shortest, 30 * 86400.0, 200)), unit="s")
+    else:
+        given = [periods] if isinstance(periods, str | pd.Timedelta) else periods
+        chosen = pd.TimedeltaIndex([read_duration(p, "periods") for p in given])
     if len(chosen) and chosen.min() < 2 * step:
         raise ValueError(
             f"the period {chosen.min()} is shorter than two steps of the model ({spell(2 * step)}), which says nothing "
             "about it; ask for longer ones."
         )
-    return chosen
+    return pd.TimedeltaIndex(chosen, name="period").as_unit("ns")
 
 
 def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.DataFrame:
@@ -174,8 +172,7 @@ def step_response(model: Any, duration: Any = "12h", *, output: int = 0) -> pd.D
     DataFrame of shape (n_steps + 1, n_inputs)
         Index ``time`` (Timedelta) since the step, columns the inputs; K per unit of the input.
     """
-    model = as_state_space(model)
-    check_integer("output", output, 0, len(model.C) - 1)
+    model = _read_model(model, output)
     n_steps, inputs = rows_covering(duration, model.sampling_time, "duration"), range(len(model.input_names))
     start = np.zeros(len(model.A))
     paths = [simulate_path(model.A, np.tile(model.B[:, j], (n_steps, 1)), start) @ model.C[output] for j in inputs]

@@ -8,6 +8,7 @@ from html import escape
 _INK, _MEASURED, _GROUND, _FONT = "#1f2933", "#0b6bcb", "#f7f9fb", 14
 QUIET, HEAT = "#52606d", "#b4540a"  # colours of legends and of heat
 ZIGZAG = 48  # length of a resistor [px]
+_WORDS = re.compile(r"\w+|\W")  # of a label, each of which has its own subscript, and the characters between them
 
 
 class Canvas:
@@ -73,7 +74,7 @@ class Canvas:
 
     def text(self, x: float, y: float, label: str, anchor: str, colour: str = _INK) -> None:
         x, y = self._place(x, y)
-        spans = "".join(_tspans(word) for word in _split_words(label))
+        spans = "".join(_tspans(word) for word in _WORDS.findall(label))
         place = f'x="{x:g}" y="{y:g}" text-anchor="{anchor}"'
         self.parts.append(f'<text {place} fill="{colour}" data-name="{escape(label)}">{spans}</text>')
 
@@ -98,11 +99,6 @@ class Canvas:
         )
 
 
-def _split_words(label: str) -> list[str]:
-    """Split a label into words and the characters between them, so that each word can have its own subscript."""
-    return re.findall(r"\w+|\W", label)
-
-
 def _tspans(word: str) -> str:
     """One word, with everything after the first underscore as its subscript."""
     head, _, rest = word.partition("_")
@@ -118,5 +114,5 @@ def _tspans(word: str) -> str:
 
 def width(label: str) -> float:
     """Approximate width of a label [px]."""
-    parts = [word.partition("_") for word in _split_words(label)]
+    parts = [word.partition("_") for word in _WORDS.findall(label)]
     return sum((0.62 * _FONT * len(head) + 0.46 * _FONT * len(rest) for head, _, rest in parts), 0.0)

@@ -306,11 +306,7 @@ def capacity_name(role: str) -> str:
     return "Q_u_" + name if name[:1] in "hc" else "Q_" + name  # Q_h... and Q_c... have a sign; this one has none
 
 
-def _role_order(role: str) -> tuple[int, int, str]:
+def _role_order(role: str) -> tuple[int, str]:
     """Sort key: irradiance, then heating, cooling, further stages, then measured heat."""
-    if role.startswith("q_sol"):
-        return (0, 0, role)
-    if role.startswith("u_"):
-        kind = 0 if role.startswith("u_heat") else 1 if role.startswith("u_cool") else 2
-        return (1, kind, role)
-    return (2, 0, role)
+    begins = [role.startswith(prefix) for prefix in ("q_sol", "u_heat", "u_cool", "u_", "")]
+    return begins.index(True), role
