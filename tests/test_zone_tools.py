@@ -12,7 +12,7 @@ import pytest
 from skhybrid import GrayBoxRC
 from skhybrid.cli.zone import _errors
 from skhybrid.datasets import make_office
-from skhybrid.study import identified_building, scores
+from skhybrid.study import identified_building, run, scores
 from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import zone_backtest, zone_search
@@ -110,7 +110,7 @@ def test_a_back_test_compares_errors_at_the_same_rows(monkeypatch):
 
     models = [SimpleNamespace(label=label, estimator=Model(label)) for label in (*errors, "another one")]
     monkeypatch.setattr(zone_backtest, "make_models", lambda settings: models)
-    for module in (zone_backtest, scores):
+    for module in (run, scores):
         monkeypatch.setattr(module, "backtest", forecasts)
     monkeypatch.setattr(zone_backtest.Doubts, "of", lambda *given, **settings: zone_backtest.Doubts([], []))
     said = []

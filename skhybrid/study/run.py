@@ -90,7 +90,7 @@ class StudyResult:
         return coverage_of(self.frames[HYBRID])
 
 
-class _Span(NamedTuple):
+class StudySpan(NamedTuple):
     """Rows of a study as a frame, and as the table that all models of this package share."""
 
     frame: pd.DataFrame
@@ -102,12 +102,12 @@ class _Span(NamedTuple):
         return cls(frame, read_once(frame, fits=fits))
 
     @property
-    def without_setpoints(self) -> _Span:
+    def without_setpoints(self) -> StudySpan:
         """The same rows for a model that learns no thermostat."""
         table = self.table
         if isinstance(table, ZoneTable):
             table = table.replace(inputs={k: v for k, v in table.inputs.items() if k not in SETPOINT_ROLES})
-        return _Span(without_setpoints(self.frame), table)
+        return StudySpan(without_setpoints(self.frame), table)
 
     def given_to(self, model: Any) -> Any:
         if takes_tables(model) and self.table is not self.frame:
@@ -115,7 +115,7 @@ class _Span(NamedTuple):
         return self.frame[list(getattr(model, "feature_names_in_", self.frame))]
 
 
-class _Tested(NamedTuple):
+class TestedModel(NamedTuple):
     """A model after its back-test."""
 
     model: Any
@@ -150,8 +150,8 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         models = make_models(settings, memory=folder)
         say = counted(progress, len(models) + 1)
         remarks = list(data.remarks)
-        train, later = _Span.of(data.train), _Span.of(data.later, fits=False)
-        tested = _test_all(models, settings, data.test_start, (train, later), say, remarks)
+        train, later = spans = StudySpan.of(data.train), StudySpan.of(data.later, fits=False)
+        tested = _test_all(models, settings, data.test_start, spans, say, remarks)
         say("forecast of the next day")
         identification = tested[identified_by(settings)].model.gray_box_
         model = tested[HYBRID].model.set_params(memory=None)  # the folder ends with this block
@@ -220,16 +220,16 @@ def _test_all(
     models: Sequence[StudyModel],
     settings: Settings,
     test_start: pd.Timestamp,
-    spans: tuple[_Span, _Span],
+    spans: tuple[StudySpan, StudySpan],
     say: Callable[[str], None],
     remarks: list[str],
-) -> dict[str, _Tested]:
+) -> dict[str, TestedModel]:
     """All models by label, without those that fail; what is worth a remark is added to ``remarks``."""
     tested = {}
     for one in models:
         say(f"{one.label}: fit and back-test")
         try:
-            tested[one.label] = _test(one, settings, test_start, spans, remarks)
+            tested[one.label] = tested_model(one, settings, test_start, spans, remarks)
         except ValueError as error:
             if one.label in (HYBRID, identified_by(settings)):
                 raise
@@ -237,9 +237,13 @@ def _test_all(
     return tested
 
 
-def _test(
-    one: StudyModel, settings: Settings, test_start: pd.Timestamp, spans: tuple[_Span, _Span], remarks: list[str]
-) -> _Tested:
+def tested_model(
+    one: StudyModel,
+    settings: Settings,
+    test_start: pd.Timestamp,
+    spans: tuple[StudySpan, StudySpan],
+    remarks: list[str],
+) -> TestedModel:
     """Fit a model on the training rows and back-test it on the rows after them."""
     begun = time.perf_counter()
     train, later = (span if one.label == HYBRID else span.without_setpoints for span in spans)
@@ -253,12 +257,12 @@ def _test(
     seconds, load = time.perf_counter() - begun, None
     if hasattr(model, "predict_load") and plant_roles(later.frame):
         load = model.predict_load(rows[0], later.frame["T_za"].interpolate(limit_direction="both"))
-    return _Tested(model, frame, load, seconds)
+    return TestedModel(model, frame, load, seconds)
 
 
 def _compared(
     models: Sequence[StudyModel],
-    tested: dict[str, _Tested],
+    tested: dict[str, TestedModel],
     identification: Any,
     data: StudyData,
     delivered: pd.Series | None,

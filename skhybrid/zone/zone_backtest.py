@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from .._table import plant_roles
-from ..model_selection import backtest
 from ..study.building_setpoints import zone_of
 from ..study.building_study import (
     N_STEPS,
+    ZoneLoads,
     backtest_zones,
     judge_zone,
     under_setpoints,
@@ -19,10 +19,10 @@ from ..study.building_study import (
     zone_table,
 )
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
-from ..study.judgement import Doubts, Load, judge_load, judge_temperature, load_of, loads_by_rule
-from ..study.log_split import StudyData, with_facades, without_setpoints
-from ..study.run import Progress, counted
-from ..study.scores import backtest_with_intervals, coverage_of, error_table, errors_by_model
+from ..study.judgement import Doubts, judge_load, judge_temperature, load_of, loads_by_rule
+from ..study.log_split import StudyData, with_facades
+from ..study.run import Progress, StudySpan, counted, tested_model
+from ..study.scores import coverage_of, error_table, errors_by_model
 from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings, is_scaled
 from ..study.spans import train_and_test
@@ -53,48 +53,32 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
     ``progress`` is called with (number, total, text) before every step.
     """
     models = [one for one in make_models(settings) if one.label in _COMPARED]
-    frames: dict[str, pd.DataFrame] = {}
+    spans = StudySpan.of(data.train), StudySpan.of(data.later, fits=False)
     say, remarks = counted(progress, len(models)), list[str]()
+    tested = {}
     for one in models:
         say(f"{one.label}: fit and back-test")
-        frames[one.label] = _forecasts(one.estimator, one.label, settings, data, remarks)
+        tested[one.label] = tested_model(one, settings, data.test_start, spans, remarks)
+    frames = {label: one.frame for label, one in tested.items()}
     table = error_table(errors_by_model(frames)).sort_values("rmse")
-    own, predictor = frames[HYBRID], models[0].estimator
-    coverage = coverage_of(own)
-    held = SetpointsKnown.of(predictor, data.later, data, frames[YESTERDAY], settings, remarks)
-    doubts = Doubts.of(predictor, data.later, data, setpoints_known=held is not None)
+    own, (predictor, _, load, _) = frames[HYBRID], tested[HYBRID]
+    coverage, rows = coverage_of(own), spans[1].given_to(predictor)
+    held = SetpointsKnown.of(predictor, rows, data, frames[YESTERDAY], settings, remarks)
+    doubts = Doubts.of(predictor, rows, data, setpoints_known=held is not None)
     verdicts = [judge_temperature(own, frames[YESTERDAY], coverage, doubts.temperature)]
     scaled = is_scaled(data.train, settings.capacities)
-    delivered = load_of(pd.concat([data.train, data.later]), settings, plant_roles(data.train))
-    if delivered is not None:
-        loads = _loads(predictor, settings, data, delivered)
-        rules = {name: load for name, load in loads.items() if name != HYBRID}
+    past, roles, unit = pd.concat([data.train, data.later]), plant_roles(data.train), ""
+    delivered, needed = (None if rows is None else load_of(rows, settings, roles) for rows in (past, load))
+    if delivered is not None and needed is not None:
+        loads, unit = ZoneLoads(needed, delivered, loads_by_rule(data, delivered.values)), delivered.unit
         given: dict[str, Any] = {"scaled": scaled, "doubts": doubts.load}
-        verdicts.append(judge_load(loads[HYBRID], rules, delivered.values, data.test_start, **given))
-        errors = pd.DataFrame(loads).sub(delivered.values, axis=0)[data.test_start :].dropna()
-        table = table.reindex([*table.index, *rules]).assign(load_rmse=np.sqrt((errors**2).mean()))
-    unit = "" if delivered is None else delivered.unit
+        verdicts.append(judge_load(needed.values, loads.rules, delivered.values, data.test_start, **given))
+        rmse = np.sqrt((loads.errors(data.test_start) ** 2).mean())
+        table = table.reindex([*table.index, *loads.rules]).assign(load_rmse=rmse)
     if held is not None:
         verdicts, own = held.verdicts(frames[YESTERDAY], doubts, scaled=scaled), own.join(held.columns)
     table, said = table.rename_axis("model"), tuple(dict.fromkeys(remarks))
     return ZoneBacktest(table, own, coverage, tuple(verdicts), unit, held, said)
-
-
-def _forecasts(estimator: Any, label: str, settings: Settings, data: StudyData, remarks: list[str]) -> pd.DataFrame:
-    train, later = (rows if label == HYBRID else without_setpoints(rows) for rows in (data.train, data.later))
-    model, rows = estimator.fit(train, train["T_za"]), (later, later["T_za"])
-    given: dict[str, Any] = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": data.test_start}
-    if label == HYBRID:
-        return backtest_with_intervals(model, *rows, remarks, **given)
-    return backtest(model, *rows, **given)
-
-
-def _loads(predictor: Any, settings: Settings, data: StudyData, delivered: Load) -> dict[str, pd.Series]:
-    """Loads that would have held the measured temperature, by model and by rule."""
-    held = data.later["T_za"].interpolate(limit_direction="both")
-    own = load_of(predictor.predict_load(data.later, held), settings, plant_roles(data.train))
-    assert own is not None  # as the log has a plant
-    return {HYBRID: own.values} | loads_by_rule(data, delivered.values)
 
 
 def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progress | None = None) -> ZoneBacktest:
