@@ -773,8 +773,8 @@ def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
     ("text", "said"),
     [
         ("days = [1", "fleet.toml cannot be read ("),
-        ("zones = 3", "zones in "),
-        ("[estimator]\nnetwork = '1R1C'\nepochs = 3", "estimator.epochs in "),
+        ("zones = 3", "fleet.toml: unknown key 'zones'; "),
+        ("[estimator]\nnetwork = '1R1C'\nepochs = 3", "fleet.toml: unknown key 'epochs' in [estimator]; "),
         ("days = true", "days = True in "),
         ("days = inf", "days = inf in "),
         ("days = -3", "is not a number up to 36500; correct it."),

@@ -12,10 +12,11 @@ import pandas as pd
 from .._files import atomic_path, write_text
 from ..forecasting import ARXRegressor
 from ..hybrid import HybridPredictor
+from ..study.keys import check_keys
 from ..study.spans import TRAINING_DAYS
 from .zone_fleet import ZoneFleet
 
-_KEYS = {"key", "days", "fallback", "estimator"}
+_KEYS = ("key", "days", "fallback", "estimator")
 _MOST_DAYS = 36_500  # a century
 EXAMPLE = """# skhybrid fleet: data/ holds a folder per zone, such as data/zone=kitchen/*.parquet, in degC, kW and kW/m2
 key = "zone"       # name of these folders
@@ -128,16 +129,14 @@ class FleetFolder:
         return fleet, days
 
     def _check(self, given: dict[str, Any]) -> None:
-        known = HybridPredictor().get_params(deep=False)
-        tables = [("", given, _KEYS), ("estimator.", given.get("estimator", {}), known)]
-        for where, table, names in tables:
-            if not isinstance(table, dict):
-                raise ValueError(f"estimator in {self.config} must be a table; write its parameters below [estimator].")
-            for name in table:
-                if name not in names:
-                    raise ValueError(
-                        f"{where}{name} in {self.config} is unknown; use one of {', '.join(sorted(names))}."
-                    )
+        estimator = given.get("estimator", {})
+        if not isinstance(estimator, dict):
+            raise ValueError(f"estimator in {self.config} must be a table; write its parameters below [estimator].")
+        try:
+            check_keys("", given, _KEYS)
+            check_keys("estimator", estimator, HybridPredictor().get_params(deep=False))
+        except ValueError as error:
+            raise ValueError(f"{self.config}: {error}") from None
         key, days, fallback = given.get("key", "zone"), given.get("days", TRAINING_DAYS), given.get("fallback", True)
         wanted = {
             "key": ("a name in quotes", isinstance(key, str) and key != ""),
