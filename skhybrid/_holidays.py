@@ -33,7 +33,7 @@ class Holidays:
 
     def weekend(self, stamps: pd.DatetimeIndex) -> np.ndarray:
         """Whether local stamps lie on a weekend day or a holiday, (n,) bool."""
-        return _weekend(stamps, self)
+        return np.asarray(_day_of_week(stamps, self) >= _SATURDAY)
 
 
 NO_HOLIDAYS = Holidays()
@@ -50,11 +50,6 @@ def _day_of_week(stamps: pd.DatetimeIndex, holidays: Holidays) -> np.ndarray:
     known = _dates_between(holidays, stamps.min().year, stamps.max().year)
     place = np.searchsorted(known, local)
     return np.where(known[np.minimum(place, len(known) - 1)] == local, _SUNDAY, day)
-
-
-@kept_by_stamps
-def _weekend(stamps: pd.DatetimeIndex, holidays: Holidays) -> np.ndarray:
-    return np.asarray(_day_of_week(stamps, holidays) >= _SATURDAY)
 
 
 @lru_cache(maxsize=256)

@@ -18,24 +18,14 @@ from ._time import spell
 
 @dataclass(frozen=True, eq=False)  # a fit has one
 class TrainingRecord:
-    """Training span of an estimator, and versions of the fit.
+    """Training span of an estimator, and versions of the fit."""
 
-    Attributes
-    ----------
-    first, last : stamps or row numbers of the training table
-    n_rows : int
-    step : Timedelta
-    versions : dict of package to version
-    ranges : dict of role to (float, float)
-        Lowest and highest value of each input.
-    """
-
-    first: Any
+    first: Any  # stamp or row number of the training table
     last: Any
     n_rows: int
     step: pd.Timedelta
-    versions: dict[str, str]
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    versions: dict[str, str]  # by package
+    ranges: dict[str, tuple[float, float]]  # lowest and highest value of each input, by role
 
     @classmethod
     def of(cls, table: ZoneTable, latest: ZoneTable | None = None) -> TrainingRecord:
@@ -46,11 +36,11 @@ class TrainingRecord:
             role: (min(float(p.inputs[role].min()) for p in parts), max(float(p.inputs[role].max()) for p in parts))
             for role in table.inputs
         }
-        if latest is None:
-            return cls(table.index[0], table.index[-1], table.n_rows, table.step, versions, ranges)
-        first, last = (part.time if part.utc is None else part.utc for part in (table, latest))
-        n_rows = round((last[-1] - first[0]) / table.step) + 1
-        return cls(table.index[0], latest.index[-1], n_rows, table.step, versions, ranges)
+        n_rows = table.n_rows
+        if latest is not None:
+            first, last = (part.time if part.utc is None else part.utc for part in parts)
+            n_rows = round((last[-1] - first[0]) / table.step) + 1
+        return cls(table.index[0], parts[-1].index[-1], n_rows, table.step, versions, ranges)
 
     def facts(self) -> dict[str, str]:
         """Span and versions as text."""

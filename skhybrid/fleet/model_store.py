@@ -30,12 +30,7 @@ _MOST_ROWS = 4000  # of a journal; above it the model is saved with them
 
 
 class TemporaryStore:
-    """Folder that is removed with the last that holds it; a deep copy, or a pickle, is a folder with the same files.
-
-    Parameters
-    ----------
-    files : mapping of name to bytes
-    """
+    """Folder that is removed with the last that holds it; a deep copy, or a pickle, is a folder with the same files."""
 
     def __init__(self, files: Mapping[str, bytes] = MappingProxyType({})) -> None:
         self._path = tempfile.mkdtemp(prefix="skhybrid-fleet-")

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
 
 from .. import __version__
-from .._arguments import as_mapping
+from .._arguments import as_mapping, store_arguments
 from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
@@ -88,11 +88,7 @@ class ZoneFleet(BaseEstimator):
     def __init__(
         self, estimator: Any, key: str = "zone", *, store: Any = None, fallback: Any = None, n_jobs: int | None = None
     ) -> None:
-        self.estimator = estimator
-        self.key = key
-        self.store = store
-        self.fallback = fallback
-        self.n_jobs = n_jobs
+        store_arguments(self, locals())
 
     @unchanged_on_failure
     def fit(self, X: Any, y: Any = None, *, last: Any = None) -> Self:

@@ -164,9 +164,7 @@ def _check_node(
     elif loader == "DictNode":
         if kind != "builtins.dict" or any(key["__class__"] != "str" for key in node["key_types"]["content"]):
             raise ValueError("the keys of a dictionary are not text")
-    elif loader == "RandomGeneratorNode" and _pool_size(node) != _POOL_SIZE:
-        raise ValueError("the seed of a random generator has another size than NumPy's")
-
-
-def _pool_size(generator: dict[str, Any]) -> Any:
-    return generator["content"]["seed_seq"]["content"]["pool_size"]["content"]
+    elif loader == "RandomGeneratorNode":
+        seed = node["content"]["seed_seq"]["content"]
+        if seed["pool_size"]["content"] != _POOL_SIZE:
+            raise ValueError("the seed of a random generator has another size than NumPy's")

@@ -37,12 +37,10 @@ def write_building(
 
 def building_metrics(result: BuildingResult) -> str:
     """Errors, verdicts and settings of a study of several zones as JSON."""
-    held = result.setpoints_known
     return metrics_of(
         result,
         f"{zones_in_words(result.verdicts)} {verdict(result.table, HYBRID)}",
         verdicts_by_zone(result.verdicts),
-        setpoints_known=None if held is None else held.as_dict(),
         zones=result.zones.to_dict(orient="index"),
         building={} if result.identified is None else identified_content(result.identified),
     )

@@ -166,14 +166,8 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
 
 def metrics_text(result: StudyResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
-    held = result.setpoints_known
-    return metrics_of(
-        result,
-        verdict(result.table, HYBRID),
-        result.verdicts,
-        setpoints_known=None if held is None else held.as_dict(),
-        building=identified_only(result.building).to_dict(orient="index"),
-    )
+    building = identified_only(result.building).to_dict(orient="index")
+    return metrics_of(result, verdict(result.table, HYBRID), result.verdicts, building=building)
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:
@@ -195,13 +189,14 @@ def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:
 
 def metrics_of(result: Any, words: str, verdicts: Iterable[Verdict], **more: Any) -> str:
     """Errors, verdicts and settings of a study as JSON, with what else one of its kind has."""
-    cost = next_day_cost(result)
+    cost, held = next_day_cost(result), result.setpoints_known
     content = {
         "skhybrid": __version__,
         "name": result.settings.name,
         "best": result.best,
         "verdict": words,
         "verdicts": [one._asdict() for one in verdicts],
+        "setpoints_known": None if held is None else held.as_dict(),
         **more,
         "models": result.table.drop(columns="note").to_dict(orient="index"),
         "interval_80_coverage": coverage_of(result.frames[HYBRID]),

@@ -66,7 +66,7 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
     # pandas writes a fixed offset as "UTC-06:00", and reads "-06:00"
     zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
     hint = "" if is_local(index) else '  # better the local zone, such as "Europe/Amsterdam"'
-    return [
+    lines = [
         f"# Proposed for {name} ({report.raw.format}); check every line.",
         f"name = {as_toml(name)}",
         f"{'' if index.tz is not None else '# '}timezone = {as_toml(zone)}{hint}",
@@ -76,17 +76,12 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
         f'step = "{report.even_step.total_seconds() / 60:g}min"',
         'origin_step = "1D"  # a forecast from every local midnight of the test span',
         '# weather_error = "medium"  # or "low", "high": intervals allow for errors of the weather forecast',
-        *_adjacency_lines(report.zones),
     ]
-
-
-def _adjacency_lines(zones: list[str]) -> list[str]:
-    if not zones:
-        return []
-    return [
-        "# pairs of rooms that exchange heat, by the floor plan; without it they are found by likeness of temperatures",
-        f"# adjacency = [[{as_toml(zones[0])}, {as_toml(zones[-1])}]]",
-    ]
+    if zones := report.zones:
+        pairs = "pairs of rooms that exchange heat, by the floor plan; without it"
+        lines.append(f"# {pairs} they are found by likeness of temperatures")
+        lines.append(f"# adjacency = [[{as_toml(zones[0])}, {as_toml(zones[-1])}]]")
+    return lines
 
 
 def _column_lines(report: LogReport) -> list[str]:

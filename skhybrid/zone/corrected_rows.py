@@ -18,13 +18,7 @@ _SHARE = 0.1  # of a heat, relative to the largest of the week
 def corrected_since(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> pd.Timestamp | None:
     """The first of the rows of the last week that are not as they were archived; None where they come to less than 3 h.
 
-    A temperature that the archive lacks counts, as one that came late does.
-
-    Parameters
-    ----------
-    frame : DataFrame, one column per role
-    archive : ForecastArchive, with measurements on the clock of the log
-    settings : Settings
+    The archive is on the clock of the log; a temperature that it lacks counts, as one that came late does.
     """
     last = archive.last_measured()
     if last is None:

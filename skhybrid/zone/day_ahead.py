@@ -203,16 +203,10 @@ def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, A
     return found if cost is None else found | cost.entries()
 
 
-def _jump(history: pd.DataFrame, ahead: pd.DataFrame) -> float:
-    """Change of the outdoor temperature from the end of a history to the start of the rows ahead [K]."""
-    if "T_oa" not in history or "T_oa" not in ahead:
-        return 0.0
-    return float(abs(ahead["T_oa"].iloc[:_FIRST].mean() - history["T_oa"].iloc[-_FIRST:].mean()))
-
-
 def _weather_remarks(history: pd.DataFrame, ahead: pd.DataFrame) -> Iterator[str]:
     """Remarks on weather ahead that is not about that of the log."""
-    jump = _jump(history, ahead)
+    has_both = "T_oa" in history and "T_oa" in ahead
+    jump = abs(ahead["T_oa"].iloc[:_FIRST].mean() - history["T_oa"].iloc[-_FIRST:].mean()) if has_both else 0.0
     if jump > _LARGEST_JUMP:
         text = f"T_oa jumps by {jump:.0f} K from the end of the log to the weather ahead"
         yield f"{text}; check the unit and the stamps of both"

@@ -29,14 +29,7 @@ def refuse_other_temperatures(frame: pd.DataFrame, archive: ForecastArchive, set
 
 
 def refuse_watts(new: pd.DataFrame, covered: dict[str, tuple[float, float]], settings: Settings) -> None:
-    """Refuse new rows whose heat is in W beside that of the training, usually and not at a single spike.
-
-    Parameters
-    ----------
-    new : DataFrame, one column per role
-    covered : dict, lowest and highest value of the training by role
-    settings : Settings
-    """
+    """Refuse new rows whose heat is in W beside what the training ``covered``, usually and not at a single spike."""
     for role in (role for role in new if is_plant(role) and str(role).startswith("Q_") and role in covered):
         heat = np.abs(new[role].to_numpy(dtype=np.float64))
         running = heat[heat > 0.0]

@@ -32,18 +32,8 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
 
     On a bridge the inputs are interpolated and no temperature is known.  Of several parts between long outages the
     longest is taken, also where a later one has three weeks: it gains by its age about what it loses by fewer rows.
-    If bridges would be most of that part, the longest stretch without any outage is taken.
-
-    Parameters
-    ----------
-    frame : DataFrame, one column per role
-    settings : Settings
-    days : int
-
-    Raises
-    ------
-    ValueError
-        If less than three days are complete.
+    If bridges would be most of that part, the longest stretch without any outage is taken; less than three complete
+    days are refused.
     """
     rooms = settings.roles_of("T_za")
     for doubt in doubts_on_log(frame, [role for role in rooms if role in frame]):
