@@ -47,9 +47,10 @@ class AffineFramesMixin(FramesForecastMixin):
     ) -> AffineForecast:
         """Forecast as an affine function of the heat that is planned: ``T = free + gain @ q``.
 
-        It is what :meth:`forecast` gives under a plan, up to rounding, with two exceptions.  Nothing is clipped:
+        It is what :meth:`forecast` gives under a plan, up to rounding, with three exceptions.  Nothing is clipped:
         :meth:`forecast` stays within the temperatures known so far, widened on either side by their range and 2 K, and
-        by 10 K at least.  And where a stage's heat bends at part load, the gain is that at the plan in ``future``.
+        by 10 K at least.  Where a stage's heat bends at part load, the gain is that at the plan in ``future``.  And
+        with ``T_za`` the offsets of the schedule model come from errors recorded as it ran, in a few milliseconds.
 
         Parameters
         ----------
