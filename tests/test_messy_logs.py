@@ -844,3 +844,23 @@ def test_the_action_of_a_plant_is_read_in_rows_that_lack_its_cooling(write):
     rows = read_zone_log(write(frame.assign(hvac_action=heats).to_csv()), settings)[0]
     np.testing.assert_array_equal(rows["u_heat"], heats == "heating")
     np.testing.assert_array_equal(rows["u_cool"], 0.0)
+
+
+@pytest.mark.parametrize("label", ["left", "right"])
+def test_a_log_that_changes_its_step(write, label):
+    fine = pd.date_range("2024-03-01", periods=480, freq="15min", tz="UTC")
+    index = fine.append(pd.date_range("2024-03-06", periods=96, freq="1h", tz="UTC"))
+    hours = np.where(index < "2024-03-06", 0.25, 1.0)
+    log = pd.DataFrame({"Room temp [C]": 20.0, "Outdoor temp [C]": 5.0, "Heating energy [kWh]": 2.0 * hours}, index)
+    log = log.assign(ghi=np.where(hours < 1.0, 0.1, np.arange(576) % 2))
+    if label == "right":
+        log.index += pd.to_timedelta(hours, unit="h")
+    path = write(log.rename_axis("time").rename(columns={"ghi": "ghi [kW/m2]"}).to_csv())
+    report = LogReport(read_log(path), label=label)
+    assert "from 2024-03-06 00:00:00+00:00 on, a row comes every 1 h." in [finding.text for finding in report.findings]
+    settings = settings_from({"columns": report.roles, "units": {"Q_heat": "kWh"}, "label": label, "step": "15min"})
+    frame, _ = read_zone_log(path, settings)
+    hourly = frame["2024-03-06":]
+    assert (hourly["Q_hvac"] == 2.0).all()
+    assert (frame["Q_hvac"] != 2.0).sum() == (label == "right")  # the last row of the first step
+    assert (hourly["q_sol"] == hourly.index.hour % 2).all()

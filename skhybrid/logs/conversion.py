@@ -12,6 +12,7 @@ from .._table import listed, role_of
 from .._warnings import several
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
+from .even_steps import own_steps
 from .fill_values import fill_remark, fill_values, sensor_failures, without_huge, zeros_left_blank
 from .raw_log import RawLog
 from .setpoint_modes import in_force, shared_zones
@@ -138,11 +139,11 @@ def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
     if counter is not None:
         values = power_of_counter(counter)
     elif (of_row := _energy_units(channel.role).get(str(unit))) is not None:
-        values = of_row * values / row_hours(series)
+        values = of_row * values / _hours_of_rows(series)
     elif unit in TIMES and channel.role.startswith("u_"):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
-        values = values * (1.0 if known else TIMES[unit] / (3600.0 * row_hours(series)))
+        values = values * (1.0 if known else TIMES[unit] / (3600.0 * _hours_of_rows(series)))
     elif unit is not None and (role_of(channel.role) is not None or unit in UNITS):
         values = convert(values, conversion_of(unit, channel.role))
     return values * channel.scale
@@ -166,6 +167,14 @@ def counter_of(raw: RawLog, channel: Channel) -> pd.Series | None:
     if not channel.role.startswith("Q_") or not (unit in COUNTERS or (unit in ENERGY and is_counter(series))):
         return None
     return (COUNTERS | ENERGY)[unit] * series
+
+
+def _hours_of_rows(values: pd.Series) -> np.ndarray:
+    """Hours of the interval of each value, which a log may change; 1 where there is no value."""
+    known = values.dropna()
+    found = np.ones(len(values))
+    found[values.notna()] = own_steps(pd.DatetimeIndex(known.index), 3600.0 * row_hours(values)) / 3600.0
+    return found
 
 
 def row_hours(values: pd.Series) -> float:

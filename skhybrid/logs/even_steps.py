@@ -17,6 +17,7 @@ from ..preprocessing._gaps import fill_gaps, stamp_hours
 #: common logging steps [min]; an uneven log is taken to mean the nearest of them.
 _COMMON_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60, 120, 180, 240, 360, 720, 1440)
 CONTIGUOUS = 1.5  # longest time to the next row, in source steps, over which a row is held; beyond it there is a gap
+_STEADY = 24  # rows at one distance, from which on a log has changed its step
 _SET_POINT_HOLD = pd.Timedelta("7D")  # a set-point stays in force until the next, also over a weekend
 #: times all but the longest hundredth of the distances of rows, from which on a log of changes is silent
 _SILENCE = 10.0
@@ -212,6 +213,19 @@ def typical_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     return pd.Timedelta(seconds=nearest if abs(nearest - seconds) <= 0.1 * nearest else round(seconds, 3))
 
 
+def own_steps(index: pd.DatetimeIndex, usual: float) -> np.ndarray:
+    """The step of each stamp [s]: the usual one, or that of a long stretch of stamps at another distance."""
+    spacing = np.diff(index.as_unit("ns").asi8) / 1e9
+    if len(spacing) < _STEADY:
+        return np.full(len(index), usual)
+    as_usual = np.abs(spacing - usual) <= 0.1 * usual
+    stretch = np.append(0, np.cumsum(np.abs(np.diff(spacing)) > 0.1 * spacing[:-1]))
+    is_long = np.bincount(stretch)[stretch] >= _STEADY
+    steady = as_usual | (is_long & (spacing <= max(usual, SHORTEST_GAP.total_seconds())))
+    steps = pd.Series(np.where(as_usual, usual, spacing)).where(steady).ffill().fillna(usual).to_numpy()
+    return np.append(steps, steps[-1])
+
+
 def _even_index(
     index: pd.DatetimeIndex, step: pd.Timedelta, source: pd.Timedelta, slack: pd.Timedelta
 ) -> pd.DatetimeIndex:
@@ -256,10 +270,10 @@ def resample_column(
     if is_history(name):
         return _nearest(wanted, logged, values, min(step, source).total_seconds() / 2)
     # a column may be logged less often than the others
-    own = (typical_step(index[known]) if known.sum() > 2 else source).total_seconds()
+    own = own_steps(index[known], (typical_step(index[known]) if known.sum() > 2 else source).total_seconds())
     if is_instant(name):
         return _interpolated(wanted, logged, values, own)
-    spacing = np.append(np.diff(logged), own)
+    spacing = np.append(np.diff(logged), own[-1])
     return _means(wanted, logged, values, seconds, np.where(spacing <= CONTIGUOUS * own, spacing, own))
 
 
@@ -296,10 +310,11 @@ def _nearest(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, toleran
     return np.where(np.abs(logged[row] - wanted) <= tolerance, values[row], np.nan)
 
 
-def _interpolated(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, source: float) -> np.ndarray:
-    """Linear interpolation; NaN in gaps and outside the log, except within half a source step of a logged value."""
+def _interpolated(wanted: np.ndarray, logged: np.ndarray, values: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Linear interpolation; NaN in gaps and outside the log, except within half a step of a logged value."""
     line = np.interp(wanted, logged, values)
     after = np.searchsorted(logged, wanted)
+    source = steps[np.clip(after - 1, 0, None)]
     left, right = logged[np.clip(after - 1, 0, None)], logged[np.clip(after, None, len(logged) - 1)]
     near = np.minimum(np.abs(wanted - left), np.abs(right - wanted)) <= source / 2
     inside = (after > 0) & (after < len(logged)) & (right - left <= CONTIGUOUS * source)

@@ -10,10 +10,11 @@ import pandas as pd
 
 from .._ranges import is_in_watts, range_of
 from .._table import SETPOINT_ROLES
-from .._time import SHORTEST_GAP
+from .._time import SHORTEST_GAP, spell
 from .._warnings import percent, several
 from .column_spans import lost_columns
 from .counters import counter_jumps, counter_resets, counter_tick
+from .even_steps import own_steps
 from .naming import OF_A_MODE, PART_OF_SUN
 from .standstills import room_standstills, standstills
 from .sun_clock import jump_texts, noon_text
@@ -55,6 +56,11 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
         occur = f"{several(twice, 'stamp')} {'occurs' if twice == 1 else 'occur'} twice"
         text = f"{occur}, first {first}{hint}; the first value of each column is used."
         yield Finding("warning", "clock", text)
+    ordered = index.sort_values().unique()
+    steps = own_steps(ordered, step.total_seconds())
+    for row in np.flatnonzero(np.diff(steps))[:_MOST_NAMED]:
+        distance = spell(pd.Timedelta(seconds=round(steps[row + 1])))
+        yield Finding("note", "clock", f"from {ordered[row + 1]} on, a row comes every {distance}.")
     if index.tz is None:
         text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right"
         skipped = _skipped_hours(index, step)

@@ -12,7 +12,7 @@ import pandas as pd
 from .._arguments import as_mapping
 from .._table import is_instant, role_of
 from ..preprocessing._units import conversion_of, convert
-from .even_steps import CONTIGUOUS, typical_step, usual_step
+from .even_steps import CONTIGUOUS, own_steps, typical_step, usual_step
 from .named_zones import zoned_stamps
 from .stamp_cells import find_stamp_columns
 from .stamp_parts import joined_cells
@@ -136,7 +136,9 @@ def to_left_label(frame: pd.DataFrame, stay: Collection[str] = ()) -> pd.DataFra
 def _from_its_start(means: pd.Series, usual: pd.Timedelta) -> pd.Series:
     """Means that end at their stamps, at the end of the one before; after a gap one step of their own earlier."""
     ends = pd.DatetimeIndex(means.index)
-    own = typical_step(ends) if len(ends) > 2 else usual
+    usual = typical_step(ends) if len(ends) > 2 else usual
+    steps = own_steps(ends, usual.total_seconds())
+    own = pd.to_timedelta(np.append(steps[:1], steps[:-1]), unit="s")
     before = ends[np.arange(len(ends)) - 1]
     follows = (ends > before) & (ends - before < CONTIGUOUS * own)
     return means.set_axis(before.where(follows, (ends - own).as_unit(ends.unit)), axis=0)
