@@ -37,8 +37,12 @@ _ENGLISH = "Jan(?:uary)?|Feb(?:ruary)?|Mar(?:ch)?|Apr(?:il)?|May|June?|July?|Aug
 _MONTH = rf"(?:{'|'.join(_MONTHS)}|{_ENGLISH}|Nov(?:ember)?|Dec(?:ember)?)\b\.?"
 _WEEKDAY = r"(?:[A-Za-zäéöü]{2,10}\.?,?\s+)"
 _TIME = r"\d{1,2}[:.h]\d{2}(?:[:.]\d{2}(?:[.,]\d+)?)?(?:\s*[ap]\.?\s?m\.?)?"
+_SPACED = r"^(\d+)\.\s?(\d+)\.\s?(\d+)\.?(?=\s|$)"  # 2. 10. 2023 and 02.10.2023. of Central Europe
+_SHORT_YEAR = r"^(\d{2})([-/.])(\d{2})\2(\d{2})(?!\d)"
+_BY = r"(?:[-/]|\.\s?)"
 _DATE = (
-    rf"{_WEEKDAY}?(?:\d{{4}}[-/.]\d{{1,2}}[-/.]\d{{1,2}}|\d{{1,2}}[-/.]\d{{1,2}}[-/.](?:\d{{4}}|\d{{2}})|(?:19|20)\d{{6}}|"
+    rf"{_WEEKDAY}?(?:(?:\d{{4}}{_BY}\d{{1,2}}{_BY}\d{{1,2}}|\d{{1,2}}{_BY}\d{{1,2}}{_BY}(?:\d{{4}}|\d{{2}}))\.?|"
+    rf"(?:19|20)\d{{6}}|"
     rf"\d{{1,2}}\.?[-\s/]*{_MONTH}[-\s/,]*\d{{2,4}}|{_MONTH}\s\d{{1,2}},?\s\d{{4}})"
 )
 _ZONE = r"\s*(?:Z|UTC|GMT|[A-Z]{3,4}|[+-]\d{2}(?::?\d{2})?)?"
@@ -133,6 +137,9 @@ def read_stamps(
         return *numbers, False
     text, notes = _with_years(cells, year) if guesses or year is not None else (cells, [])
     text, next_day = _plain(text)
+    if guesses and dayfirst is None and _year_first_by_order(text):
+        notes.append(f"dates such as {cell(text.iloc[0])} are read with the year first")
+        text = "20" + text
     if dayfirst is None and re.match(r"\d{1,2}\.\d{1,2}\.", text.iloc[0]):
         dayfirst = True  # nobody writes the month first with points
     if guesses and dayfirst is None and (dayfirst := _day_first_by_order(text)) is not None:
@@ -171,6 +178,8 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
     """The stamps of a block, None where they need no change; marks those at 24:00 in ``late``."""
     plain = cells.astype(str).str.strip()
     text = with_separators(plain)
+    if text.iloc[:1000].str.contains(r"\.\s|\.$", regex=True).any():
+        text = text.str.replace(_SPACED, r"\1.\2.\3", regex=True)
     if text.iloc[:1000].str.contains(_POINTS, regex=True).any():
         text = text.str.replace(_POINTS, lambda m: m[0].replace(".", ":"), regex=True)
     late[:] = text.str.contains(_LATE, regex=True).to_numpy(dtype=bool)
@@ -190,6 +199,13 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
         if text.iloc[0] and text.str.contains(old, case=False, regex=False).any():
             text = text.str.replace(rf"(?i)\b{old}\b\.?", new, regex=True)
     return text.str.replace(r"([^\W\d]{3,})\.", r"\1", regex=True)
+
+
+def _year_first_by_order(text: pd.Series) -> bool:
+    """Whether the last of three numbers of two digits, as in 24-01-31, changes most often."""
+    numbers = text.str.strip().str.extract(_SHORT_YEAR)[[0, 2, 3]]
+    changes = (numbers != numbers.shift()).sum().to_numpy()
+    return bool(numbers.notna().all(axis=None) and changes[2] > changes[:2].max())
 
 
 def _day_first_by_order(text: pd.Series) -> bool | None:
