@@ -403,6 +403,10 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
         ("Heating (W/m2)", None),  # it was the sun
         ("Apparent temperature outdoor", None),
         ("Troom_C", "T_za"),
+        ("Teplota v místnosti", "T_za"),
+        ("Venkovní teplota", "T_oa"),
+        ("Žádaná teplota", "T_heat_set"),
+        ("Topení", "u_heat"),
         ("Temp, °F (LGR S/N: 10, SEN S/N: 12, LBL: Outdoor)", "T_oa"),
     ],
 )
@@ -746,7 +750,7 @@ def test_negative_numbers_of_accounts(write, form):
     np.testing.assert_allclose(log.frame["Outdoor"], outdoor)
 
 
-@pytest.mark.parametrize(("on", "off"), [("VRAI", "FAUX"), ("Ja", "Nein"), ("Sí", "No"), ("oui", "non")])
+@pytest.mark.parametrize(("on", "off"), [("VRAI", "FAUX"), ("Sí", "No"), ("Zapnuto", "Vypnuto"), ("På", "Av")])
 def test_switches_in_other_languages(write, on, off):
     cells = [f"{stamp};{on if k % 2 else off}" for k, stamp in enumerate(STAMPS)]
     assert read_log(write("time;Heating\n" + "\n".join(cells))).frame["Heating"].tolist() == 30 * [0.0, 1.0]

@@ -35,12 +35,13 @@ _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min",
 _ROOM = (
     r"\b(zone|zn|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|"
     r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion|"
-    r"intern[ao]\b|soggiorno|stanza|\bsala\b|wewnetrzn|pokoj|pomieszcz|rumtemp|rumstemp|romtemp|inomhus|innetemp|stuetemp"
+    r"intern[ao]\b|soggiorno|stanza|\bsala\b|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
+    r"rumstemp|romtemp|inomhus|innetemp|stuetemp"
 )
 _OUT = (
     r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
     r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
-    r"zewnetrzn|utomhus|utetemp|udetemp"
+    r"zewnetrzn|venkov|utomhus|utetemp|udetemp"
 )
 _SET = (
     r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
@@ -59,14 +60,14 @@ _OF_WATER_SET = r"boiler|kessel|\bketel|chaudiere|caldaia|caldera|\bcurve\b|heiz
 HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
-    r"grzew|grzej|cieplo|ciepla\b|varme|aquec"
+    r"grzew|grzej|topen|vytap|cieplo|ciepla\b|varme|aquec"
 )
 COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
     r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
     r"chlodz|\bkyl|\bkoling|arrefec"
 )
-TEMPERATURE = r"temp|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+TEMPERATURE = r"temp|teplot|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
@@ -81,7 +82,9 @@ _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 #: what a meter beside that of heat counts
 _COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
-_SUN = r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|\bsun\b|insolation|q sol"
+_SUN = (
+    r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|q sol"
+)
 _HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
 _ELECTRICITY = (
     rf"elec|strom(?!ung)|stroom|{_HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
