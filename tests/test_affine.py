@@ -180,6 +180,21 @@ def test_a_bend_gives_the_tangent_and_says_so(bent, tables):
     np.testing.assert_allclose(path, network.temperature(future["u_heat"]), rtol=0, atol=1e-9)
 
 
+def test_a_state_space_says_that_a_stage_bends(bent, tables):
+    future = tables["stages"][NOW : NOW + DAY].drop(columns=["T_za", "u_heat", "u_cool"])
+    with pytest.warns(PlanWarning, match="u_heat bends"):
+        deepcopy(bent).to_state_space(None, future)
+
+
+def test_the_tangent_at_full_stage_is_that_of_smaller_stages(bent, tables):
+    future = tables["stages"][NOW : NOW + DAY].drop(columns="T_za").assign(u_heat=1.0, u_cool=1.0)
+    with pytest.warns(PlanWarning, match="u_heat bends"):
+        found = deepcopy(bent).affine_forecast(None, future, ("u_heat",))
+    less = future.assign(u_heat=0.9)
+    T = bent.forecast(None, less)["T_za"]
+    np.testing.assert_allclose(found.temperature(less["u_heat"]), T, rtol=0, atol=1e-9)
+
+
 def test_a_forecast_that_would_be_clipped_is_not(fitted, tables):
     X, future, _ = _rows(tables, "schedule")
     model = fitted("schedule").update(X[N_TRAIN:NOW])

@@ -133,6 +133,7 @@ class LinearNetwork(NamedTuple):
     state: np.ndarray  # (n,) before the inputs of the row act
     forcing: np.ndarray  # (N, n) by all but the inputs
     states: tuple[str, ...]
+    bent: np.ndarray | bool = False  # (m,) inputs with bends, which are in the forcing
 
     def after(self, u: np.ndarray) -> LinearNetwork:
         """The same from the next row on, after inputs (m,) of this one."""

@@ -108,12 +108,12 @@ def warn_uncovered(plan: Plan, given: Sequence[str], training: Mapping[str, np.n
             )
 
 
-def warn_bent(plan: Plan, bent: np.ndarray, training: Any) -> None:
+def warn_bent(plan: Plan, bent: np.ndarray | bool, training: Any) -> None:
     """Warn of the inputs, ``bent`` (m,) bool, in which the forecast is not affine, once per record of a training."""
     for role in np.array(plan.inputs, dtype=object)[bent]:
         warn_once(
             f"the heat of {role} bends with its stage at part load, so that the forecast is not affine in it: the gain "
-            "is the tangent at the plan in future.",
+            "is the tangent at the plan in future, and a state space holds the bends of that plan.",
             PlanWarning,
             training,
         )

@@ -133,6 +133,7 @@ class AffineFramesMixin(FramesForecastMixin):
         ahead, plan = self._planned(history, future, roles, T_za)
         scheme = self._present_scheme()
         network = scheme.linear_network(ahead, plan)
+        warn_bent(plan, network.bent, self.training_)
         limits = limits_of(scheme.stages(), training.inputs, roles)
         arrays = network.A, network.B, network.C, network.state, network.forcing
         return ControlModel(*arrays, roles, limits, network.states, future.index, self.sampling_time_)

@@ -75,7 +75,7 @@ def bends_at(fit: LeadFit, state: OriginState, roles: Sequence[str], plan: np.nd
             j, most = list(roles).index(role), largest[role]
             stage, size = plan[:, j], _coef(fit, state, knot_name(role, knot)) * capacity
             out.heat[:, j] += size * deviation(stage, knot, most)
-            out.slope[:, j] += size * ((stage < knot) - (stage < most) * knot / most)
+            out.slope[:, j] += size * ((stage < knot) - (stage <= most) * knot / most)  # to the left at full stage
     return out
 
 
@@ -103,7 +103,8 @@ def scheduled_linear_network(
     unmeasured = channels.solar | channels.scheduled
     heat = channels.heat(np.where(unmeasured, state.coef[: len(unmeasured)], 0.0), n)
     heat[:, fit.plan.zone] += state.gain * M.F[-1, -1] ** np.arange(segment.n_rows)
-    heat[:, fit.plan.heated] += bends_at(fit, state, roles, plan).heat.sum(axis=1)
+    bends = bends_at(fit, state, roles, plan)
+    heat[:, fit.plan.heated] += bends.heat.sum(axis=1)
     reference = np.append(np.full(n, fit.reference), 0.0)
     return LinearNetwork(
         A,
@@ -112,6 +113,7 @@ def scheduled_linear_network(
         np.append(state.nodes, state.emitter) + reference,
         forcing_by(M, segment, heat) + reference - A @ reference,
         (*(f"T_{node}" for node in fit.plan.network.nodes), "Q_emitter"),
+        bends.slope.any(axis=0),
     )
 
 
