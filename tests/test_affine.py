@@ -186,6 +186,18 @@ def test_a_state_space_says_that_a_stage_bends(bent, tables):
         deepcopy(bent).to_state_space(None, future)
 
 
+def test_a_plan_of_pandas_goes_by_its_names_and_stamps(fitted, tables):
+    X, future, _ = _rows(tables, "two-stage")
+    model = fitted("two-stage")
+    space = model.to_state_space(X[N_TRAIN:NOW], future)
+    found = model.affine_forecast(X[N_TRAIN:NOW], future, ("u_heat", "u_cool"))
+    plan = pd.DataFrame({"u_cool": 0.1, "u_heat": 0.8}, future.index)
+    for respond, inputs in ((found.temperature, found.inputs), (space.simulate, space.inputs)):
+        np.testing.assert_array_equal(respond(plan), respond(plan[list(inputs)].to_numpy()))
+        with pytest.raises(ValueError, match="the plan has other time stamps than future"):
+            respond(plan.shift(freq="30min"))
+
+
 def test_the_tangent_at_full_stage_is_that_of_smaller_stages(bent, tables):
     future = tables["stages"][NOW : NOW + DAY].drop(columns="T_za").assign(u_heat=1.0, u_cool=1.0)
     with pytest.warns(PlanWarning, match="u_heat bends"):

@@ -49,7 +49,7 @@ class AffineForecast:
         Parameters
         ----------
         q : array-like of shape (H, m), or (H,) of one input
-            Inputs over the step of each row [kW, or stages].
+            Inputs over the step of each row [kW, or stages], of a DataFrame by the names of the roles.
 
         Returns
         -------
@@ -59,9 +59,9 @@ class AffineForecast:
         Raises
         ------
         ValueError
-            If the plan has another shape.
+            If the plan has another shape or other time stamps.
         """
-        plan = as_plan(q, self.gain.shape[1:3], self.index)
+        plan = as_plan(q, self.inputs, self.index)
         return self.free + np.tensordot(self.gain, plan, axes=((1, 2), (0, 1)))
 
 
@@ -109,6 +109,7 @@ class ControlModel:
         Parameters
         ----------
         u : array-like of shape (H, m), or (H,) of one input
+            As in :meth:`AffineForecast.temperature`.
 
         Returns
         -------
@@ -118,9 +119,9 @@ class ControlModel:
         Raises
         ------
         ValueError
-            If the inputs have another shape.
+            If the inputs have another shape or other time stamps.
         """
-        plan = as_plan(u, (len(self.forcing), self.B.shape[1]), self.index)
+        plan = as_plan(u, self.inputs, self.index)
         return simulate_path(self.A, self.forcing + plan @ self.B.T, self.x0) @ self.C.T
 
 

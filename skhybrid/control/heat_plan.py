@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import ZoneTable, is_plant, listed
+from .._time import refuse_other_stamps
 from .._warnings import percent, warn_once, warn_user
 from ..exceptions import PlanWarning
 
@@ -125,8 +126,13 @@ def limits_of(stages: Mapping[str, float], training: Mapping[str, np.ndarray], i
     return np.array([(0.0, stages[role]) if role in stages else ends for role, ends in own]).reshape(-1, 2)
 
 
-def as_plan(q: Any, shape: tuple[int, int], index: pd.Index) -> np.ndarray:
-    """A plan as an array (H, m) for the rows of a forecast; another shape is refused."""
+def as_plan(q: Any, inputs: Sequence[str], index: pd.Index) -> np.ndarray:
+    """A plan of inputs as an array (H, m) for the rows of a forecast; another shape or other stamps are refused."""
+    shape = len(index), len(inputs)
+    if isinstance(q, pd.Series | pd.DataFrame):
+        refuse_other_stamps(q, index, "the plan", "future")
+    if isinstance(q, pd.DataFrame) and set(q) == set(inputs):
+        q = q[list(inputs)]
     values = np.asarray(q, dtype=np.float64)
     if values.shape != shape and (values.ndim != 1 or shape[1] != 1 or len(values) != shape[0]):
         raise ValueError(
