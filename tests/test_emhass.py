@@ -13,7 +13,9 @@ from skhybrid.datasets import make_office
 from skhybrid.forecasting import DisturbanceForecaster
 from skhybrid.identification import GrayBoxRC, PeriodicDisturbanceID
 from skhybrid.study import read_settings
+from skhybrid.study.identified_building import describe
 from skhybrid.study.settings import settings_from
+from skhybrid.thermal import RCNetwork
 from skhybrid.zone import ZoneModel, emhass_parameters
 from skhybrid.zone.emhass import EmhassLaw, temperatures
 
@@ -85,6 +87,21 @@ def test_a_network_of_one_capacitance_is_the_law_itself(office):
     assert battery["volume"] * battery["density"] * battery["heat_capacity"] / 3600.0 == pytest.approx(5.0, rel=0.12)
     assert found.nominal_power == 2000
     assert found.runtime_parameters("thermal_battery")["def_load_config"][0]["thermal_battery"]["efficiency"] == 3.0
+
+
+def test_a_declared_network_gives_the_values_of_its_measured_node(office, truth):
+    room = RCNetwork(
+        "room first",
+        {"room": "C_za", "w": "C_w"},
+        {"R_zw": ("room", "w"), "R_zo": ("room", "T_oa")},
+        {"room": "f", "w": None},
+        **dict.fromkeys(("measured", "disturbed", "heated"), "room"),
+    )
+    rows = office.X[:288].rename(columns={"T_za": "T_room"})
+    declared = GrayBoxRC(room, known=dict(office.theta)).fit(rows, office.y[:288])
+    found, right = (emhass_parameters(one, _settings()).values["value"] for one in (declared, truth))
+    np.testing.assert_allclose(found, right, rtol=1e-9)
+    np.testing.assert_allclose(describe(declared)["value"], describe(truth)["value"].loc[describe(declared).index])
 
 
 def test_standard_errors_are_those_of_the_parameters(office):

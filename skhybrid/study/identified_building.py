@@ -58,12 +58,10 @@ def with_errors(gray_box: Any, of: Callable[[pd.Series], dict[str, float]]) -> p
 
 
 def discrete(gray_box: Any, theta: pd.Series, step: float) -> tuple[np.ndarray, np.ndarray, list[str], int]:
-    """``A``, ``B`` over a step [h], the names of the inputs, and the position of the zone's temperature."""
+    """``A``, ``B`` over a step [h], the names of the inputs, and the position of the measured node."""
     network, names = gray_box.network_, list(gray_box.state_space_.input_names)
     d = network.discrete(dict(theta), tuple(n for n in names if n not in network.gain_names), step)
-    of_zone = [k for k, state in enumerate(network.states) if state == "T_za" or state.startswith(NEIGHBOUR)]
-    zone = of_zone[0] if of_zone else len(network.states) - 1
-    return np.asarray(d.A), np.asarray(d.B), names, zone
+    return np.asarray(d.A), np.asarray(d.B), names, network.nodes.index(network.measured_nodes[0])
 
 
 def quantities(gray_box: Any, theta: pd.Series) -> dict[str, float]:
