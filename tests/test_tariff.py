@@ -27,6 +27,14 @@ def test_the_price_of_the_hour_applies_to_heat_where_no_performance_is_given():
     assert holiday.value == pytest.approx(2.0 * 48 * 0.1)
 
 
+def test_a_price_that_changes_within_a_step_counts_for_its_minutes():
+    tariff = {"price": {"7:30": 0.4, "22:15": 0.2}}
+    hourly = energy_cost(_forecast(24), tariff, {}, None)
+    assert hourly.value == pytest.approx(2.0 * (14.75 * 0.4 + 9.25 * 0.2))
+    last = energy_cost(_forecast(4, start="2024-01-05 20:30"), tariff, {}, None)  # the last step ends after midnight
+    assert last.value == pytest.approx(2.0 * (1.75 * 0.4 + 2.25 * 0.2))
+
+
 def test_it_applies_to_electricity_where_a_performance_is_given():
     plant = {"cop": [[-10, 2.0], [10, 4.0]], "eer": 5.0}
     heated = energy_cost(_forecast(24), {"price": 0.3}, plant, None)

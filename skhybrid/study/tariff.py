@@ -37,9 +37,10 @@ class Tariff(NamedTuple):
         free = by_clock("[tariff] weekend", tables.get("weekend"), "price of a kWh")
         return cls(price, free or price, currency)
 
-    def at(self, index: pd.DatetimeIndex, free: np.ndarray) -> np.ndarray:
-        """Prices (n,) of some rows in local time, of which ``free`` (n,) are weekends and holidays."""
-        return np.where(free, at_minute(self.weekend, minutes(index)), at_minute(self.price, minutes(index)))
+    def over(self, index: pd.DatetimeIndex, step: pd.Timedelta, free: np.ndarray) -> np.ndarray:
+        """Mean prices (n,) over the steps of rows in local time, of which ``free`` (n,) are weekends and holidays."""
+        each = (minutes(index)[:, None] + np.arange(max(1, step // pd.Timedelta("1min")))) % 1440
+        return np.where(free[:, None], at_minute(self.weekend, each), at_minute(self.price, each)).mean(axis=1)
 
 
 class Cost(NamedTuple):
@@ -80,8 +81,8 @@ def energy_cost(
     if prices is None or not named or len(forecast) < 2:
         return None
     index = pd.DatetimeIndex(forecast.index)
-    hours = (index[1] - index[0]) / pd.Timedelta("1h")
-    price = hours * prices.at(index, free_days(holidays, index))
+    step = index[1] - index[0]
+    price = step / pd.Timedelta("1h") * prices.over(index, step, free_days(holidays, index))
     performance = Performance.of(plant)
 
     def costs(role: str) -> np.ndarray:
