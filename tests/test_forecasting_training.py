@@ -115,6 +115,14 @@ def test_the_best_epoch_is_kept_and_training_stops():
     assert np.mean(z_scored**2) == pytest.approx(min(validation), rel=1e-3)
 
 
+def test_the_best_epoch_is_that_of_the_weights_that_are_kept():
+    X, y = hourly(21)  # errors fall from epoch to epoch, but by next to nothing
+    network = DisturbanceForecaster("mlp", residual_of=None, max_epochs=8, learning_rate=1e-7, dropout=0.0)
+    network.set_params(random_state=0).fit(X, y)
+    kept, losses = network.repeats_.iloc[0], [row["valid_loss"] for row in network.history_]
+    assert losses[int(kept["best_epoch"]) - 1] == kept["valid_loss"] > min(losses)
+
+
 def test_z_scores_see_the_training_block_only():
     X, y = hourly(28)
     split = chronological_split(len(X), 24, 0.2, 24)

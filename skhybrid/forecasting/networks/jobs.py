@@ -227,7 +227,9 @@ def _finish(plan: _Plan, found: Sequence[TrainingResult]) -> JobResult:
 
 def _best_epoch(result: TrainingResult) -> int:
     """The epoch, from 1, whose weights are kept."""
-    return 1 + int(np.argmin([epoch.get("valid_loss", -i) for i, epoch in enumerate(result.history)]))
+    # not the lowest error: one that is lower by next to nothing does not count as better
+    kept = (int(e["epoch"]) for e in result.history if e.get("valid_loss") == result.valid_loss)
+    return next(kept, len(result.history))
 
 
 def _correction_weight(plan: _Plan, network: FittedNetwork) -> float:
