@@ -16,7 +16,6 @@ from skhybrid.exceptions import UnitWarning
 from skhybrid.forecasting import DisturbanceForecaster
 from skhybrid.identification import StateSpace, frequency_response, make_state_space, step_response
 from skhybrid.inspection import BodeDisplay, StepResponseDisplay
-from skhybrid.inspection._hybrid_response import sinusoidal
 
 pytestmark = pytest.mark.usefixtures("closed_figures")
 
@@ -248,11 +247,23 @@ def test_the_frequency_response_of_a_hybrid_is_that_of_a_planned_sinusoid(hybrid
     answer = ahead.temperature(wave.real) - ahead.free + 1j * (ahead.temperature(wave.imag) - ahead.free)
     found = display.by_origin["office, blend"][0]["Q_hvac"].iloc[0]
     assert abs(answer[-1] / (found * wave[-1]) - 1) < 0.15
-    effect = model.affine_forecast(None, X[:41], member="network").gain[-1, -2::-1]
-    exact = display.by_origin["office, network"][0]
-    np.testing.assert_allclose(sinusoidal(effect, 1 / np.array([4.0, 20.0])), exact, rtol=0.01)
+    space = model.to_state_space(None, X[:41])
+    system = StateSpace(space.A, space.B, space.C, np.zeros((1, 1)), space.states, space.inputs, space.sampling_time)
+    exact = frequency_response(system, ["4h", "20h"])
+    np.testing.assert_allclose(display.by_origin["office, network"][0], exact, rtol=0.01)
     assert all(ax.collections for ax in display.ax_)
     assert BodeDisplay.from_estimator(model, X=X, ax=None).responses["blend"].index[-1] == pd.Timedelta("1D")
+
+
+def test_the_network_of_a_hybrid_responds_with_its_bends_as_the_blend_does():
+    """With purpose="plan" the members have nearly the same response."""
+    data = make_office(n_days=14, sampling_time="30min", random_state=4)
+    n = 12 * 48
+    model = HybridPredictor(known={"Q_h": 6.0, "Q_c": -5.0}, purpose="plan", intervals=False)
+    model.fit(data.X[:n], data.y[:n])
+    for display, longer in ((StepResponseDisplay, {"duration": "6h"}), (BodeDisplay, {"periods": ["6h"]})):
+        found = display.from_estimator(model, X=data.X[n:], origin_step="1D", **longer).responses
+        np.testing.assert_allclose(found["network"], found["blend"], rtol=0.15)
 
 
 def test_a_hybrid_needs_rows_after_its_training(hybrid):

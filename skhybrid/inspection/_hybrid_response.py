@@ -31,10 +31,9 @@ def step_responses(model: Any, X: Any, origin_step: Any, duration: Any) -> Respo
     found = Responses()
     for running, future in _origins(model, X, origin_step, n + 1):
         network = step_response(_network(running, future), duration)
-        found.setdefault("network", []).append(network)
-        if running.scheme_ == "schedule":
-            gain = running.affine_forecast(None, future, list(network)).gain
-            found.setdefault("blend", []).append(pd.DataFrame(gain.sum(axis=1), network.index, network.columns))
+        for member in ("network", "blend") if running.scheme_ == "schedule" else ("network",):
+            gain = running.affine_forecast(None, future, list(network), member=member).gain
+            found.setdefault(member, []).append(pd.DataFrame(gain.sum(axis=1), network.index, network.columns))
     return found
 
 
@@ -45,11 +44,13 @@ def frequency_responses(model: Any, X: Any, origin_step: Any, periods: Any) -> R
     found = Responses()
     for running, future in _origins(model, X, origin_step, n + 1):
         network = frequency_response(_network(running, future), periods)
-        found.setdefault("network", []).append(network)
-        if running.scheme_ == "schedule":
-            gain = running.affine_forecast(None, future, list(network)).gain[n, :n]
+        if running.scheme_ != "schedule":
+            found.setdefault("network", []).append(network)
+            continue
+        for member in ("network", "blend"):
+            gain = running.affine_forecast(None, future, list(network), member=member).gain[n, :n]
             values = sinusoidal(gain[::-1], (step / network.index).to_numpy(dtype=np.float64))
-            found.setdefault("blend", []).append(pd.DataFrame(values, network.index, network.columns))
+            found.setdefault(member, []).append(pd.DataFrame(values, network.index, network.columns))
     return found
 
 

@@ -113,7 +113,7 @@ def scheduled_linear_network(
         np.append(state.nodes, state.emitter) + reference,
         forcing_by(M, segment, heat) + reference - A @ reference,
         (*(f"T_{node}" for node in fit.plan.network.nodes), "Q_emitter"),
-        bends.slope.any(axis=0),
+        np.asarray(bends.slope.any(axis=0)),
     )
 
 
