@@ -216,6 +216,16 @@ def test_forecast_of_history_and_future_is_predict_from_its_last_row(model):
     np.testing.assert_allclose(kept, whole, rtol=1e-5, atol=1e-5)
 
 
+def test_a_forecast_needs_no_plant_ahead_where_the_case_reads_its_past_only():
+    X, y = hourly()
+    model = DisturbanceForecaster("mlp", case="case16", residual_of=None, **TINY).fit(X.iloc[:-48], y.iloc[:-48])
+    history, future = X.iloc[-200:-48], X.iloc[-48:].drop(columns="zeta")
+    known, unknown = (model.forecast(history, ahead[:24]) for ahead in (future, future.drop(columns="u_heat")))
+    np.testing.assert_array_equal(known, unknown)
+    with pytest.raises(ValueError, match="no column 'u_heat'"):  # the second day reads the plant of the first
+        model.forecast(history, future.drop(columns="u_heat"))
+
+
 def test_forecast_refuses_a_gap_a_missing_column_and_what_is_no_table():
     X, y = hourly(14)
     model = DisturbanceForecaster("ridge").fit(X.iloc[:200], y.iloc[:200])

@@ -14,7 +14,7 @@ from .._arguments import draw_seed, store_arguments
 from .._joining import refuse_no_frames, refuse_unless_following, unmeasured
 from .._rolling import RollingForecastMixin
 from .._summary import TrainingRecord
-from .._table import ZoneTable, append_tables, read_target, refuse_other_clock
+from .._table import ZoneTable, append_tables, fill_ahead, read_target, refuse_other_clock
 from .._threads import one_blas_thread
 from .._time import refuse_disorder, rows_per_day
 from .._transaction import unchanged_on_failure
@@ -22,6 +22,7 @@ from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
 from .baselines import SAME_KIND_DAYS
 from .cases import ModelCase, resolve_case
+from .features import mode_roles
 from .named_models import check_parameters, fit_baseline, is_network, require_networks
 from .reading import read_case_inputs
 from .ridge import PairRegressor
@@ -282,7 +283,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         history : DataFrame or None
             Rows up to the origin, with ``zeta`` as far as it is known; None: the end of the training table.
         future : DataFrame
-            The rows right after it with their known inputs; a ``zeta`` in it is not read.
+            The rows right after it with their known inputs; a ``zeta`` in it is not read, nor is the plant up to
+            ``horizon`` where the case reads it in the past only.
 
         Returns
         -------
@@ -297,6 +299,8 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         """
         check_is_fitted(self)
         refuse_no_frames(history, future)
+        if self.case_ is not None and not {"i_heat", "i_cool"} & {*self.case_.future} and len(future) <= self._n_leads:
+            future, _ = fill_ahead(future, [self._column_of(role) for role in mode_roles(self._tail.inputs)])
         ahead = unmeasured(self._read_X(future), self._tail)
         past = self._tail if history is None else self._read_past(history)
         refuse_other_clock(ahead, past)
