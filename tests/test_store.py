@@ -345,7 +345,7 @@ def test_a_function_of_a_file_of_ones_own_is_told_apart_by_its_code(tmp_path, mo
         assert len(set(same_use)) == 5
         assert same_use[0] == same_use[-1]
     assert as_plain(mean_squared_error) == "sklearn.metrics._regression.mean_squared_error"
-    assert as_plain(candidate_id) == "skhybrid.model_selection.search.fingerprint.candidate_id"
+    assert as_plain(candidate_id) == "skhybrid.model_selection.search.candidates.candidate_id"
 
 
 def _imported(path, text, number):

@@ -20,7 +20,8 @@ from .._sqlite import open_database, table_of_others, transaction
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import check_settings
-from ..persistence import check_model_file, load_model, save_model
+from ..persistence import load_model, save_model
+from ..persistence.model_file import check_model_file
 from .journal import Journal, is_journal
 
 _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
