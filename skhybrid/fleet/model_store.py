@@ -21,7 +21,7 @@ from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import check_settings
 from ..persistence import load_model, save_model
-from ..persistence.model_file import check_model_file
+from ..persistence.model_file import checked_archive
 from .journal import Journal, is_journal
 
 _MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
@@ -83,7 +83,7 @@ class ModelStore:
     def is_whole(self, zone: str) -> bool:
         """Whether the files of a zone can be read and are as they were saved."""
         try:
-            check_model_file(self._model_of(zone, self.journal(zone)))
+            checked_archive(self._model_of(zone, self.journal(zone)))
         except (OSError, ValueError):
             return False
         return True

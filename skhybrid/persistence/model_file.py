@@ -125,7 +125,7 @@ def load_model_and_metadata(path: str | os.PathLike[str]) -> tuple[Any, dict[str
     FileNotFoundError, skhybrid.exceptions.ModelFileError
         As :func:`load_model`.
     """
-    found = _decode(_checked(path), path)
+    found = _decode(checked_archive(path), path)
     if type(found) is not dict:  # a model alone
         return found, {}
     texts = found.get("metadata")
@@ -134,23 +134,8 @@ def load_model_and_metadata(path: str | os.PathLike[str]) -> tuple[Any, dict[str
     return found["model"], {str(key): str(text) for key, text in texts.items()}
 
 
-def check_model_file(path: str | os.PathLike[str]) -> None:
-    """Refuse a file that :func:`load_model` would refuse by its first line or its checksum, without building the model.
-
-    Parameters
-    ----------
-    path : path-like
-
-    Raises
-    ------
-    FileNotFoundError, skhybrid.exceptions.ModelFileError
-        As :func:`load_model`.
-    """
-    _checked(path)
-
-
-def _checked(path: str | os.PathLike[str]) -> bytes:
-    """The archive of a file of this version that is as it was saved."""
+def checked_archive(path: str | os.PathLike[str]) -> bytes:
+    """The archive of a file, which must be of this version and as it was saved."""
     version, digest, body = _read(path)
     if _digest(version, body) != digest:
         raise ModelFileError(f"{path} was truncated or altered after it was saved; save the model again.")
