@@ -88,7 +88,10 @@ def _yesterday(views: Mapping[str, ZoneView], several: bool) -> str:
     """The last forecast that is over, if there is one, and what was measured."""
     head, rows = "<h2>Forecast and measured</h2>\n", {}
     origin: pd.Timestamp | None = None
-    for zone, past in ((zone, view.past) for zone, view in views.items() if view.past["T_za"].notna().any()):
+    for zone, view in views.items():
+        past = view.past
+        if past.empty or past["T_za"].isna().all():
+            continue
         last = past[past["origin"] == past["origin"].max()].set_index("time")
         origin = last["origin"].iloc[0] if origin is None else origin
         measured = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"})
@@ -105,8 +108,8 @@ def _yesterday(views: Mapping[str, ZoneView], several: bool) -> str:
 
 def _week(views: Mapping[str, ZoneView], several: bool) -> str:
     """The forecasts and measurements of the last days."""
-    past = {zone: compared(view.past).assign(zone=zone) for zone, view in views.items()}
-    known = [rows for rows in past.values() if rows["origin"].nunique() >= 2 and rows["y_true"].notna().any()]
+    past = [compared(view.past).assign(zone=zone) for zone, view in views.items() if len(view.past)]
+    known = [rows for rows in past if rows["origin"].nunique() >= 2 and rows["y_true"].notna().any()]
     if not known:
         return ""
     frames, draw = {"forecast": pd.concat(known, ignore_index=True)}, weeks_figure if several else backtest_figure
