@@ -17,7 +17,7 @@ from _study_store import read_results
 
 from skhybrid.forecasting.cases import NETWORKS, TIME_FEATURES, cases_of
 from skhybrid.model_selection import CaseChoice, PatternExpressiveness, RobustnessComparison, select_case
-from skhybrid.model_selection.choice.results_table import INGREDIENTS
+from skhybrid.model_selection.choice.regression_terms import INGREDIENTS
 
 BY = ("name", "disturbance")
 IDENTITY = ["framework", "case", "disturbance", "name"]

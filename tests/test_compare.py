@@ -16,15 +16,8 @@ from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, Periodi
 from skhybrid.datasets import make_office
 from skhybrid.identification import make_state_space
 from skhybrid.model_selection import RollingOriginSplit, compare_models
-from skhybrid.model_selection.recommendation import (
-    Assessment,
-    _within_standard_error,
-    hold_out,
-    likelihood_ratio,
-    log_density,
-    nesting,
-    recommend,
-)
+from skhybrid.model_selection.assessment import Assessment, hold_out, log_density
+from skhybrid.model_selection.recommendation import _within_standard_error, likelihood_ratio, nesting, recommend
 from skhybrid.model_selection.splitters import default_split
 
 SMALL = {"C_w": 6.0, "C_za": 1.0, "R_zw": 1.5, "R_zo": 6.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}

@@ -26,7 +26,8 @@ from skhybrid.inspection import (
     StepResponseDisplay,
 )
 from skhybrid.inspection._style import time_axis
-from skhybrid.inspection.zone_panels import blank_axes, weeks_figure
+from skhybrid.inspection.unshown_figure import blank_axes
+from skhybrid.inspection.zone_panels import weeks_figure
 from skhybrid.model_selection import backtest
 
 pytestmark = pytest.mark.usefixtures("closed_figures")

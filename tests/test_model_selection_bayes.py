@@ -29,7 +29,8 @@ from skhybrid.model_selection.choice.case_rules import (
     _overview,
     _with_helpful_ingredients,
 )
-from skhybrid.model_selection.choice.results_table import build_terms, finished, ingredients
+from skhybrid.model_selection.choice.regression_terms import build_terms
+from skhybrid.model_selection.choice.results_table import finished, ingredients
 from skhybrid.persistence import load_model, save_model
 
 pytestmark = pytest.mark.usefixtures("closed_figures")

@@ -328,8 +328,7 @@ class ScheduleScheme(Scheme):
         if ahead.T_za is not None:
             temperature, zeta = np.append(ahead.T_za, temperature), np.append(blend.heat_now(views), zeta)
         bends = bends_at(network.fit, network.forecast_state(0), plan.inputs, plan.values)
-        bent = np.asarray(bends.slope.any(axis=0))
-        return AffinePaths(temperature, zeta, gain, bent, blend.recent_errors())
+        return AffinePaths(temperature, zeta, gain, bends.bent, blend.recent_errors())
 
     def stages(self) -> dict[str, float]:
         return {role: max(1.0, most) for role, most in self._physics.fit_.plan.max_stages}

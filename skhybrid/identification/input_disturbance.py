@@ -7,7 +7,7 @@ from typing import Literal
 from .._arguments import is_number, store_arguments
 from .._table import ZoneTable
 from ..thermal import Parameter, RCNetwork
-from .disturbance_models import InputRandomWalk
+from .disturbance_models import InputRandomWalk, measurement_variance
 from .experiment import Experiment
 from .gain_filter import GainFilter
 from .least_squares import LeastSquaresIdentifier
@@ -60,6 +60,9 @@ class InputDisturbanceID(LeastSquaresIdentifier):
 
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         return scaled_innovations(self.filtered_network_, table, segment, self.noise_std_)
+
+    def _measurement_variance(self, hours: float) -> float:
+        return measurement_variance(hours, self.measurement_sd)
 
     def _steady_variance(self, kalman: GainFilter) -> float:
         return steady_variance(kalman)

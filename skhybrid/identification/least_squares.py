@@ -101,9 +101,12 @@ class LeastSquaresIdentifier(NetworkIdentifier):
     def _make_filter(self, problem: PredictionErrorProblem) -> GainFilter:
         network, experiment = problem.network, problem.experiment
         d = network.discrete(self._theta, experiment.roles, experiment.hours)
-        R = measurement_variance(experiment.hours, getattr(self, "measurement_sd", None))
+        R = self._measurement_variance(experiment.hours)
         plain = GainFilter(network, d.A, d.B, 1.0, walk_noise(network, 0.0, 0.0), R)
         return replace(plain, Q=walk_noise(network, *self._walk(plain, experiment)))
+
+    def _measurement_variance(self, hours: float) -> float:
+        return measurement_variance(hours)
 
     def _steady_variance(self, kalman: GainFilter) -> float:
         """Variance of an error that many measured rows precede, in the unit of the problem's variances."""

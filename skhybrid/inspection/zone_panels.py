@@ -1,9 +1,8 @@
-"""Figures for files, which pyplot neither shows nor keeps: blank ones, and those with a panel per zone."""
+"""Figures with a panel per zone, for files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -12,29 +11,9 @@ import pandas as pd
 from ._forecast import DayAheadDisplay, ForecastDisplay
 from ._room_map import RoomMapDisplay
 from ._style import MARKERS, NARROW, legend, line_style, shared_legend, tidy
+from .unshown_figure import blank_axes
 
 _ROW = 1.75  # height of a panel [in]
-
-
-def blank_axes(n_rows: int, figsize: tuple[float, float], n_columns: int = 1, share: bool = True) -> tuple[Any, Any]:
-    """Make a figure that pyplot does not keep in memory, and its (n_rows * n_columns,) axes, row by row."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=figsize, layout="constrained")
-    axes = figure.subplots(n_rows, n_columns, sharex=share, squeeze=False)
-    return figure, axes.ravel()
-
-
-def svg_text(figure: Any, salt: str) -> str:
-    """A figure as SVG with its texts as texts; identifiers depend on the salt and the figure alone."""
-    import matplotlib as mpl
-
-    buffer = StringIO()
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt}):
-        for ax in figure.axes:
-            ax.patch.set_visible(False)
-        figure.savefig(buffer, format="svg", facecolor="none", metadata={"Date": None})
-    return buffer.getvalue()
 
 
 def days_figure(forecasts: Mapping[str, pd.DataFrame], width: float = 9.0, power: str = "kW") -> Any:

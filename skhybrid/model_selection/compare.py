@@ -14,7 +14,8 @@ from joblib import Parallel, delayed
 from .._arguments import check_level, check_n_jobs
 from .._warnings import first_sentence
 from ..identification import Diagnostics
-from .recommendation import FORMATS, assess, comparison_table, likelihood_ratio_tests, ranked, recommend
+from .assessment import assess
+from .recommendation import FORMATS, comparison_table, likelihood_ratio_tests, ranked, recommend
 from .splitters import default_split
 
 

@@ -22,6 +22,11 @@ class Bends(NamedTuple):
     heat: np.ndarray  # (N, m) [kW]
     slope: np.ndarray  # (N, m) [kW per unit of the stage]
 
+    @property
+    def bent(self) -> np.ndarray:
+        """(m,) bool, inputs with bends."""
+        return np.asarray(self.slope.any(axis=0))
+
 
 def emitting(fit: LeadFit, state: OriginState) -> tuple[np.ndarray, np.ndarray]:
     """Transition (n + 1, n + 1) with the emitter's heat as one more state, and the effect (n + 1,) of 1 kW."""
@@ -113,7 +118,7 @@ def scheduled_linear_network(
         np.append(state.nodes, state.emitter) + reference,
         forcing_by(M, segment, heat) + reference - A @ reference,
         (*(f"T_{node}" for node in fit.plan.network.nodes), "Q_emitter"),
-        np.asarray(bends.slope.any(axis=0)),
+        bends.bent,
     )
 
 

@@ -13,7 +13,8 @@ from ..._arguments import check_level
 from ...forecasting import ModelCase
 from ..search.design_matrix import IDENTITY
 from .pattern_expressiveness import PatternExpressiveness
-from .results_table import case_of, finished, framework_label, ingredients
+from .regression_terms import framework_label
+from .results_table import case_of, finished, ingredients
 from .robustness_comparison import RobustnessComparison
 
 _BY = ("name", "disturbance")

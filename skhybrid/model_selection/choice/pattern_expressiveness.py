@@ -13,7 +13,8 @@ from ..._arguments import check_bool, check_integer, check_level, check_rate, st
 from ..._transaction import unchanged_on_failure
 from ...forecasting import ModelCase
 from ...identification.uncertainty import posterior
-from .results_table import RegressionTerms, build_terms, finished
+from .regression_terms import RegressionTerms, build_terms
+from .results_table import finished
 
 _ADVICE = "or leave out terms that the table hardly separates"
 

@@ -14,10 +14,11 @@ import pandas as pd
 
 from ..._files import atomic_path
 from ...inspection import DayAheadDisplay, DisturbanceWeekDisplay, ForecastDisplay, LeadErrorDisplay, ScheduleDisplay
-from ...inspection.zone_panels import blank_axes, measured_and_setpoint, svg_text
+from ...inspection.unshown_figure import blank_axes, svg_text
 from ...inspection.zone_panels import days_figure as days_figure
 from ...inspection.zone_panels import errors_figure as errors_figure
 from ...inspection.zone_panels import map_figure as map_figure
+from ...inspection.zone_panels import measured_and_setpoint
 from ...inspection.zone_panels import weeks_figure as weeks_figure
 from ..compared_models import HYBRID
 
