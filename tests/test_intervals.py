@@ -198,6 +198,20 @@ def test_a_factor_stretches_an_interval_about_its_median(learned):
     np.testing.assert_allclose(wide, expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize("spread", [0.3, 3.0])
+def test_a_further_error_leaves_the_share_that_an_interval_holds(spread):
+    """Loads are nearly zero for most of the time, so that their errors have a centre of no width and long tails."""
+    clock, rng = clock_of(80), np.random.default_rng(1)
+    own = rng.exponential(size=(2, *clock.lead.shape)) * (rng.random((2, *clock.lead.shape)) < 0.3)
+    intervals, further = LeadIntervals().fit(own[0], clock), np.full(DAY, spread)
+    both = own[1] + rng.normal(0.0, spread, clock.lead.shape)
+    held = []
+    for i in range(len(both)):
+        low, high = intervals.offsets(clock.rows(slice(i, i + 1)), [0.1, 0.9], further=further).T
+        held.append((both[i] >= low) & (both[i] <= high))
+    assert 0.76 < np.mean(held) < 0.86
+
+
 def test_intervals_of_what_was_always_right_have_no_width():
     """Such as the load of a plant that was off, until it runs."""
     past, one = clock_of(14, per_day=1), clock_of(1, per_day=1)

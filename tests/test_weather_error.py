@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import Ridge
 
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor
-from skhybrid._table import ZoneTable, read_table
+from skhybrid._table import ZoneTable, append_tables, read_table
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
 from skhybrid.forecasting import WeatherError
@@ -201,6 +201,22 @@ def test_intervals_read_no_weather_after_the_horizon(office, models, name):
     sunny = X.assign(q_sol=X["q_sol"].where(np.arange(len(X)) < end, X["q_sol"] + 0.5))
     found = [models[name].predict_quantiles_from(rows, [100], weather_error="high") for rows in (X, sunny)]
     np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("taken_in", [0, 3 * 96])
+def test_forecasts_under_other_weather_are_those_of_each_table(office, taken_in):
+    """They adapt to the history as the forecast does whose intervals they widen."""
+    model = HybridPredictor(network="2R2C", known={"Q_h": 6.0}).fit(office.X[: 12 * 96], office.y[: 12 * 96])
+    if taken_in:
+        model.update(office.X[12 * 96 : 12 * 96 + taken_in])
+    scheme, later = model._present_scheme(), model._read_X(office.X[12 * 96 + taken_in :])
+    following = append_tables(scheme.rows.end(), later)
+    last = following.n_history - 1  # the last known row
+    for table, origin in ((following, last), (following, last + 40), (following, last + 97), (later, 97)):
+        tables = [table, *(WeatherError("high").forecast(table, origin, N_LEADS, draw) for draw in (1, 2))]
+        each = [scheme.forecast(one, np.array([origin]), N_LEADS).temperature[0] for one in tables]
+        assert np.abs(each[1] - each[0]).max() > 0.1
+        np.testing.assert_allclose(scheme.forecast_each(tables, origin, N_LEADS), each, rtol=0, atol=1e-9)
 
 
 def test_other_regressors_are_refused(office, models):

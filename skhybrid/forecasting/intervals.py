@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.special import ndtri
 
 from .._calendar import N_CELLS
 
@@ -27,7 +28,6 @@ _INDEPENDENT_PER_DAY = 2.0  # independent errors per day: those of a day-ahead f
 #: ends of the groups of leads that share a shape [h], and the lead at which each shape holds; between them it blends
 _GROUP_ENDS, _GROUP_LEADS = (2.0, 8.0), (1.0, 4.0, 16.0)
 _BIN_RATIO = 1.35  # largest ratio of two leads in one bin of the scale
-_SIGMA_LEVELS = (0.1587, 0.5, 0.8413)  # of a normal error: its outer two are two standard deviations apart
 _SCORED_LEVELS = (0.5 - _SCORED_PROBABILITY / 2, 0.5, 0.5 + _SCORED_PROBABILITY / 2)
 _SHAPE_LEVELS = (np.arange(200) + 0.5) / 200
 LEAST_ERRORS = 20  # fewest errors that intervals are learned from
@@ -120,15 +120,16 @@ class LeadIntervals:
 
         ``clock`` has one origin.  ``recent`` has errors of earlier paths, one row per path, and their clock, on which
         ``now`` is the time of the origin [days]; only errors known at ``now`` are read.  ``further`` (n_leads,) is the
-        standard deviation of an independent error, by which the interval is wider.  ``factor`` (:meth:`factor_at`)
-        stretches it about its median.
+        standard deviation of an independent normal error, by which the interval is wider.  ``factor``
+        (:meth:`factor_at`) stretches it about its median.
         """
         if further is not None or factor != 1.0:
-            both = self.offsets(clock, [*_SIGMA_LEVELS, *quantiles], recent, now)
-            (low, middle, high), own = both[:, :3].T, both[:, 3:]
-            sigma = np.maximum(high - low, 1e-9) / 2.0
-            wider = factor if further is None else np.hypot(factor, further / sigma)[:, None]
-            return middle[:, None] + (own - middle[:, None]) * wider
+            middle, *own = self.offsets(clock, [0.5, *quantiles], recent, now).T
+            off = factor * (np.stack(own, axis=1) - middle[:, None])
+            if further is not None:  # as the quantiles of a normal error with another
+                of_other = further[:, None] * ndtri(quantiles)
+                off = np.copysign(np.hypot(off, of_other), of_other)
+            return middle[:, None] + off
         levels = np.asarray(quantiles, dtype=np.float64)
         standard, age, of_recent = np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0))
         if recent is not None and now is not None and recent[0].size:

@@ -162,7 +162,7 @@ class QuantileForecastMixin(RollingForecastMixin):
         clock, past_clock = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
         further: Any = None
         if weather is not None and len(origins):
-            further = weather_spreads(weather, table, origins, n_leads, partial(self._unadapted, n_leads=n_leads))
+            further = weather_spreads(weather, table, origins, n_leads, partial(self._each_path, n_leads=n_leads))
         out = np.empty((*paths.shape, len(levels)))
         for i, origin in enumerate(origins):
             own = np.flatnonzero(np.isin(past, earlier[i]))
@@ -173,9 +173,9 @@ class QuantileForecastMixin(RollingForecastMixin):
             out[i] = intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, wider, factor)
         return paths, out
 
-    def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        """Forecasts for what a change of inputs does, which need not learn from the history."""
-        return self._forecast(table, origins, n_leads)
+    def _each_path(self, tables: Sequence[ZoneTable], origin: int, n_leads: int) -> np.ndarray:
+        """(n_tables, 1, n_leads) forecasts from one origin of tables that differ after it only."""
+        return np.array([self._forecast(table, np.array([origin]), n_leads) for table in tables])
 
 
 def read_quantiles(quantiles: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -176,19 +176,19 @@ def weather_spreads(
     table: ZoneTable,
     origins: np.ndarray,
     n_leads: int,
-    paths_of: Callable[[ZoneTable, np.ndarray], np.ndarray],
+    paths_of: Callable[[Sequence[ZoneTable], int], np.ndarray],
 ) -> np.ndarray:
     """(n_origins, n_kinds, n_leads) spread of what errors of the weather change in forecasts of some kinds.
 
-    ``paths_of`` gives (n_kinds, n_leads) forecasts of a table from one origin.  The spread is the standard deviation of
-    a normal error that has the same 80 % interval: changes have long tails.  It is found at the first, second, fourth,
-    eighth ... origin, and holds up to the next of them.
+    ``paths_of`` gives (n_tables, n_kinds, n_leads) forecasts from one origin of tables that differ after it only.  The
+    spread is the standard deviation of a normal error that has the same 80 % interval: changes have long tails.  It is
+    found at the first, second, fourth, eighth ... origin, and holds up to the next of them.
     """
 
     def changes_from(origin: int) -> np.ndarray:
         known = table.rows(slice(origin + 1 + n_leads)).replace(n_history=table.n_history)  # as in a forecast
         draws = (weather.forecast(known, origin, n_leads, draw) for draw in range(1, _DRAWS + 1))
-        plain, *drawn = (paths_of(rows, np.array([origin])) for rows in (known, *draws))
+        plain, *drawn = paths_of([known, *draws], origin)
         return np.abs(np.array(drawn) - plain)
 
     every = np.unique(origins)

@@ -162,10 +162,19 @@ class ScheduleScheme(Scheme):
         blend, rows, moved = self._blend_before(table, origins)
         return self._paths(blend, rows, origins + moved, n_leads, boundary)
 
+    def forecast_each(self, tables: Sequence[ZoneTable], origin: int, n_leads: int) -> np.ndarray:
+        blend, rows, moved = self._blend_before(tables[0], np.array([origin]))
+        ahead, origins = slice(origin + 1, origin + 1 + n_leads), np.full(len(tables), origin + moved)
+        inputs = {role: np.array([table.inputs[role][ahead] for table in tables]) for role in tables[0].inputs}
+        return self._paths(blend, rows, origins, n_leads, inputs).temperature
+
     def _blend_before(self, table: ZoneTable, origins: np.ndarray) -> tuple[RollingBlend, NumberedTable, int]:
         """A blend that is not beyond any of the origins, the rows that it reads, and by how many rows origins move."""
-        blend, moved = self._trained, self.rows.n_rows - table.n_history
-        if table.n_history and origins.min(initial=table.n_rows) + moved >= blend.row:
+        moved = self.rows.n_rows - table.n_history
+        first = origins.min(initial=table.n_rows) + moved
+        blend = self._running.get(self.adapt, self._trained)
+        blend = blend if blend.row <= first else self._trained
+        if table.n_history and first >= blend.row:
             n_back = self._n_back(blend.row, int(origins.max(initial=0)) + moved)
             return blend.fork(), self._last_rows(blend.row - n_back, since_history(table)), moved
         rows, moved = self._numbered(table)

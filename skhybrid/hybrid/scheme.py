@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -123,6 +123,11 @@ class Scheme(ABC):
     @abstractmethod
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> Paths:
         """Forecast from each origin, which may lie in the history; anything at rows beyond the table."""
+
+    def forecast_each(self, tables: Sequence[ZoneTable], origin: int, n_leads: int) -> np.ndarray:
+        """(n_tables, n_leads) temperatures [degC] from one origin of tables that differ after it only."""
+        once = self.adapting(None)  # the network, and so what inputs change, hardly adapts
+        return np.concatenate([once.forecast(table, np.array([origin]), n_leads).temperature for table in tables])
 
     @abstractmethod
     def forecast_ahead(self, future: ZoneTable, T_za: float | None = None) -> Paths:

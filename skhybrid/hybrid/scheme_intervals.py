@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -61,8 +62,8 @@ class HybridQuantilesMixin(QuantileForecastMixin):
         longer = self._scheme.rows.with_earlier(table, table.n_history + missing)
         return super()._quantile_offsets(longer, origins + longer.n_rows - table.n_rows, *args, **kwargs)
 
-    def _unadapted(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
-        return self._scheme.adapting(None).forecast(table, origins, n_leads).temperature
+    def _each_path(self, tables: Sequence[ZoneTable], origin: int, n_leads: int) -> np.ndarray:
+        return self._present_scheme().forecast_each(tables, origin, n_leads)[:, None]
 
     def _first_past(self, table: ZoneTable) -> int:
         if table.utc is None or self._learned_to is None:

@@ -6,6 +6,7 @@ week; the blend has the weights of their errors so far, and its intervals are le
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -234,9 +235,11 @@ class ClosedLoop:
         """(O, 2, n_leads) of what errors of the weather change in load and temperature."""
         once = scheme.adapting(None)  # a change need not learn from the history
 
-        def both(table: ZoneTable, origin: np.ndarray) -> np.ndarray:
-            ahead = {role: values[np.searchsorted(origins, origin)] for role, values in (boundary or {}).items()}
-            return np.concatenate(self.paths(once, table, origin, n_leads, None, limits, None, ahead).paths[:2])
+        def both(tables: Sequence[ZoneTable], origin: int) -> np.ndarray:
+            at = np.array([origin])
+            ahead = {role: values[np.searchsorted(origins, at)] for role, values in (boundary or {}).items()}
+            found = (self.paths(once, table, at, n_leads, None, limits, None, ahead).paths for table in tables)
+            return np.array([np.concatenate(paths[:2]) for paths in found])
 
         return weather_spreads(weather, table, origins, n_leads, both)
 
