@@ -364,7 +364,10 @@ def test_annotated_csv_with_several_tables():
     assert log.frame[burner].dropna().tolist() == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0] * 3
     assert log.frame[burner].first_valid_index() == pd.Timestamp("2024-01-10 00:10:00.5", tz="UTC")
     assert "they hold text: opentherm mode." in " ".join(log.notes)
-    assert influx.read(INFLUX, timezone="Europe/Oslo").frame.index[0].hour == 1
+    in_oslo = influx.read(INFLUX, timezone="Europe/Oslo")
+    assert in_oslo.frame.index[0].hour == 1
+    assert in_oslo.first == pd.Timestamp("2024-01-10 00:10", tz="UTC")
+    assert str(in_oslo.first.tz) == "UTC"  # where a day of windows begins
 
 
 def test_annotated_csv_read_in_pieces_is_the_same(monkeypatch):

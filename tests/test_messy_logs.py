@@ -66,6 +66,34 @@ def test_hours_that_end_at_24_are_labelled_right(write, names):
     assert log.label == "right"
 
 
+@pytest.mark.parametrize(
+    ("stamp", "step", "label"),
+    [
+        ("{:%Y-%m-%dT%H:%M:%SZ}", "1h", "left"),
+        ("{:%Y-%m-%d %H:%M:%S+00:00}", "1h", "left"),
+        ("{:%Y-%m-%d %H:%M} UTC", "1h", "left"),
+        ("{:%Y-%m-%dT%H:%M:%S+02:00}", "2h", "right"),
+        ("{:%Y-%m-%dT%H:%M:%SZ}", "1h", "right"),
+    ],
+)
+@pytest.mark.parametrize("backwards", [False, True])
+def test_the_label_is_guessed_from_stamps_as_they_are_written(write, stamp, step, label, backwards):
+    """A log that begins at midnight in UTC begins an hour later in Berlin, as one does that is stamped at the end."""
+    stamps = pd.date_range("2024-01-15", periods=len(ROOM), freq=step) + pd.Timedelta(step if label == "right" else 0)
+    lines = rows_of([stamp.format(one) for one in stamps]).splitlines()
+    log = read_log(write("Time,Room\n" + "\n".join(lines[::-1] if backwards else lines)), timezone="Europe/Berlin")
+    report = LogReport(log)
+    assert report.assumed_label == label
+    assert any(f"; {label} is assumed." in finding.text for finding in report.findings)
+
+
+def test_the_label_is_guessed_from_the_first_of_two_offsets(write):
+    """Offsets of summer and winter make a log one in UTC, which begins at another hour."""
+    local = pd.date_range("2024-03-30 01:00", periods=len(ROOM), freq="1h", tz="Europe/Berlin")
+    report = LogReport(read_log(write("Time,Room\n" + rows_of([one.isoformat() for one in local]))))
+    assert report.assumed_label == "right"
+
+
 def test_a_year_without_a_number_goes_on_in_the_next(write):
     stamps = pd.date_range("2023-12-31 22:00", periods=4, freq="1h").strftime("%m/%d %H:%M:%S")
     log = read_log(write(f"Date/Time,Room\n{rows_of(stamps)}"), year=2023)

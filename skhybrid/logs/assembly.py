@@ -19,7 +19,7 @@ from .naming import unit_in_name
 from .raw_log import RawLog
 from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_parts import joined_cells
-from .stamps import YEARS, in_zone, line, localize
+from .stamps import YEARS, as_written, in_zone, line, localize
 from .unit_names import is_unit, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
@@ -79,6 +79,7 @@ class Pieces:
     first_line: int = 2  # of the file, that holds the first row
     notes: list[str] = field(default_factory=list)
     label: str | None = None  # "right" where stamps show that they end their rows
+    first: pd.Timestamp | None = None  # the earliest stamp as it is written
 
 
 def assemble_columns(
@@ -249,6 +250,8 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
     pieces.notes.extend(found.notes)
     ends = found.ends_rows or any(map(_ENDS.fullmatch, pieces.stamps))
     pieces.label = "right" if ends else None
+    earliest = int(found.stamps.argmin())
+    pieces.first = as_written(found.stamps[earliest], cells.iloc[earliest])
     return cells, found.stamps
 
 
@@ -334,7 +337,7 @@ def _finish(
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     switches = frozenset(str(name) for name, channel in channels.items() if channel.n_switches)
     modes = frozenset(str(name) for name, channel in channels.items() if channel.is_mode)
-    return RawLog(frame, pieces.format, units, {}, {}, held, pieces.label, notes, switches, modes)
+    return RawLog(frame, pieces.format, units, {}, {}, held, pieces.label, notes, switches, modes, pieces.first)
 
 
 def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:

@@ -44,8 +44,8 @@ class Finding(NamedTuple):
     text: str
 
 
-def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | None) -> Iterator[Finding]:
-    """Remarks on stamps as the log has them, in the order of the log."""
+def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | None, assumed: str) -> Iterator[Finding]:
+    """Remarks on stamps as the log has them, in the order of the log; ``assumed`` is their label where it has none."""
     ticks = index.as_unit("ns").asi8
     if (back := int((np.diff(ticks) < 0).sum())) > 0:
         yield Finding("note", "clock", f"stamps go back {several(back, 'time')}; rows are sorted.")
@@ -72,7 +72,7 @@ def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | Non
         )
     if label is None:
         text = "the log does not say whether a stamp begins (left) or ends (right) the interval of its means"
-        yield Finding("note", "clock", f"{text}; {guessed_label(index, step)} is assumed.")
+        yield Finding("note", "clock", f"{text}; {assumed} is assumed.")
 
 
 def clash(frame: pd.DataFrame) -> str | None:
@@ -101,9 +101,9 @@ def is_local(index: pd.DatetimeIndex) -> bool:
     return "/" in (zone := str(index.tz)) and not zone.startswith("Etc/")
 
 
-def guessed_label(index: pd.DatetimeIndex, step: pd.Timedelta) -> str:
-    """Right where the first day begins one step late, as in files of whole days that are stamped at the end."""
-    return "right" if len(index) and index[0] - index[0].normalize() == step else "left"
+def guessed_label(first: pd.Timestamp, step: pd.Timedelta) -> str:
+    """Right where the first stamp is one step after midnight, as in files of whole days that are stamped at the end."""
+    return "right" if first - first.normalize() == step else "left"
 
 
 def _skipped_hours(index: pd.DatetimeIndex, step: pd.Timedelta) -> str:

@@ -151,7 +151,8 @@ class LogReport:
     @property
     def assumed_label(self) -> str:
         """Label of the stamps: as the log states it, or else as guessed."""
-        return self.label or guessed_label(pd.DatetimeIndex(self.raw.frame.index), self.step)
+        first = self.raw.frame.index[0] if self.raw.first is None else self.raw.first
+        return self.label or guessed_label(first, self.step)
 
     def electricity(self) -> list[str]:
         """Roles whose column seems to be electricity, not heat."""
@@ -233,10 +234,11 @@ class LogReport:
         return self.frame[~self.frame.index.duplicated()].dropna(how="all").head(_SHOWN_ROWS)
 
     def _find(self, raw: RawLog, channels: list[Channel]) -> list[Finding]:
-        found = list(clock_findings(pd.DatetimeIndex(self.raw.frame.index), self.step, self.label))
+        index = pd.DatetimeIndex(self.raw.frame.index)
+        found = list(clock_findings(index, self.step, self.label, self.assumed_label))
         if (text := clash(self.frame) or clash(raw.frame)) is not None:
             found.append(Finding("error", "clock", text))
-        found += gap_findings(self.gaps, pd.DatetimeIndex(self.raw.frame.index))
+        found += gap_findings(self.gaps, index)
         for channel in (c for c in channels if c.role in self.frame):  # the mode is no quantity
             if n_infinite := int(np.isinf(self.raw.frame[channel.name]).sum()):
                 text = f"{several(n_infinite, 'value')} {'is' if n_infinite == 1 else 'are'} infinite."
@@ -258,8 +260,7 @@ class LogReport:
         found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
         found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
         found += [Finding("warning", self.roles[role], text) for role, text in lost_columns(self.even)]
-        found += set_point_findings(self.even)
-        found += unused_findings(self._given, {c.role for c in channels})
+        found += [*set_point_findings(self.even), *unused_findings(self._given, {c.role for c in channels})]
         columns = {c.role: c.name for c in channels}
         rooms = self.frame.reindex(columns=self._read.rooms).rename(columns=columns)
         if (text := one_after_the_other(rooms)) is not None:

@@ -38,6 +38,8 @@ class RawLog:
         Channels with words such as on and off, which are 1 and 0; a temperature has no value there.
     modes : frozenset of str
         Channels that say whether a thermostat heats (1), cools (-1), does both (2) or is off (0).
+    first : Timestamp, optional
+        The earliest stamp in the zone in which the source writes it, where the index may be in another one.
     """
 
     frame: pd.DataFrame
@@ -50,3 +52,4 @@ class RawLog:
     notes: tuple[str, ...] = ()
     switches: frozenset[str] = frozenset()
     modes: frozenset[str] = frozenset()
+    first: pd.Timestamp | None = None

@@ -63,7 +63,7 @@ def read(path: Path | str, timezone: str | None = None) -> RawLog:
     if text - set(found):
         notes.append(f"left out, because they hold text: {some_of(text - set(found))}.")
     units = {name: unit for name in found if (unit := unit_or_energy(name.split(" ")[0]))}
-    return RawLog(frame, "InfluxDB annotated CSV", units, notes=tuple(notes))
+    return RawLog(frame, "InfluxDB annotated CSV", units, notes=tuple(notes), first=index[0])
 
 
 def _tables(file: Path, where: str) -> Iterator[tuple[_Header, list[list[str]], int]]:
