@@ -12,6 +12,7 @@ import sklearn
 from sklearn.utils.validation import check_is_fitted
 
 from . import __version__
+from ._holidays import Holidays
 from ._table import ZoneTable
 from ._time import spell
 
@@ -26,6 +27,7 @@ class TrainingRecord:
     step: pd.Timedelta
     versions: dict[str, str]  # by package
     ranges: dict[str, tuple[float, float]]  # lowest and highest value of each input, by role
+    holidays: Holidays  # which hold in forecasts too
 
     @classmethod
     def of(cls, table: ZoneTable, latest: ZoneTable | None = None) -> TrainingRecord:
@@ -40,7 +42,7 @@ class TrainingRecord:
         if latest is not None:
             first, last = (part.time if part.utc is None else part.utc for part in parts)
             n_rows = round((last[-1] - first[0]) / table.step) + 1
-        return cls(table.index[0], parts[-1].index[-1], n_rows, table.step, versions, ranges)
+        return cls(table.index[0], parts[-1].index[-1], n_rows, table.step, versions, ranges, table.holidays)
 
     def facts(self) -> dict[str, str]:
         """Span and versions as text."""

@@ -124,15 +124,9 @@ class ZoneTable:
 
     def rows(self, chosen: slice) -> ZoneTable:
         """The chosen consecutive rows, as views."""
-        return ZoneTable(
-            {role: v[chosen] for role, v in self.inputs.items()},
-            {role: v[chosen] for role, v in self.history.items()},
-            *self.stamps.rows(chosen),
-            self.step,
-            order=self.order,
-            named=self.named,
-            holidays=self.holidays,
-        )
+        inputs, history = ({role: v[chosen] for role, v in part.items()} for part in (self.inputs, self.history))
+        kept: dict[str, Any] = {"order": self.order, "named": self.named, "holidays": self.holidays}
+        return ZoneTable(inputs, history, *self.stamps.rows(chosen), self.step, **kept)
 
     def owned(self) -> ZoneTable:
         """A copy in arrays of its own, which keeps no longer table in memory."""
@@ -230,8 +224,10 @@ def read_table(
             f"X has a sampling time of {spell(table.step)}, but {type(estimator).__name__} was fitted at "
             f"{spell(expected_step)}; resample it with skhybrid.datasets.regularize."
         )
-    if not reset:  # what was learned by the hour holds in the time zone of the training
-        table = table.replace(time=clock_of_training(table.stamps, getattr(estimator, "training_", None)))
+    if not reset:  # what was learned by hour and day holds in the time zone and with the holidays of the training
+        training = getattr(estimator, "training_", None)
+        table = table.replace(time=clock_of_training(table.stamps, training))
+        holidays = getattr(training, "holidays", holidays)
     return table if holidays is None else table.replace(holidays=read_holidays(holidays, table.index))
 
 

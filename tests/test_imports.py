@@ -74,7 +74,7 @@ STRICT = {
     "_target": {"_arguments", "_warnings", "exceptions"},
     "_columns": {"_arguments", "_warnings", "exceptions"},
     "_table": {"_clock", "_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
-    "_summary": {"_table", "_time"},
+    "_summary": {"_holidays", "_table", "_time"},
     "_joining": {"_arguments", "_clock", "_ranges", "_table", "_time", "_warnings", "exceptions"},
     "_rolling": {"_joining", "_summary", "_table", "_threads", "_time", "exceptions"},
 }

@@ -184,8 +184,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"like={like!r} must be an ARXRegressor with the same objective; leave it out.")
         if like is not None:
             check_is_fitted(like)
-        if self.adapt not in (None, "refit"):
-            raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
+        self._check_adapt()
         if self.objective not in ("one_step", "multi_step"):
             raise ValueError(f"objective={self.objective!r} is not known; use 'one_step' or 'multi_step'.")
         for name in ("n_lags", "n_input_lags"):
@@ -197,6 +196,10 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         check_rate("alpha", self.alpha)
         if self.prior is not None:
             raise ValueError(f"alpha={self.alpha!r} does nothing beside prior=, which takes its place; leave one out.")
+
+    def _check_adapt(self) -> None:
+        if self.adapt not in (None, "refit"):
+            raise ValueError(f"adapt={self.adapt!r} is not known; use None or 'refit'.")
 
     def _choose_alpha(self, view: ARXData, pairs: Pairs) -> float:
         """The penalty with the lowest forecast error in left-out blocks, each at least two horizons long."""
@@ -264,6 +267,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         return first if np.isfinite(first) else self.design_.T_mean
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        self._check_adapt()  # which may have been set since ``fit``
         view = self.design_.view(table, table.measured())
         coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, self._n_learned(table))
         return self.design_.iterate(view, origins, n_leads, coefs)

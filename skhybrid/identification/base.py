@@ -150,6 +150,7 @@ class NetworkIdentifier(ForecastingNetwork):
         kalman = self._store(SearchResult(problem, best, minima, table, parameters, idle))
         self._warn_shares(network)
         self.sampling_time_ = table.step
+        self._warmup_rows = rows_covering(self.warmup, table.step)
         self.training_ = TrainingRecord.of(table)
         self.state_space_ = state_space_of(network, self._theta, experiment.roles, table.step)
         self._plant = plant_of(network, self._theta, table)
@@ -168,8 +169,7 @@ class NetworkIdentifier(ForecastingNetwork):
 
     def _know(self, kalman: GainFilter, table: ZoneTable, experiment: Experiment, first_state: FirstState) -> None:
         """Take a table as the known rows, from which forecasts go on."""
-        keep = rows_covering(self.warmup, table.step)
-        self.filtered_network_ = filter_training(kalman, table, experiment, first_state, keep)
+        self.filtered_network_ = filter_training(kalman, table, experiment, first_state, self._warmup_rows)
         self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
 
     def _prepare(self, X: Any, y: Any) -> tuple[RCNetwork, ZoneTable, Experiment, tuple[Parameter, ...]]:

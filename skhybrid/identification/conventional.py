@@ -72,11 +72,11 @@ class GrayBoxRC(LeastSquaresIdentifier):
         return setting
 
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
-        return simulation_errors(self.filtered_network_, table, self.warmup, self.noise_std_)
+        return simulation_errors(self.filtered_network_, table, self._warmup_rows, self.noise_std_)
 
     def _forecast_start(self, table: ZoneTable, origins: np.ndarray, n: int) -> ForecastStart:
         """The state from a Kalman filter over the last warm-up before each origin; no disturbance."""
-        known, span = self.filtered_network_, rows_covering(self.warmup, table.step)
+        known, span = self.filtered_network_, self._warmup_rows
         kalman, experiment = known.kalman, known.experiment(table)
         free_run = known.open_loop(experiment, known.open_start(table))
         plain = without_disturbance(kalman, experiment.hours)

@@ -23,7 +23,6 @@ from .._joining import (
 )
 from .._table import UNLIMITED, ZoneTable, append_tables, plant_roles, refuse_gap
 from .._threads import one_blas_thread
-from .._time import rows_covering
 from .._transaction import unchanged_on_failure
 from ..control import (
     AffineForecast,
@@ -61,6 +60,7 @@ class ForecastingNetwork(NetworkModel):
 
     state_space_: StateSpace
     sampling_time_: pd.Timedelta
+    _warmup_rows: int  # of the warm-up, as it was in ``fit``
     _acts_on = "input"  # what the model expects beyond the network: heat, or (output) a temperature
 
     def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
@@ -105,7 +105,7 @@ class ForecastingNetwork(NetworkModel):
         experiment, now = known.experiment(whole), known.rolling
         states = known.kalman.run(experiment, now.tail_start)
         path = known.open_loop(experiment, now.tail_open)
-        keep = min(whole.n_rows, rows_covering(self.warmup, table.step) + 1)
+        keep = min(whole.n_rows, self._warmup_rows + 1)
         rolling = kept_end(self.network_, whole, experiment, states, path, keep)
         self.filtered_network_ = replace(known, rolling=rolling)
         return self

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .._table import ZoneTable
-from .._time import rows_covering
 from ..filtering import Model, Prediction, one_step_errors, simulate_path
 from .disturbance_models import Conventional, first_state, take_searched
 from .filtered_network import FilteredNetwork
@@ -55,10 +54,10 @@ def steady_variance(kalman: GainFilter) -> float:
     return mean
 
 
-def simulation_errors(filtered: FilteredNetwork, table: ZoneTable, warmup: Any, noise_std: float) -> Innovations:
+def simulation_errors(filtered: FilteredNetwork, table: ZoneTable, warmup_rows: int, noise_std: float) -> Innovations:
     """CONV: a Kalman filter over the warm-up sets the state, then the network is simulated (paper 2.2.1)."""
     kalman, experiment = filtered.kalman, filtered.experiment(table)
-    setting, n_rows = Conventional(rows_covering(warmup, table.step)), len(experiment.y)
+    setting, n_rows = Conventional(warmup_rows), len(experiment.y)
     plain = without_disturbance(kalman, experiment.hours)
     warm, state = setting.filtered(n_rows), first_state(kalman.network, experiment.firsts)
     if warm:
