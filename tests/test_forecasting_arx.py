@@ -187,6 +187,8 @@ def test_no_horizon_simulates_from_the_first_row():
     [
         ({"adapt": "full"}, "adapt='full' is not known; use None or 'refit'"),
         ({"n_lags": 0}, "n_lags=0 must be an integer of at least 1"),
+        ({"n_lags": 10_000}, "n_lags=10000 is more than half of the 672 rows of the training table; give fewer lags"),
+        ({"n_input_lags": 337}, "n_input_lags=337 is more than half of the 672 rows of the training table"),
         ({"calendar": "no"}, "calendar='no' must be True or False"),
         ({"intervals": None}, "intervals=None must be True or False"),
         ({"alpha": 0.0}, r"alpha=0.0 is outside \(0, inf\)"),

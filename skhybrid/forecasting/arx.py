@@ -27,6 +27,7 @@ from .reading import read_training, read_zone
 _ALPHAS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 _DEFAULT_ALPHA = 10.0
 _MIN_BLOCKS, _MAX_BLOCKS = 3, 6  # left-out blocks of the choice of alpha
+_USUAL_LAGS = 24
 _MOST_DAYS = 2  # longest lead of the multi-step objective [days]
 
 
@@ -51,7 +52,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     intervals : bool, default True
         Whether ``fit`` learns the intervals of :meth:`predict_quantiles`.
     n_lags, n_input_lags : int, default 24 and 8
-        Rows of temperature, and of every input.
+        Rows of temperature, and of every input; more than 24 may be at most half of the rows of the training table.
     calendar : bool, default True
         Whether to use hour x weekday/weekend dummies.
     alpha : float, optional
@@ -130,6 +131,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self._check_parameters(like)
         table, T = read_training(self, X, y)
         self._check_spans(table.step)
+        self._check_lags(table.n_rows)
         self.input_names_ = list(table.inputs)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self._solve(table, T, like)
@@ -196,6 +198,15 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         check_rate("alpha", self.alpha)
         if self.prior is not None:
             raise ValueError(f"alpha={self.alpha!r} does nothing beside prior=, which takes its place; leave one out.")
+
+    def _check_lags(self, n_rows: int) -> None:
+        """Refuse lags that leave less than half of the rows to learn from; the usual ones are taken of any table."""
+        for name in ("n_lags", "n_input_lags"):
+            if (lags := getattr(self, name)) > max(n_rows // 2, _USUAL_LAGS):
+                raise ValueError(
+                    f"{name}={lags} is more than half of the {n_rows} rows of the training table; give fewer lags, or "
+                    "more rows."
+                )
 
     def _check_adapt(self) -> None:
         if self.adapt not in (None, "refit"):
