@@ -131,6 +131,28 @@ def test_a_forecast_from_an_older_log_is_not_archived(log, zone, cheap, tmp_path
     assert tables(zone) == before
 
 
+def test_a_status_says_that_other_set_points_were_in_force(log, zone, cheap, monkeypatch, tmp_path):
+    """Errors of a forecast under other set-points are none of the model."""
+    told = []
+    for first, moved in ((DAYS, 0.1), (DAYS + 1, -3.0)):
+
+        def at_a_set_point(zone, frame, weather=None, schedule=None, moved=moved):
+            frame = _same_as_now(zone, frame).frame
+            return DayAhead(frame.assign(T_heat_set=log["T_heat_set"].reindex(frame.index) + moved), {}, ())
+
+        monkeypatch.setattr(zone_folder, "day_ahead", at_a_set_point)
+        for day in (first, first + 1):
+            zone.tick(write(log, tmp_path / "log.csv", day))
+        told.append([why for one in zone.status()["verdicts"] for why in one["reasons"] if "set-points" in why])
+    last = log.iloc[24 * (DAYS + 2) - 1]
+    at = last.name.tz_convert("UTC")
+    assert told[0] == []
+    assert told[1] == 2 * [
+        "in 50 % of the hours forecast other set-points were in force than forecast with, such as T_heat_set "
+        f"{last['T_heat_set']:g} for {last['T_heat_set'] - 3.0:g} degC at {at:%Y-%m-%dT%H:%M:%SZ}"
+    ]
+
+
 def test_a_tick_that_fails_changes_nothing(log, zone, tmp_path):
     source = write(log, tmp_path / "log.csv", DAYS + 1)
     before = tables(zone), zone.model.read_bytes()

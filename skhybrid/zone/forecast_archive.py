@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from .._sqlite import open_database, table_of_others, transaction
+from .._table import SETPOINT_ROLES
 
 _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
@@ -81,8 +82,8 @@ class ForecastArchive:
     def finished(self, since: pd.Timestamp) -> pd.DataFrame:
         """The forecasts from ``since`` on whose rows are all in the past, with what was measured.
 
-        Columns: ``origin``, ``time``, those of the forecast, ``T_za_measured`` [degC], ``Q_hvac_measured`` [kW], and
-        ``u_heat_measured`` [-] for a stage.
+        Columns: ``origin``, ``time``, those of the forecast, ``T_za_measured`` [degC], ``Q_hvac_measured`` [kW], and of
+        stages and set-points such as ``u_heat_measured`` [-] and ``T_heat_set_measured`` [degC].
         """
         named = ", ".join(f'm."{name}" AS "{name}_measured"' for name in self._columns("measured")[1:])
         return self._read(_FINISHED.format(measured=named), _texts(pd.DatetimeIndex([since])))
@@ -177,7 +178,7 @@ class ForecastArchive:
 
     def _insert(self, table: str, frame: pd.DataFrame, values: tuple[str, ...], *keys: Any) -> None:
         """Insert rows, or replace those with the same keys; what the frame lacks is NULL."""
-        values = (*values, *(str(name) for name in frame if str(name).startswith("u_") or name == BEYOND))
+        values = (*values, *(str(name) for name in frame if str(name).startswith(("u_", *SETPOINT_ROLES, BEYOND))))
         known = self._columns(table)
         for name in [name for name in dict.fromkeys(values) if name not in known]:  # a stage or zone that is new
             self.database.execute(f'ALTER TABLE {table} ADD COLUMN "{name}" REAL')

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import plant_roles
+from .._table import SETPOINT_ROLES, plant_roles
 from .._warnings import percent
 from ..study.doubts import OUTSIDE, at_ends, drifted
 from ..study.judgement import NO_SCALE, load_of
@@ -16,6 +16,7 @@ from ..study.verdict import Verdict, compare_errors, judge
 from .forecast_archive import BEYOND
 from .zone_model import ZoneModel
 
+_MOVED = 0.25  # of a set-point, from which on it is another one [K]
 _DAY = pd.Timedelta(days=1)
 
 
@@ -58,7 +59,7 @@ def verdicts_of(
     stamps = pd.DatetimeIndex(pd.to_datetime(rows["time"]))
     known = archive.measured(stamps[0] - _DAY)
     before = known.reindex(stamps - _DAY).set_axis(rows.index)
-    doubts = [*doubts, *_beyond(archive.latest()), *at_ends(zone.predictor.gray_box_)]
+    doubts = [*doubts, *_other_setpoints(rows), *_beyond(archive.latest()), *at_ends(zone.predictor.gray_box_)]
     measured = rows.filter(like="_measured").rename(columns=lambda name: name.removesuffix("_measured"))
     out = [_verdict("temperature", rows, (rows["T_za"], measured["T_za"], before["T_za"]), [*drifted(days), *doubts])]
     roles = [role for role in plant_roles(measured) if role in rows and measured[role].notna().any()]
@@ -78,6 +79,25 @@ def _verdict(quantity: str, rows: pd.DataFrame, values: Sequence[pd.Series], dou
     coverage = _coverage(rows, *(("T_za", "q") if quantity == "temperature" else ("Q_hvac", "Q_hvac")))
     scored = blocks[(forecast - measured).notna()].nunique()
     return judge(quantity, [rule], n_origins=scored, coverage=coverage, doubts=doubts)
+
+
+def _other_setpoints(rows: pd.DataFrame) -> list[str]:
+    """A reason where often other set-points were in force than forecast with."""
+    other = pd.DataFrame(
+        {
+            role: (rows[role] - rows[f"{role}_measured"]).abs() > _MOVED
+            for role in SETPOINT_ROLES
+            if role in rows and f"{role}_measured" in rows
+        },
+        index=rows.index,
+    )
+    share = float(other.any(axis=1).mean())
+    if not share > OUTSIDE:
+        return []
+    role = next(role for role in other if other[role].any())
+    last = rows[other[role]].iloc[-1]
+    text = f"in {percent(share)} of the hours forecast other set-points were in force than forecast with"
+    return [f"{text}, such as {role} {last[f'{role}_measured']:g} for {last[role]:g} degC at {last['time']}"]
 
 
 def _beyond(ahead: pd.DataFrame) -> list[str]:

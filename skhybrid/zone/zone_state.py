@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from .._table import plant_roles
+from .._table import SETPOINT_ROLES, plant_roles
 from .._warnings import several
 from ..logs.standstills import without_standstills
 from ..study.building_study import worst_first
@@ -54,7 +54,8 @@ class ZoneArchive(ForecastArchive):
 
     def _own(self, rows: pd.DataFrame) -> pd.DataFrame:
         own = forecast_of(rows, self._settings, self._zone)
-        return own.assign(**{BEYOND: rows[BEYOND]}) if BEYOND in rows else own
+        shared = [name for name in (BEYOND, *SETPOINT_ROLES) if name in rows and name not in own]
+        return own.join(rows[shared])
 
 
 def archives_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, ForecastArchive]:
