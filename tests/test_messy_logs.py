@@ -249,6 +249,30 @@ def test_values_of_a_failed_sensor_are_missing_and_told(column, values, failed):
     assert any(f"such as {values[0]:g} taken as missing" in found.text for found in report.findings) == failed
 
 
+@pytest.mark.parametrize(
+    ("column", "peak", "code", "failed"),
+    [
+        ("Heat meter (kW)", 5.0, 65535.0, True),
+        ("Heat meter (kW)", 30.0, 655.35, True),
+        ("Heat meter (W)", 5000.0, -32768.0, True),
+        ("Heat meter (W)", 30_000.0, 65535.0, True),
+        ("Heat meter (W)", 50_000.0, 65535.0, False),
+        ("Heat meter (kW)", 10.0, 32.767, True),
+        ("Heat meter (kW)", 400.0, 327.67, False),
+        ("Heating valve (%)", 100.0, 3276.7, True),
+        ("Solar (W/m2)", 900.0, 655.35, False),
+        ("Outdoor temp", 30.0, 32.767, False),
+    ],
+)
+def test_the_end_of_a_register_is_missing_and_told(column, peak, code, failed):
+    """20 rows of 65535 W became 65.5 kW of heat, and those of 65535 kW stopped every fit."""
+    values = peak * (0.6 + 0.4 * np.sin(np.arange(600.0)))
+    values[30:610:30] = code
+    report = LogReport(pd.DataFrame({column: values}, pd.date_range("2024-03-01", periods=600, freq="1h")))
+    assert report.frame.isna().sum().sum() == 19 * failed
+    assert any(f"19 values such as {code:g} taken as missing" in f.text for f in report.findings) == failed
+
+
 @pytest.mark.parametrize(("role", "spike"), [("Q_hvac", 500.0), ("q_sol", 30.0)])
 def test_a_spike_does_not_make_a_column_one_of_watts(role, spike):
     """Of one row of 500 kW, all heat was a thousandth."""

@@ -12,6 +12,9 @@ from .counters import usual_peak
 from .even_steps import typical_step
 
 _CODES = (-999.0, -999.9, -9999.0, -9999.9, -99999.0, 999.0, 999.9, 9999.0, 9999.9, 99999.0)
+_REGISTER = (65535.0, 32767.0, -32768.0)  # ends of the range of 16 bits, which meters show where they have no value
+_DECIMALS = (1.0, 10.0, 100.0, 1000.0)  # by which a register is divided; by the last of W in kW alone
+_ABOVE = 1.5  # times all but the few largest of the others, beyond which an end of a register is none of them
 _HUGE = 1e15  # beyond every quantity; NetCDF fills with 9.97e36
 _FAR = 5.0  # times the range of all but the few largest and smallest of the others, from their middle
 _NEVER_NEGATIVE = ("q_sol", "u_")
@@ -34,10 +37,12 @@ def fill_values(series: pd.Series, role: str, is_counter: bool) -> pd.Series:
     values = series.to_numpy(dtype=np.float64)
     filled = np.abs(values) >= _HUGE
     codes = np.isin(values, _CODES)
-    if codes.any() and not is_counter:
-        others = values[np.isfinite(values) & ~codes & ~filled]
+    registers = np.isin(values, np.divide.outer(_REGISTER, _DECIMALS if role.startswith("Q_") else _DECIMALS[:-1]))
+    if (codes | registers).any() and not is_counter:
+        others = values[np.isfinite(values) & ~codes & ~registers & ~filled]
         low, middle, high = np.quantile(others, [0.01, 0.5, 0.99]) if len(others) else np.zeros(3)
         far = np.abs(values - middle) > _FAR * (high - low)
+        filled |= registers & (np.abs(values) > _ABOVE * np.quantile(np.abs([*others, 0.0]), 0.99))
         filled |= codes & (far | ((values < 0.0) & role.startswith(_NEVER_NEGATIVE)))
     return pd.Series(filled, series.index)
 
