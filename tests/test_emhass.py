@@ -89,6 +89,29 @@ def test_a_network_of_one_capacitance_is_the_law_itself(office):
     assert found.runtime_parameters("thermal_battery")["def_load_config"][0]["thermal_battery"]["efficiency"] == 3.0
 
 
+@pytest.mark.parametrize(
+    ("plant", "sense", "efficiency"),
+    [
+        ({"eer": 4.0}, "heat", 4.0),
+        ({"cop": 3}, "cool", 3.0),
+        ({"cop": 3.0, "eer": 4.0}, "cool", 4.0),
+        ({"cop": [[-10, 2.0], [10, 4.0]]}, "heat", None),
+        ({}, "heat", None),
+    ],
+)
+def test_the_efficiency_is_that_of_the_nominal_power(truth, office, plant, sense, efficiency):
+    """With the performance of one sense only, nominal power counted on it, and the efficiency was left out."""
+    settings = _settings(estimator={"known": dict(office.theta)}, plant=plant)
+    found = emhass_parameters(truth, settings, office.X, sense=sense)
+    assert found.load["thermal_battery"].get("efficiency") == efficiency
+    why = [text for name, text in found.left_out.items() if "carnot_efficiency" in name]
+    assert len(why) == (efficiency is None)
+    if efficiency:
+        assert found.nominal_power == pytest.approx(6000.0 / efficiency, abs=1.0)
+    else:
+        assert ("by outdoor temperature, and EMHASS takes one number" if plant else "give cop in [plant]") in why[0]
+
+
 def test_a_declared_network_gives_the_values_of_its_measured_node(office, truth):
     room = RCNetwork(
         "room first",

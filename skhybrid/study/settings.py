@@ -93,8 +93,8 @@ class Settings:
         Options of the reader of that format, such as ``sheet`` of an Excel file or ``table`` of a database.
     plant : mapping
         ``electricity`` (whether the columns of the plant are electricity, not heat), ``cop`` of heating and ``eer`` of
-        cooling (a number, or pairs ``[T_oa, value]``), and what it can deliver: ``most_heat`` and ``most_cold`` [kW],
-        of one zone.
+        cooling (a number, or pairs ``[T_oa, value]``; one of them alone counts for both), and what it can deliver:
+        ``most_heat`` and ``most_cold`` [kW], of one zone.
     thermostat : mapping
         ``heat`` and ``cool``, the set-points of a day to come [degC]: numbers, or tables of clock time and set-point;
         ``weekend``, a table of those that differ on weekends and holidays.

@@ -133,10 +133,12 @@ def emhass_parameters(
     scaled = is_scaled(gray_box.state_space_.input_names, settings.capacities)
     left_out = _undetermined(found, scaled) | _BY_HAND
     known = {str(name): float(f"{value:.4g}") for name, value in found["value"].items() if name not in left_out}
-    efficiency = settings.plant.get("cop") if sense == "heat" else settings.plant.get("eer", settings.plant.get("cop"))
-    if isinstance(efficiency, int | float):
-        known["efficiency"] = float(efficiency)
+    efficiency = _efficiency(settings, sense)
+    if isinstance(efficiency, float):
+        known["efficiency"] = efficiency
         left_out.pop(_OF_HEAT_PUMP)
+    elif efficiency is not None:
+        left_out[_OF_HEAT_PUMP] = efficiency
     heat = _heat(gray_box, plant, gray_box.theta_)
     power = _electricity(settings, _SIGNS[sense] * heat, rows) if scaled else None
     if power is None:
@@ -193,6 +195,20 @@ def _heat(gray_box: Any, plant: dict[str, float], theta: pd.Series) -> float:
     """Heat or cold at nominal power [kW]."""
     sources = gray_box.network_.sources(plant)
     return float(sum(abs(plant[s.role] * (1.0 if s.parameter is None else theta[s.parameter])) for s in sources))
+
+
+def _efficiency(settings: Settings, sense: str) -> float | str | None:
+    """The coefficient of performance in ``[plant]``, or why it is no efficiency of EMHASS; None where it has none.
+
+    That of one sense counts for both, as in all forecasts.
+    """
+    performance = Performance.of(settings.plant)
+    if performance is None:
+        return None
+    curve = performance.heating if sense == "heat" else performance.cooling
+    if len(curve) == 1:
+        return float(curve[0, 1])
+    return "[plant] has a performance by outdoor temperature, and EMHASS takes one number; read them from the heat pump"
 
 
 def _electricity(settings: Settings, heat: float, rows: pd.DataFrame | None) -> float | None:
