@@ -521,7 +521,10 @@ def test_commands_of_one_zone_refuse_several(command, folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("[columns]", "[plant]\nmost_heat = 8.0\n[columns]"), r"\[plant\] most_heat is of one zone"),
+        (
+            ("[columns]", "[plant]\nmost_heat = 8.0\n[columns]"),
+            r"\[plant\] most_heat is of one zone.*; remove it, and give the limits of zones in Python",
+        ),
         (("[network]", 'Q_cool_hall = "cold"\n[network]'), "has Q_hvac_hall and Q_cool_hall, and a model reads"),
         (("[network]", 'Q_hvac = "heat"\nQ_cool = "cold"\n[network]'), "both sides as Q_heat and Q_cool"),
         (('"hall"]]', '"attic"]]'), "names 'attic'"),

@@ -318,7 +318,10 @@ def _check_zones(settings: Settings) -> None:
     neighbours_of(zones, pairs or ())
     of_one = next((key for key in ("most_heat", "most_cold") if zones and key in settings.plant), None)
     if of_one:
-        raise ValueError(f"[plant] {of_one} is of one zone, but [columns] has {listed(zones)}; remove it.")
+        raise ValueError(
+            f"[plant] {of_one} is of one zone, but [columns] has {listed(zones)}; remove it, and give the limits of "
+            "zones in Python: BuildingPredictor.predict_load(limits=)."
+        )
 
 
 def _check_cold(settings: Settings) -> None:
