@@ -7,6 +7,7 @@ from typing import Any
 
 from sklearn.base import clone
 
+from .._arguments import check_verbose
 from .._threads import one_blas_thread
 from .forecaster import DisturbanceForecaster
 from .training_job import TrainingJob
@@ -48,8 +49,9 @@ def fit_many(
     Raises
     ------
     ValueError
-        If ``on_error`` is neither.
+        If ``on_error`` is neither, or ``verbose`` a word.
     """
+    check_verbose(verbose)
     if on_error not in ("raise", "return"):
         raise ValueError(f"on_error={on_error!r} is not known; use 'raise' or 'return'.")
     results: list[Any] = []

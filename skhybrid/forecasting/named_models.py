@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._arguments import check_bool, check_integer, check_rate, is_number
+from .._arguments import check_bool, check_integer, check_rate, check_verbose, is_number
 from .._table import ZoneTable
 from .baselines import LastWeek, NoDisturbance, Persistence, WeeklyProfile
 from .cases import ACTIVATIONS, NETWORKS, SIZES, resolve_case
@@ -72,6 +72,7 @@ def check_parameters(forecaster: Any) -> None:
         raise ValueError(f"model={model!r} is not known; use {', '.join(names)} or a scikit-learn regressor.")
     if is_network(model):
         resolve_case(forecaster.case, model)
+    check_verbose(forecaster.verbose)
     _check_choices(forecaster)
     _check_numbers(forecaster)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .._arguments import check_verbose
 from .base import Adapt
 from .parameter_docs import shared_docs
 from .schedule_predictor import Purpose, make_schedule_scheme
@@ -123,6 +124,7 @@ class HybridPredictor(BaseTwoStage):
             if self.prior is not None:
                 raise ValueError("prior= does nothing with the two-stage scheme; give it as priors= of the gray box.")
             return super()._make_scheme()
+        check_verbose(self.verbose)
         for name, reason in (("memory", "identifies nothing"), ("n_jobs", "runs on one core")):
             if getattr(self, name) is not None:
                 raise ValueError(

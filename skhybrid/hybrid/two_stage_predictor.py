@@ -10,6 +10,7 @@ from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import check_n_jobs, check_verbose
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
 from ..forecasting.named_models import check_parameters, refuse_unread, require_networks
@@ -108,6 +109,8 @@ class BaseTwoStage(BaseHybrid):
         return {name: getattr(self.gray_box, name, None) if given is None else given for name, given in own.items()}
 
     def _make_scheme(self) -> Scheme:
+        check_n_jobs(self.n_jobs)
+        check_verbose(self.verbose)
         if self.disturbance not in ("input", "output"):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
         if not (self.memory is None or isinstance(self.memory, str | PathLike) or hasattr(self.memory, "cache")):
