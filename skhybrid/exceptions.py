@@ -12,6 +12,7 @@ __all__ = [
     "PlanWarning",
     "RoleWarning",
     "ScaleNotIdentifiableWarning",
+    "SettingsError",
     "SkhybridWarning",
     "TooFewDaysError",
     "UnitWarning",
@@ -52,6 +53,10 @@ class PlanWarning(SkhybridWarning):
 
 class ModelFileError(ValueError):
     """A model file is truncated, altered, written by another version, or not a model file at all."""
+
+
+class SettingsError(ValueError):
+    """A configuration file cannot be used."""
 
 
 class TooFewDaysError(NotFittedError):

@@ -311,6 +311,7 @@ def test_the_module_runs_and_tells_its_version():
         ('step = "1h"', 'step = "1h"\norigin_step = "90min"', "origin_step="),
         ('name = "Test room"', "name = 5", "name = 5 must be text"),
         ('step = "1h"', 'step = "1h"\ntimezone = 5', "timezone = 5 must be text"),
+        ('step = "1h"', 'step = "1h"\ntimezone = "Europe/Berln"', "timezone = 'Europe/Berln' is unknown; write it as"),
         ('step = "1h"', 'step = "1h"\ndayfirst = "yes"', "dayfirst = 'yes' must be true or false"),
         ('step = "1h"', 'step = "1h"\ndecimal = ",,"', "decimal = ',,' must be one character"),
         ("random_state = 1", "random_state = 1.5", "random_state = 1.5"),

@@ -466,12 +466,15 @@ def test_energies_per_row_are_left_to_the_log(log, client, folder):
     assert "Q_hvac is logged in kWh" in answer.json()["detail"]
 
 
-@pytest.mark.parametrize("text", ["name = \n", 'colour = "red"\n'])
-def test_a_configuration_that_cannot_be_used_is_no_fault_of_the_rows(text, log, client, folder):
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("name =", "name = #"), ("name =", 'colour = "red"\nname ='), ("timezone = ", 'timezone = "Europe/Berln"  # ')],
+)
+def test_a_configuration_that_cannot_be_used_is_no_fault_of_the_rows(old, new, log, client, folder):
     """It was answered with 422, as though the rows were wrong."""
     rows = as_json(log.iloc[24 * DAYS : 24 * DAYS + 1])
     whole = (folder / "zone.toml").read_text()
-    (folder / "zone.toml").write_text(text + whole)
+    (folder / "zone.toml").write_text(whole.replace(old, new, 1))
     answer = client.post("/rows", json=rows)
     assert answer.status_code == 500
     assert re.search(r"^zone\.toml.*; mend it and post the rows again\.$", answer.json()["detail"]), answer.json()

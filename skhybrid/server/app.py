@@ -19,8 +19,7 @@ from starlette.requests import ClientDisconnect
 
 from .. import __version__
 from .._warnings import warnings_to, without_python
-from ..exceptions import ModelFileError, SkhybridWarning
-from ..study.settings import read_settings
+from ..exceptions import ModelFileError, SettingsError, SkhybridWarning
 from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
 from .page import docs_page, page_of
@@ -140,11 +139,7 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
         with one_at_a_time, tempfile.TemporaryDirectory() as place, warnings_to(said.append):
             path = Path(place) / _FILE
             path.write_text(text, encoding="utf-8")
-            try:
-                done = zone.post(path, weather, schedule, plain=is_json)
-            except ValueError:
-                _refuse_broken_settings(zone)
-                raise
+            done = zone.post(path, weather, schedule, plain=is_json)
         frame = None if done.forecast is None else done.forecast.frame
         return {
             "rows": n_rows,
@@ -163,23 +158,17 @@ def _add_posting(app: FastAPI, zone: ZoneFolder, weather: Any, schedule: Any) ->
         return await run_in_threadpool(take, await _body(request), kind == "application/json")
 
 
-def _refuse_broken_settings(zone: ZoneFolder) -> None:
-    """Refuse a request where the configuration cannot be used, which is not the fault of its rows."""
-    try:
-        read_settings(zone.config)
-    except ValueError as error:
-        raise HTTPException(500, f"{str(error).removesuffix('.')}; mend it and post the rows again.") from None
-
-
 def _add_refusals(app: FastAPI) -> None:
-    def answer(code: int, headers: dict[str, str] | None = None) -> Any:
+    def answer(code: int, headers: dict[str, str] | None = None, remedy: str = "") -> Any:
         def refuse(request: Request, error: Exception) -> JSONResponse:
             said = " ".join(without_python(error).split()).replace(f"'{_FILE}'", "the body")
+            said = f"{said.removesuffix('.')}; {remedy}." if remedy else said
             return JSONResponse({"detail": said}, code, headers)
 
         return refuse
 
     app.add_exception_handler(BlockingIOError, answer(409, {"Retry-After": "5"}))
+    app.add_exception_handler(SettingsError, answer(500, remedy="mend it and post the rows again"))
     for kind, code in ((ModelFileError, 500), (OSError, 500), (ValueError, 422)):
         app.add_exception_handler(kind, answer(code))
 

@@ -16,9 +16,11 @@ from .._arguments import is_integer, is_number
 from .._holidays import read_holidays
 from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
+from ..exceptions import SettingsError
 from ..forecasting.weather_error import read_weather_error
 from ..hybrid.building.zone_columns import neighbours_of
 from ..logs.setpoint_modes import MODE
+from ..logs.stamps import time_zone_named
 from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
 from .keys import check_keys
@@ -216,7 +218,7 @@ def read_settings(path: str | PathLike[str]) -> Settings:
 
     Raises
     ------
-    FileNotFoundError, ValueError
+    FileNotFoundError, skhybrid.exceptions.SettingsError
         If the file does not exist or cannot be used; the message names the file and the key.
     """
     file = Path(path)
@@ -225,11 +227,11 @@ def read_settings(path: str | PathLike[str]) -> Settings:
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{file.name} is not valid TOML: {error}.") from None
+        raise SettingsError(f"{file.name} is not valid TOML: {error}.") from None
     try:
         return settings_from(content)
     except ValueError as error:
-        raise ValueError(f"{file.name}: {error}") from None
+        raise SettingsError(f"{file.name}: {error}") from None
 
 
 def settings_from(content: Mapping[str, Any]) -> Settings:
@@ -253,6 +255,8 @@ def _check_plain(settings: Settings) -> None:
         value = getattr(settings, key)
         if not isinstance(value, str) and (value is not None or key not in optional):
             raise ValueError(f"{key} = {value!r} must be text in quotes.")
+    if settings.timezone is not None:
+        time_zone_named(settings.timezone)  # refuses an unknown one
     for key in ("sep", "decimal"):
         if getattr(settings, key) is not None and len(getattr(settings, key)) != 1:
             raise ValueError(f"{key} = {getattr(settings, key)!r} must be one character.")
