@@ -172,6 +172,24 @@ def test_trends_side_by_side_have_stamps_of_their_own(write, names):
         np.testing.assert_allclose(known, ROOM[: 60 - j] + j)
 
 
+@pytest.mark.parametrize("colon", ["", ":"])
+def test_points_that_a_list_above_the_table_names(write, colon):
+    """Trend reports of Siemens number their columns; the one of dates, with <> before its name, was refused."""
+    points = [("ZN-T", "degF"), ("OA-T", ""), ("HTG VLV POS", "")]
+    above = [f'"Point_{k}{colon}","{name}","{unit}","15 minutes"' for k, (name, unit) in enumerate(points, 1)]
+    rows = [
+        f'"{stamp:%m/%d/%Y}","{stamp:%H:%M:%S}","{1.8 * value + 32.0:.2f}","No Data","50"'
+        for stamp, value in zip(STAMPS, ROOM, strict=True)
+    ]
+    lines = ['"Key   Name:Suffix"', *above, '"Time Interval:","15 Minutes"', '""']
+    header, end = '"<>Date","Time","Point_1","Point_2","Point_3"', '" *** End of Report ***"'
+    log = read_log(write("\n".join([*lines, header, *rows, end])), dayfirst=False)
+    assert list(log.frame) == [name for name, _ in points]
+    assert dict(log.units) == {"ZN-T": "degF"}
+    assert (log.frame.index == STAMPS).all()
+    np.testing.assert_allclose(log.frame["ZN-T"], 1.8 * ROOM + 32.0, atol=0.01)
+
+
 @pytest.mark.parametrize("header", [",result,table,_time,_value,_field", "_time,statistic_id,mean,unit"])
 def test_long_tables_of_databases(write, header):
     names = header.split(",")

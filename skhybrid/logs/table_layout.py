@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import pandas as pd
@@ -83,7 +83,22 @@ def find_layout(rows: Sequence[Sequence[str]]) -> Layout | None:
     names = _names(["time", *header] if unnamed else header, width, place)
     stated = {name: text for name, text in zip(names, units, strict=False) if text and is_unit(text)}
     stated.pop(names[place], None)
-    return Layout(names, stated, first, not header, most)
+    explained = _explained(rows[:first], names)
+    stated |= {explained[row[0].rstrip(":")]: row[2] for row in rows[:first] if _explains(row, explained)}
+    return Layout(tuple(explained.get(name, name) for name in names), stated, first, not header, most)
+
+
+def _explained(above: Sequence[Sequence[str]], names: Sequence[str]) -> dict[str, str]:
+    """The names that a list of points above the table gives to its columns, as ``Point_1:,ZONE TEMP``; often none."""
+    lists = [row for row in above if len(row) > 1 and row[1] and row[1] not in names]
+    found = {row[0].rstrip(":"): row[1] for row in lists if row[0].rstrip(":") in names}
+    own = [*found.values(), *(name for name in names if name not in found)]
+    return found if len(set(own)) == len(names) and len(found) > 1 else {}
+
+
+def _explains(row: Sequence[str], explained: Mapping[str, str]) -> bool:
+    """Whether a row of such a list gives the unit of its point."""
+    return len(row) > 2 and row[0].rstrip(":") in explained and is_unit(row[2])
 
 
 def _below_names(rows: Sequence[Sequence[str]], width: int) -> tuple[int, int, int] | None:
