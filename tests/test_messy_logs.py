@@ -268,6 +268,24 @@ def test_values_of_a_failed_sensor_are_missing_and_told(column, values, failed):
 
 
 @pytest.mark.parametrize(
+    ("units", "warns"),
+    [
+        ({"T_za": "degF"}, True),
+        ({"T_za": "degF", "T_oa": "degC"}, False),
+        ({"T_za": "degF", "T_oa": "degF"}, False),
+        ({}, False),
+    ],
+)
+def test_an_outdoor_temperature_without_a_unit_beside_a_room_in_degf_is_warned_of(write, recwarn, units, warns):
+    """The check takes it for degF too; a fit read 29 degF of January as 29 degC."""
+    frame = pd.DataFrame({"Zone": 1.8 * ROOM + 32.0, "Outside": 30.0 + np.arange(60) / 10.0}, STAMPS)
+    columns = {"T_za": "Zone", "T_oa": "Outside"}
+    settings = settings_from({"name": "z", "columns": columns, "units": units, "step": "1h"})
+    read_zone_log(write(frame.rename_axis("time").to_csv()), settings)
+    assert any("T_oa has no unit and is read in degC" in str(w.message) for w in recwarn) == warns
+
+
+@pytest.mark.parametrize(
     ("column", "peak", "code", "failed"),
     [
         ("Heat meter (kW)", 5.0, 65535.0, True),

@@ -11,8 +11,11 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES
 from .._time import SHORTEST_GAP, spell
+from .._warnings import warn_user
+from ..exceptions import UnitWarning
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
+from ..logs.assumed_units import outdoor_as_room
 from ..logs.blank_setpoints import filled_setpoints
 from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
@@ -81,6 +84,12 @@ def by_role(raw: RawLog, settings: Settings) -> LogByRole:
     if isinstance(wanted, str) and wanted != "measured":
         columns[SETPOINT] = wanted
     channels = channels_of(raw, columns, settings.units, settings.scale)
+    if outdoor_as_room(channels, raw.frame, {}, [c.role for c in channels if c.role == c.name])[1]:
+        warn_user(
+            "T_oa has no unit and is read in degC, but the room is in degF; give T_oa = 'degF' (or 'degC') under "
+            "[units] of the configuration.",
+            UnitWarning,
+        )
     frame = to_roles(raw, _with_setpoint_units(channels, raw))
     refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
