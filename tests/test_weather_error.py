@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from sklearn.base import BaseEstimator
 from sklearn.linear_model import Ridge
 
@@ -15,6 +16,7 @@ from skhybrid._table import ZoneTable, append_tables, read_table
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
 from skhybrid.forecasting import WeatherError
+from skhybrid.forecasting.weather_error import _normal_spread
 from skhybrid.model_selection import backtest, score_backtest
 
 N_LEADS = 96
@@ -217,6 +219,16 @@ def test_forecasts_under_other_weather_are_those_of_each_table(office, taken_in)
         each = [scheme.forecast(one, np.array([origin]), N_LEADS).temperature[0] for one in tables]
         assert np.abs(each[1] - each[0]).max() > 0.1
         np.testing.assert_allclose(scheme.forecast_each(tables, origin, N_LEADS), each, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_draws", [8, 48])
+def test_few_draws_tell_how_far_a_further_one_may_be_off(n_draws):
+    rng, held, share = np.random.default_rng(0), [], 0.95
+    for _ in range(300):
+        drawn = lfilter([1.0], [1.0, -share], rng.normal(size=(n_draws + 20, 1, N_LEADS))) * np.sqrt(1 - share**2)
+        spread = _normal_spread(np.abs(drawn[:n_draws]))
+        held.append(np.abs(drawn[n_draws:]) <= 1.2816 * spread)
+    assert np.mean(held) == pytest.approx(0.8, abs=0.015)
 
 
 def test_other_regressors_are_refused(office, models):

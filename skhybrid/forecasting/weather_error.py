@@ -200,7 +200,11 @@ def weather_spreads(
 
 
 def _normal_spread(changes: np.ndarray) -> np.ndarray:
-    """(n_kinds, n_leads) standard deviation of normal errors with the 80 % intervals of the changes (n, ...)."""
-    size = np.sqrt(np.mean(changes**2, axis=0))
-    shares = np.quantile(changes / np.maximum(size, 1e-12), 0.8, axis=(0, 2))
-    return size * shares[:, None] / _NORMAL_80
+    """(n_kinds, n_leads) standard deviation of normal errors with the 80 % intervals of further changes (n, ...).
+
+    A change is compared with the size of the others: by its own too, few draws would seem to hold more than they do.
+    """
+    squares = changes**2
+    others = np.sqrt((squares.sum(axis=0) - squares) / (len(changes) - 1))
+    shares = np.quantile(changes / np.maximum(others, 1e-12), 0.8, axis=(0, 2))
+    return np.sqrt(squares.mean(axis=0)) * shares[:, None] / _NORMAL_80
