@@ -325,6 +325,14 @@ def test_a_meter_without_a_unit_is_a_counter(frame):
     assert report.columns.loc["Wärmezähler", ["role", "unit", "assumed"]].tolist() == ["Q_heat", "kWh counter", True]
 
 
+def test_a_counter_of_wh_is_not_called_one_of_watts(frame):
+    """Readings taken for W would be a heat that grows from day to day."""
+    meter = 1000.0 * np.cumsum(0.5 + 0.5 * (frame.index.hour > 6))
+    report = LogReport(frame.iloc[:, :2].assign(Wärmezähler=meter))
+    (asked,) = (one.text for one in report.findings if "4000 kW" in one.text)
+    assert asked == "values reach 4000 kW: does it count Wh? Then give 'Wh counter' as its unit."
+
+
 def test_meters_become_kilowatts(frame):
     power = pd.Series(np.where(frame.index.hour > 6, 4.0, 1.0), index=frame.index)
     counter = (power * 0.25).cumsum().shift(fill_value=0.0) + 17000.0

@@ -137,11 +137,17 @@ def gap_findings(gaps: pd.DataFrame, index: pd.DatetimeIndex) -> Iterator[Findin
 
 
 def sensor_findings(
-    role: str, name: str, values: pd.Series, even: pd.Series | None = None, controlled: pd.Series | None = None
+    role: str,
+    name: str,
+    values: pd.Series,
+    even: pd.Series | None = None,
+    controlled: pd.Series | None = None,
+    counts: bool = False,
 ) -> Iterator[Finding]:
     """Remarks on one column in its contract unit.
 
-    ``even`` are its values at even steps, where it is held, and ``controlled`` the rows of :func:`controlled_rows`.
+    ``even`` are its values at even steps, where it is held, and ``controlled`` the rows of :func:`controlled_rows`;
+    ``counts`` says that the column is a counter.
     """
     known = values.dropna()
     if known.empty:
@@ -160,10 +166,10 @@ def sensor_findings(
     if role.startswith("q_sol"):
         yield from (Finding("warning", name, text) for text in (noon_text(known), *jump_texts(known)) if text)
     if role.startswith(("q_sol", "u_", "Q_")):
-        yield from _odd_power(role, name, known)
+        yield from _odd_power(role, name, known, counts)
 
 
-def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
+def _odd_power(role: str, name: str, known: pd.Series, counts: bool) -> Iterator[Finding]:
     """Remarks on what never changes or hardly runs, heating that is always negative, switches, and W called kW."""
     low, high = float(known.min()), float(known.max())
     if known.index.max() - known.index.min() >= _UNCHANGED and low == high != 0.0:
@@ -183,8 +189,8 @@ def _odd_power(role: str, name: str, known: pd.Series) -> Iterator[Finding]:
     elif role.startswith("Q_") and low == 0.0 and high == 1.0 and known.nunique() == 2:
         yield Finding("warning", name, "is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool.")
     elif role.startswith("Q_") and is_in_watts(known.to_numpy(dtype=np.float64), None):
-        text = f"values reach {max(high, -low):.4g} kW: are they W? Then give that as its unit."
-        yield Finding("warning", name, text)
+        asked = "does it count Wh? Then give 'Wh counter'" if counts else "are they W? Then give that"
+        yield Finding("warning", name, f"values reach {max(high, -low):.4g} kW: {asked} as its unit.")
 
 
 def has_both_signs(heat: pd.Series) -> bool:

@@ -248,9 +248,9 @@ class LogReport:
             values = self.frame[channel.role]
             if role.startswith("Q_heat") and self.raw.frame[channel.name].min() >= 0.0 < values.max():
                 values = values.abs()  # it is negative where the mode cools
-            found += sensor_findings(role, channel.name, values, self.even[channel.role], controlled)
-            if (counter := counter_of(raw, channel)) is not None:
-                found += counter_findings(channel.name, counter)
+            meter = counter_of(raw, channel)
+            found += sensor_findings(role, channel.name, values, self.even[channel.role], controlled, meter is not None)
+            found += [] if meter is None else counter_findings(channel.name, meter)
             if role == "T_za" and "T_oa" in self.frame:
                 found += swap_findings(channel.name, self.frame[channel.role], self.frame["T_oa"])
             if self._read.seems_electric(channel):
