@@ -44,7 +44,9 @@ class Finding(NamedTuple):
     text: str
 
 
-def clock_findings(index: pd.DatetimeIndex, step: pd.Timedelta, label: str | None, assumed: str) -> Iterator[Finding]:
+def clock_findings(
+    index: pd.DatetimeIndex, step: pd.Timedelta, label: str | None, assumed: str = "left"
+) -> Iterator[Finding]:
     """Remarks on stamps as the log has them, in the order of the log; ``assumed`` is their label where it has none."""
     ticks = index.as_unit("ns").asi8
     if (back := int((np.diff(ticks) < 0).sum())) > 0:

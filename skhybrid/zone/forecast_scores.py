@@ -94,7 +94,7 @@ def _other_setpoints(rows: pd.DataFrame) -> list[str]:
     share = float(other.any(axis=1).mean())
     if not share > OUTSIDE:
         return []
-    role = next(role for role in other if other[role].any())
+    role = next(str(role) for role in other if other[role].any())
     last = rows[other[role]].iloc[-1]
     text = f"in {percent(share)} of the hours forecast other set-points were in force than forecast with"
     return [f"{text}, such as {role} {last[f'{role}_measured']:g} for {last[role]:g} degC at {last['time']}"]
