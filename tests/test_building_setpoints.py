@@ -16,17 +16,19 @@ from skhybrid.hybrid.thermostat_law import boosted_trees, law_refits
 from skhybrid.model_selection import backtest
 from skhybrid.preprocessing import GapFiller
 from skhybrid.schedule import schedule_loads
-from skhybrid.study import Settings, split_log
-from skhybrid.study.building_outputs import format_zones, write_building
-from skhybrid.study.building_setpoints import ZonesSetpointsKnown, unusable_day, zone_of
-from skhybrid.study.building_study import run_building
+from skhybrid.study import Settings, run_study, split_log, write_outputs
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
 from skhybrid.study.judgement import Doubts
 from skhybrid.study.load_rules import LAST_WEEK, USUAL
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
+from skhybrid.study.next_day import unusable_setpoints
+from skhybrid.study.outputs import format_result
 from skhybrid.study.report.building_page import _setpoints_known as report_on
 from skhybrid.study.report.words import percent_or_dash
-from skhybrid.zone.zone_backtest import backtest_building
+from skhybrid.study.setpoints_known import SetpointsKnown
+from skhybrid.study.tested_models import StudySpan, StudyTest
+from skhybrid.study.zone_part import zone_of
+from skhybrid.zone.zone_backtest import backtest_zone
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 KNOWN = "the weather and the set-points were known ahead, the heat was not"
@@ -279,11 +281,15 @@ def yesterday_of(log, later, start):
     return pd.concat(parts, ignore_index=True)
 
 
+def rows_to_test(settings, train, later, start, remarks):
+    return StudyTest(settings, StudySpan(train), StudySpan(later), start, remarks)
+
+
 def test_a_study_scores_each_zone_and_all_together(log, model, later):
     rows = later[: 6 * DAY]
     start, remarks = rows.index[DAY], []
     yesterday = yesterday_of(log, rows, start)
-    held = ZonesSetpointsKnown.of(model, (log[:TRAINED], rows), start, yesterday, settings_of(log), remarks)
+    held = SetpointsKnown.of(model, rows_to_test(settings_of(log), log[:TRAINED], rows, start, remarks), yesterday)
     assert remarks == []
     frame = backtest(model, rows, rows[T_OF], start=start, quantiles=LEVELS, heat_known=False)
     of_all, errors = [], (frame["y_pred"] - frame["y_true"]) ** 2
@@ -300,11 +306,11 @@ def test_a_study_scores_each_zone_and_all_together(log, model, later):
         inside = own["Q_hvac_true"].between(own["Q_hvac_0.1"], own["Q_hvac_0.9"])
         assert one.load_coverage == pytest.approx(inside.mean())
         of_all.append(missed)
-    assert held.whole.table.loc[HYBRID, "rmse"] == pytest.approx(np.sqrt(errors.mean()))
-    assert held.whole.table.loc[HYBRID, "load_rmse"] == pytest.approx(np.sqrt((pd.concat(of_all) ** 2).mean()))
-    assert held.whole.load_coverage == pytest.approx(np.mean([one.load_coverage for one in held.zones.values()]))
-    assert f"errs by {np.sqrt(errors.mean()):.2f} K" in held.whole.words
-    assert held.as_usual == ""
+    assert held.table.loc[HYBRID, "rmse"] == pytest.approx(np.sqrt(errors.mean()))
+    assert held.table.loc[HYBRID, "load_rmse"] == pytest.approx(np.sqrt((pd.concat(of_all) ** 2).mean()))
+    assert held.load_coverage == pytest.approx(np.mean([one.load_coverage for one in held.zones.values()]))
+    assert f"errs by {np.sqrt(errors.mean()):.2f} K" in held.words
+    assert held.usual_words == ""
     page = report_on(SimpleNamespace(setpoints_known=held, zones=pd.DataFrame(index=list(held.zones)), scaled=True))
     for one in held.zones.values():
         assert f"<td>{percent_or_dash(one.coverage)}</td>" in page
@@ -316,57 +322,57 @@ def test_a_study_says_which_plants_run_as_usual(log, as_usual):
     bare = log.drop(columns=log.filter(like="_set_kitchen").columns)
     start, settings, remarks = later.index[DAY], settings_of(bare), []
     yesterday = yesterday_of(log, later[: 4 * DAY], start)
-    held = ZonesSetpointsKnown.of(model, (bare[:TRAINED], later[: 4 * DAY]), start, yesterday, settings, remarks)
+    held = SetpointsKnown.of(model, rows_to_test(settings, bare[:TRAINED], later[: 4 * DAY], start, remarks), yesterday)
     assert remarks == []
-    assert held.as_usual == "No thermostat was learned of kitchen, bedroom; their heat is forecast as it usually was."
+    assert (
+        held.usual_words == "No thermostat was learned of kitchen, bedroom; their heat is forecast as it usually was."
+    )
     verdicts = held.zones["kitchen"].verdicts(zone_of(yesterday, "kitchen"), Doubts([], []), scaled=True)
     reason = "the weather was known ahead; no thermostat was learned, so the heat was forecast as usual"
     assert [one.reasons[0] for one in verdicts] == [reason, reason]
-    assert unusable_day(later[:DAY], settings) == ""
+    assert unusable_setpoints(later[:DAY], settings) == ""
 
 
 def test_without_set_points_there_is_no_such_test_and_wrong_ones_are_told(log, model, later):
     spans, yesterday = (log[:TRAINED], later[: 3 * DAY]), pd.DataFrame()
-    given = (later.index[DAY], yesterday, settings_of(log))
+    start, settings = later.index[DAY], settings_of(log)
     bare = tuple(rows.drop(columns=rows.filter(like="_set_").columns) for rows in spans)
     remarks = []
-    assert ZonesSetpointsKnown.of(model, bare, *given, remarks) is None
+    assert SetpointsKnown.of(model, rows_to_test(settings, *bare, start, remarks), yesterday) is None
     assert remarks == []
     holed = spans[1].assign(T_heat_set_kitchen=np.nan)
-    assert ZonesSetpointsKnown.of(model, (spans[0], holed), *given, remarks) is None
+    assert SetpointsKnown.of(model, rows_to_test(settings, spans[0], holed, start, remarks), yesterday) is None
     (text,) = remarks
     assert text.startswith(
         "forecasts with only the set-points known were not tested: zone 'kitchen': T_heat_set_kitchen is mis"
     )
-    assert unusable_day(spans[1], given[2]) == ""
-    assert unusable_day(holed, given[2]) == f"zone 'kitchen': T_heat_set is missing at {holed.index[0]}"
+    assert unusable_setpoints(spans[1], settings) == ""
+    assert unusable_setpoints(holed, settings) == f"zone 'kitchen': T_heat_set is missing at {holed.index[0]}"
 
 
 @pytest.mark.slow
 def test_a_study_of_zones_with_set_points_judges_them_by_that_task(log, tmp_path):
     settings = settings_of(log[: 21 * DAY], adjacency=[list(pair) for pair in DOORS])
-    result = run_building(settings, split_log(log[: 21 * DAY], settings))
+    result = run_study(settings, split_log(log[: 21 * DAY], settings))
     held = result.setpoints_known
-    assert all(one.reasons[0] == KNOWN for found in result.verdicts.values() for one in found)
-    assert {one.quantity for one in result.verdicts["bedroom"]} == {"temperature", "load"}
+    assert all(one.reasons[0] == KNOWN for found in result.zone_verdicts.values() for one in found)
+    assert {one.quantity for one in result.zone_verdicts["bedroom"]} == {"temperature", "load"}
     day = result.data.future
     plain = result.model.forecast(result.data.history, day.drop(columns=[*T_OF, *Q_OF]), quantiles=LEVELS)
     for name in plain:
         np.testing.assert_allclose(result.forecast[name], plain[name])
     assert "setpoint_living" not in result.forecast
     np.testing.assert_array_equal(result.forecast["T_heat_set_living"], day["T_heat_set_living"])
-    write_building(result, tmp_path / "out")
+    write_outputs(result, tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     assert (
-        page.index(escape(held.whole.words))
-        < page.index("Accuracy in daily use")
-        < page.index("Accuracy with the heat kn")
+        page.index(escape(held.words)) < page.index("Accuracy in daily use") < page.index("Accuracy with the heat kn")
     )
     assert "by the learned thermostats" in page
     tests = pd.read_csv(tmp_path / "out" / "backtest.csv")
-    np.testing.assert_allclose(tests[f"{HYBRID}, set-points known"], held.whole.frame["y_pred"], atol=1e-3)
-    assert held.whole.words in format_zones(result)
-    found = backtest_building(settings, log[: 21 * DAY])
+    np.testing.assert_allclose(tests[f"{HYBRID}, set-points known"], held.frame["y_pred"], atol=1e-3)
+    assert held.words in format_result(result)
+    found = backtest_zone(settings, split_log(log[: 21 * DAY], settings))
     table = found.setpoints_known.table
     assert table.loc[HYBRID, "rmse_kitchen"] == pytest.approx(held.zones["kitchen"].table.loc[HYBRID, "rmse"])
     assert all(one.reasons[0] == KNOWN for one in found.verdicts)
@@ -377,11 +383,11 @@ def test_zones_that_share_a_boiler_go_on_with_the_heat_known_and_say_so(log):
     heat = log[Q_OF].sum(axis=1)
     rows = log[: 21 * DAY].drop(columns=Q_OF).assign(u_heat=heat / heat.max())
     settings = settings_of(rows, adjacency=[])
-    result = run_building(settings, split_log(rows, settings))
+    result = run_study(settings, split_log(rows, settings))
     assert result.setpoints_known is None
     what = "loads and forecasts with only the set-points known are left out"
     assert f"{what}: the zones share the plant of the column u_heat" in result.warnings
-    assert {one.quantity for found in result.verdicts.values() for one in found} == {"temperature"}
+    assert {one.quantity for found in result.zone_verdicts.values() for one in found} == {"temperature"}
 
 
 @pytest.mark.slow
@@ -390,7 +396,7 @@ def test_a_day_to_come_without_heat_is_forecast_under_the_set_points_of_all_zone
     day = rows.index[20 * DAY :]
     rows.loc[day, [*T_OF, *Q_OF]] = np.nan
     settings = settings_of(rows, adjacency=[list(pair) for pair in DOORS])
-    result = run_building(settings, split_log(rows, settings))
+    result = run_study(settings, split_log(rows, settings))
     assert not result.data.held_out
     assert result.data.unplanned == Q_OF
     expected = result.model.forecast(result.data.history, rows.loc[day].drop(columns=[*T_OF, *Q_OF]))
@@ -399,4 +405,4 @@ def test_a_day_to_come_without_heat_is_forecast_under_the_set_points_of_all_zone
     rows.loc[day[5], "T_heat_set_kitchen"] = np.nan
     why_not = r"Q_hvac_living is empty in the next day, .* zone 'kitchen': T_heat_set is missing"
     with pytest.raises(ValueError, match=why_not):
-        run_building(settings, split_log(rows, settings))
+        run_study(settings, split_log(rows, settings))

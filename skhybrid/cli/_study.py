@@ -8,9 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from ..study import Settings, StudyData, StudyResult, read_log, run_study, split_log, write_outputs
-from ..study.building_outputs import building_metrics, format_zones, write_building
-from ..study.building_study import BuildingResult, run_building, verdicts_by_zone
 from ..study.outputs import format_result, metrics_text
+from ..study.results import BuildingResult
 from ..zone.dead_meters import part_without_dead_meters
 from ._output import Progress, check_stopped
 
@@ -26,18 +25,9 @@ def study_to_folder(
 ) -> None:
     """Run a study, write its files to a folder (with the true ``heat_gain`` [kW]), print its table."""
     refuse_unwritable(out)
-    result = study_of(settings, data, progress)
-    if isinstance(result, BuildingResult):
-        written = write_building(result, out, before_swap=check_stopped)
-    else:
-        truth = None if heat_gain is None else heat_gain.reindex(result.zeta.index)
-        written = write_outputs(result, out, truth=truth, before_swap=check_stopped)
+    result = run_study(settings, data, progress)
+    written = write_outputs(result, out, truth=heat_gain, before_swap=check_stopped)
     print_result(result, progress, f"{out}{os.sep}: {', '.join(path.name for path in written)}", as_json=as_json)
-
-
-def study_of(settings: Settings, data: StudyData, progress: Progress) -> StudyResult | BuildingResult:
-    """The study of one zone, or of several."""
-    return run_building(settings, data, progress) if settings.zones else run_study(settings, data, progress)
 
 
 def read_study(log: str, settings: Settings, progress: Progress) -> StudyData:
@@ -55,13 +45,9 @@ def print_result(result: StudyResult | BuildingResult, progress: Progress, writt
     for text in result.warnings:
         progress.warn(text)
     if as_json:
-        print(building_metrics(result) if isinstance(result, BuildingResult) else metrics_text(result))
-        return
-    if isinstance(result, BuildingResult):
-        lines = [*map(str, verdicts_by_zone(result.verdicts)), "", format_zones(result)]
+        print(metrics_text(result))
     else:
-        lines = [*map(str, result.verdicts), "", format_result(result)]
-    print("\n".join([*lines, "", written]))
+        print("\n".join([*map(str, result.verdicts), "", format_result(result), "", written]))
 
 
 def refuse_unwritable(out: Path, kind: str = "folder", option: str = "--out") -> None:

@@ -22,17 +22,12 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     The model is fitted on [train] of the configuration and forecasts every day of [test].
     """
     settings = settings_at(config, several=True)
-    from ..study import read_log, split_log
-    from ..zone.zone_backtest import backtest_building, backtest_zone
-    from ._study import refuse_unwritable
+    from ..zone.zone_backtest import backtest_zone
+    from ._study import read_study, refuse_unwritable
 
     if out is not None:
         refuse_unwritable(out, "file")
-    frame, _ = read_log(log, settings)
-    if settings.zones:
-        found = backtest_building(settings, frame, say)
-    else:
-        found = backtest_zone(settings, split_log(frame, settings), say)
+    found = backtest_zone(settings, read_study(log, settings, say), say)
     if out is not None:
         write_out(out, found.frame.to_csv(index=False, float_format="%.6g"), say)
     for text in found.remarks:

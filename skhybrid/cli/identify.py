@@ -37,11 +37,10 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> None
 
 
 def _print_rooms(found: Any, as_json: bool) -> None:
-    from ..study.building_outputs import identified_content
     from ..study.identified_building import identified_only
 
     if as_json:
-        print_json(identified_content(found))
+        print_json(found.as_dict())
         return
     rooms, partitions = identified_only(found.rooms), identified_only(found.partitions)
     for zone in rooms.index.get_level_values("zone").unique():

@@ -17,15 +17,11 @@ from ._output import Progress
 def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bool) -> None:
     """Write the report of a study of a log, and nothing else."""
     settings = settings_at(config, several=True)
-    from ..study.building_study import BuildingResult
+    from ..study import run_study
     from ..study.outputs import write_page
-    from ..study.report.building_page import write_building_report
-    from ._study import print_result, read_study, refuse_unwritable, study_of
+    from ._study import print_result, read_study, refuse_unwritable
 
     refuse_unwritable(out, "file")
-    result = study_of(settings, read_study(log, settings, say), say)
-    if isinstance(result, BuildingResult):
-        write_building_report(out, result)
-    else:
-        write_page(result, out)
+    result = run_study(settings, read_study(log, settings, say), say)
+    write_page(result, out)
     print_result(result, say, str(out), as_json=as_json)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes, zones_in_words
+from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes
 from ..study.report.figures import (
     NARROW,
     WIDE,
@@ -20,7 +20,7 @@ from ..study.report.figures import (
 )
 from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
 from ..study.report.words import number, percent_or_dash
-from ..study.verdict import Verdict
+from ..study.verdict import Verdict, zones_in_words
 from .zone_view import ZoneView, compared
 
 _REFRESH = '<meta http-equiv="refresh" content="300">\n'

@@ -6,7 +6,8 @@ from .log_split import StudyData, split_log
 from .outputs import write_outputs
 from .proposal import propose_settings
 from .report import write_report
-from .run import StudyResult, run_study
+from .results import StudyResult
+from .run import run_study
 from .settings import Settings, read_settings
 
 __all__ = [

@@ -15,7 +15,7 @@ from .. import identification
 from .._time import rows_of
 from ..forecasting import ARXRegressor, BoostedRegressor, DisturbanceForecaster
 from ..forecasting.named_models import check_parameters
-from ..hybrid import HybridPredictor, TwoStagePredictor
+from ..hybrid import BuildingPredictor, HybridPredictor, TwoStagePredictor
 from ..hybrid.schedule_predictor import DEFAULT_NETWORK
 from ..thermal import RCNetwork, get_network
 from .keys import check_keys
@@ -23,7 +23,10 @@ from .log_split import FACADES
 from .settings import ESTIMATORS, SCHEDULE, Settings
 
 HYBRID = "hybrid"  # label of the model whose forecast is shown
+ALONE = "hybrid, each zone by itself"  # label of the same without neighbours, where there are several zones
 YESTERDAY = "yesterday"  # label of the simplest rule
+#: models of one zone that several zones are compared with, each fitted to every zone
+_OF_EACH_ZONE = ("ARX re-fitted", "ARX, multi-step, re-fitted", YESTERDAY)
 #: baselines of the disturbance in the two-stage scheme: label and note
 _TWO_STAGE = {
     "ridge": ("hybrid, two-stage (ridge)", "disturbance linear in calendar, weather and lags"),
@@ -94,6 +97,15 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
     memory : str or joblib.Memory, optional
         Where the identification that the two-stage models share is kept, so that it is run once.
     """
+    made = _models_of_zone(settings, None if settings.zones else memory)
+    if not settings.zones:
+        return made
+    building = BuildingPredictor(made[0].estimator, adjacency=settings.adjacency)
+    hybrid = StudyModel(HYBRID, building, "each zone under its neighbours' forecasts")
+    return [hybrid, *(one for one in made if one.label in _OF_EACH_ZONE)]
+
+
+def _models_of_zone(settings: Settings, memory: Any) -> list[StudyModel]:
     given = make_forecaster(settings)
     reading = {"horizon": settings.horizon, "holidays": settings.holidays}
     made = [

@@ -11,7 +11,7 @@ from .._table import is_plant
 from ..identification import RoomFits, find_adjacency, identify_rooms
 from ..thermal import building_network
 from .compared_models import make_gray_box
-from .identified_building import UNSCALED, describe, has_scale, not_identified, remark_on
+from .identified_building import UNSCALED, describe, has_scale, identified_only, not_identified, remark_on
 from .settings import Settings
 from .zone_part import roles_of
 
@@ -24,6 +24,21 @@ class IdentifiedRooms(NamedTuple):
     rooms: pd.DataFrame  # index (zone, quantity): value, std, unit, remark
     partitions: pd.DataFrame  # index (zone, neighbour): value, std [W/K], unit, remark; heat that they exchange per K
     found: bool  # whether the pairs were found in the log, since no floor plan was given
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Quantities of the rooms, and what each two exchange, with the zone as a column."""
+        rooms, between = self.rooms.reset_index("zone"), self.partitions.reset_index()
+        between = between.set_index("exchange with " + between["neighbour"].astype(str)).drop(columns="neighbour")
+        return pd.concat([rooms, between]).rename_axis("quantity")
+
+    def as_dict(self) -> dict[str, Any]:
+        """The rooms and their exchange as plain values."""
+        rooms, partitions = identified_only(self.rooms), identified_only(self.partitions)
+        zones = rooms.index.get_level_values("zone").unique()
+        exchanged = zip(partitions.index, partitions.to_dict(orient="records"), strict=True)
+        between = [{"zones": list(pair), **row} for pair, row in exchanged]
+        return {"zones": {str(zone): rooms.loc[zone].to_dict(orient="index") for zone in zones}, "exchange": between}
 
 
 def identify_zones(settings: Settings, rows: pd.DataFrame) -> IdentifiedRooms:

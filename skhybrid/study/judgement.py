@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from .._table import plant_roles
 from ..thermal.declaration import capacity_name
+from .compared_models import HYBRID
 from .doubts import at_ends, day_beyond, drift_days, drifted, ranges_of
 from .load_rules import rule_loads
 from .log_split import StudyData, inputs_of, without_setpoints
 from .settings import Settings
 from .verdict import Verdict, compare_errors, judge
+from .zone_part import data_of, each_zone, forecast_of, settings_of_zone
 
 _HELD = "the temperature to hold"
 NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
@@ -24,6 +27,24 @@ class Load(NamedTuple):
 
     values: pd.Series
     unit: str  # "kW", or "-" for stages without a known capacity
+
+
+class ZoneLoads(NamedTuple):
+    """Loads of a zone over the rows after training."""
+
+    own: Load  # that would have held the measured temperature
+    delivered: Load
+    rules: dict[str, pd.Series]
+
+    def errors(self, start: pd.Timestamp) -> pd.DataFrame:
+        """Errors of the model's load and of those of rules in the test."""
+        loads = pd.DataFrame({HYBRID: self.own.values, **self.rules})
+        return loads.sub(self.delivered.values, axis=0)[start:].dropna()
+
+    def verdict(self, start: pd.Timestamp, doubts: Sequence[str], *, scaled: bool) -> Verdict:
+        """The verdict on the load beside those of the rules, as :func:`judge_load` gives it."""
+        given: dict[str, Any] = {"scaled": scaled, "doubts": doubts}
+        return judge_load(self.own.values, self.rules, self.delivered.values, start, **given)
 
 
 class Doubts(NamedTuple):
@@ -106,6 +127,27 @@ def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]
     """Loads of simple rules for the temperature that was held, over the rows after training."""
     held = pd.concat([data.train["T_za"], data.later["T_za"]]).shift(-1).ffill()
     return rule_loads(data.train, data.later, delivered, held)
+
+
+def loads_by_zone(needed: pd.DataFrame | None, data: StudyData, settings: Settings) -> dict[str, ZoneLoads]:
+    """The loads of the zones that something heats or cools; none where the ``needed`` ones are not known."""
+    loads = {}
+    for zone in [] if needed is None else each_zone(settings):
+        own, of_zone = data_of(data, settings, zone), settings_of_zone(settings, zone)
+        past, roles = pd.concat([own.train, own.later]), plant_roles(own.later)
+        found, delivered = (load_of(rows, of_zone, roles) for rows in (forecast_of(needed, settings, zone), past))
+        if found is not None and delivered is not None:
+            loads[zone] = ZoneLoads(found, delivered, loads_by_rule(own, delivered.values))
+    return loads
+
+
+def load_errors(loads: Mapping[str, ZoneLoads], start: pd.Timestamp) -> tuple[pd.Series, str]:
+    """RMSE of the loads of all zones together by model and rule, and their unit; none where they have several units."""
+    units = {one.delivered.unit for one in loads.values()}
+    if len(units) != 1:
+        return pd.Series(dtype=float), ""
+    errors = pd.concat([one.errors(start) for one in loads.values()])
+    return np.sqrt((errors**2).mean()), units.pop()
 
 
 def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Load | None:

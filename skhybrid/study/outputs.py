@@ -1,9 +1,9 @@
-"""Writing the results of a study: tables, metrics, the model and the report."""
+"""Writing the results of a study, of one zone or of several: tables, metrics, the model and the report."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -19,20 +19,44 @@ from ..persistence import save_model
 from .compared_models import HYBRID
 from .identified_building import identified_only
 from .report import study_picture, verdict, write_report
-from .run import StudyResult
-from .scores import coverage_of, side_by_side
+from .report.building_page import write_building_report
+from .report.figures import SHOWN, save_png, weeks_figure
+from .results import BuildingResult, StudyResult
+from .scores import side_by_side
 from .tariff import next_day_cost
-from .verdict import Verdict
+from .verdict import zones_in_words
 
 
-def format_result(result: StudyResult) -> str:
+def format_result(result: StudyResult | BuildingResult) -> str:
     """The comparisons of a study as text, and what they say; first the one in which the heat is not known."""
-    held, words = result.setpoints_known, ["", verdict(result.table, HYBRID)]
+    held, words = result.setpoints_known, verdict(result.table, HYBRID)
+    if isinstance(result, BuildingResult):
+        known = f"RMSE of the temperature [K] by model:\n{_as_text(_zones_shown(result))}\n\n{words}"
+        first = "" if held is None else f"known: weather, set-points\n{_as_text(held.by_zone.loc[result.zones.index])}"
+        return known if held is None else f"{first}\n\n{held.words}\n\nknown: weather, heat\n{known}"
     if held is None:
-        return "\n".join([format_table(result.table, result.scaled), *words])
+        return f"{format_table(result.table, result.scaled)}\n\n{words}"
     first = format_table(held.table, held.unit == "kW", "known: weather, set-points", held.load_name)
     second = format_table(result.table, result.scaled, "known: weather, heat")
-    return "\n".join([first, "", held.words, "", second, *words])
+    return f"{first}\n\n{held.words}\n\n{second}\n\n{words}"
+
+
+def _zones_shown(result: BuildingResult) -> pd.DataFrame:
+    """The errors of each zone by model, the worst verdict first."""
+    models = [label for label in result.table.index if label in result.frames]
+    loads = ["load_rmse", "load_yesterday"] if result.zones["load_rmse"].notna().any() else []
+    unit = "kW" if result.scaled else "-"
+    named = {
+        "coverage": "in 80 % interval",
+        "load_rmse": f"load [{unit}]",
+        "load_yesterday": f"load a day before [{unit}]",
+    }
+    return result.zones[[*models, "coverage", *loads]].astype(float).rename(columns=named)
+
+
+def _as_text(table: pd.DataFrame) -> str:
+    """A table with a column per zone."""
+    return table.T.to_string(na_rep="-", float_format="{:.3f}".format)
 
 
 def format_table(
@@ -64,7 +88,7 @@ NAMES = (
 
 
 def write_outputs(
-    result: StudyResult,
+    result: StudyResult | BuildingResult,
     folder: str | PathLike[str],
     *,
     truth: pd.Series | None = None,
@@ -78,8 +102,10 @@ def write_outputs(
     Parameters
     ----------
     result : StudyResult
+        Or that of several zones, whose tables have a column ``zone``, or names that end with the zone's.
     folder : path-like, created if it does not exist
-    truth : Series, optional, true unmeasured heat [kW] at the stamps of the training rows, for the report
+    truth : Series, optional, true unmeasured heat [kW] of one zone, for the report
+        Read at the stamps of the training rows.
     before_swap : callable, optional, called after all is written and before a file in the folder changes
 
     Raises
@@ -87,20 +113,33 @@ def write_outputs(
     OSError
         If the folder cannot be written to, or the disk is full; the folder is then as it was.
     """
-    names = [HYBRID, *result.table.index.drop(HYBRID)]
-    ordered = {name: result.frames[name] for name in names if name in result.frames}
-    with staged_files(folder, before_swap) as staged:
-        held, more = result.setpoints_known, None
-        if held is not None:
-            ordered, more = {HYBRID: held.frame}, held.columns
-        write_tables(result, staged, result.parameters, metrics_text(result), more)
+    with _staged_files(folder, before_swap) as staged:
+        write_csv(result.forecast, staged / "forecast.csv")
+        held = result.setpoints_known
+        tests = pd.concat([side_by_side(result.frames), None if held is None else held.columns], axis=1)
+        write_csv(tests.set_index("origin"), staged / "backtest.csv")
+        write_csv(result.parameters, staged / "parameters.csv", "%.6g")
+        (staged / "metrics.json").write_text(metrics_text(result) + "\n", encoding="utf-8")
+        save_model(result.model, staged / "model.skops")
         write_page(result, staged / "report.html", truth)
-        study_picture(staged / "forecast.png", ordered, result.forecast, title=result.settings.name)
+        _draw_picture(result, staged / "forecast.png")
     return [Path(folder) / name for name in NAMES]
 
 
+def _draw_picture(result: StudyResult | BuildingResult, path: Path) -> None:
+    """One picture of a study: its back-tests, and of one zone the next day."""
+    names = [HYBRID, *result.table.index.drop(HYBRID)]
+    frames = {name: result.frames[name] for name in names if name in result.frames}
+    if result.setpoints_known is not None:
+        frames = {HYBRID: result.setpoints_known.frame}
+    if isinstance(result, BuildingResult):
+        save_png(weeks_figure({HYBRID: frames[HYBRID]}, SHOWN), path)
+    else:
+        study_picture(path, frames, result.forecast, title=result.settings.name)
+
+
 @contextmanager
-def staged_files(folder: str | PathLike[str], before_swap: Callable[[], None] | None = None) -> Iterator[Path]:
+def _staged_files(folder: str | PathLike[str], before_swap: Callable[[], None] | None = None) -> Iterator[Path]:
     """A hidden folder whose files take the place of those of an earlier study when the block ends."""
     out = Path(folder)
     with named_in_errors(out):
@@ -127,20 +166,11 @@ def _swap(staged: Path, out: Path) -> None:
         (staged / name).replace(out / name)
 
 
-def write_tables(
-    result: Any, out: Path, parameters: pd.DataFrame, metrics: str, more: pd.DataFrame | None = None
-) -> None:
-    """Write forecast, back-tests with ``more`` columns, parameters, metrics and model of a study."""
-    write_csv(result.forecast, out / "forecast.csv")
-    tests = pd.concat([side_by_side(result.frames), more], axis=1)
-    write_csv(tests.set_index("origin"), out / "backtest.csv")
-    write_csv(parameters, out / "parameters.csv", "%.6g")
-    (out / "metrics.json").write_text(metrics + "\n", encoding="utf-8")
-    save_model(result.model, out / "model.skops")
-
-
-def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series | None = None) -> None:
+def write_page(result: StudyResult | BuildingResult, path: str | PathLike[str], truth: pd.Series | None = None) -> None:
     """Write the report of a study, one HTML page; ``truth`` as in :func:`write_outputs`."""
+    if isinstance(result, BuildingResult):
+        write_building_report(path, result)
+        return
     write_report(
         path,
         title=result.settings.name,
@@ -151,7 +181,7 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
         building=identified_only(result.building),
         label=HYBRID,
         zeta=result.zeta,
-        truth=truth,
+        truth=None if truth is None else truth.reindex(result.zeta.index),
         **_learned(result),
         coverage=result.coverage,
         spans=result.data.spans(result.frames[HYBRID]),
@@ -162,12 +192,6 @@ def write_page(result: StudyResult, path: str | PathLike[str], truth: pd.Series 
         notes=result.warnings,
         setpoints_known=result.setpoints_known,
     )
-
-
-def metrics_text(result: StudyResult) -> str:
-    """Errors, verdicts and settings of a study as JSON."""
-    building = identified_only(result.building).to_dict(orient="index")
-    return metrics_of(result, verdict(result.table, HYBRID), result.verdicts, building=building)
 
 
 def _learned(result: StudyResult) -> dict[str, Any]:
@@ -187,19 +211,26 @@ def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:
     frame.to_csv(path, float_format=form, date_format="%Y-%m-%dT%H:%M:%S%z")
 
 
-def metrics_of(result: Any, words: str, verdicts: Iterable[Verdict], **more: Any) -> str:
-    """Errors, verdicts and settings of a study as JSON, with what else one of its kind has."""
-    cost, held = next_day_cost(result), result.setpoints_known
+def metrics_text(result: StudyResult | BuildingResult) -> str:
+    """Errors, verdicts and settings of a study as JSON."""
+    cost, held, words = next_day_cost(result), result.setpoints_known, verdict(result.table, HYBRID)
+    if isinstance(result, BuildingResult):
+        words = f"{zones_in_words(result.zone_verdicts)} {words}"
+        building = {} if result.identified is None else result.identified.as_dict()
+        zones = {"zones": result.zones.to_dict(orient="index")}
+    else:
+        building, zones = identified_only(result.building).to_dict(orient="index"), {}
     content = {
         "skhybrid": __version__,
         "name": result.settings.name,
         "best": result.best,
         "verdict": words,
-        "verdicts": [one._asdict() for one in verdicts],
+        "verdicts": [one._asdict() for one in result.verdicts],
         "setpoints_known": None if held is None else held.as_dict(),
-        **more,
+        **zones,
+        "building": building,
         "models": result.table.drop(columns="note").to_dict(orient="index"),
-        "interval_80_coverage": coverage_of(result.frames[HYBRID]),
+        "interval_80_coverage": result.coverage,
         **result.data.spans(result.frames[HYBRID]),
         "next_day": str(result.forecast.index[0].date()),
         "next_day_held_out": result.data.held_out,

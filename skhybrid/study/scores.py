@@ -8,24 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
-from ..model_selection import backtest
 from .settings import Settings
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
-
-
-def backtest_with_intervals(model: Any, X: Any, y: Any, remarks: list[str], **given: Any) -> pd.DataFrame:
-    """A back-test with the quantiles of :data:`INTERVAL` where the model has learned them; else a remark says why not.
-
-    ``given`` are further arguments of :func:`skhybrid.model_selection.backtest`.
-    """
-    try:
-        return backtest(model, X, y, quantiles=INTERVAL, **given)
-    except TooFewDaysError as error:
-        remarks.append(f"no intervals are given: {error}")
-        return backtest(model, X, y, **given)
 
 
 def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -34,6 +20,12 @@ def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     if errors.empty:
         raise ValueError("no forecast of the test span meets a measurement; choose another [test] span.")
     return errors
+
+
+def rmse_by_zone(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Errors [K] of each zone (rows) by model, over the forecasts that every model made."""
+    errors, zones = errors_by_model(frames), next(iter(frames.values()))["zone"]
+    return (errors**2).groupby(zones[errors.index], sort=False).mean() ** 0.5
 
 
 def error_table(errors: pd.DataFrame) -> pd.DataFrame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -14,10 +15,12 @@ from .compared_models import HYBRID, YESTERDAY
 from .judgement import Doubts, judge_load_errors, judge_temperature, load_of
 from .load_rules import LAST_WEEK, USUAL, past_loads
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
-from .log_split import StudyData, setpoints_of
-from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
+from .log_split import setpoints_of
+from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings
+from .tested_models import StudyTest
 from .verdict import Verdict
+from .zone_part import each_zone, log_columns, predictors_of, rows_of_zone, settings_of_zone, zone_of
 
 #: rows of the table that are rules, with a note on each
 _NOTES = {
@@ -31,7 +34,7 @@ LOAD_INTERVAL = tuple(load_quantile_columns(INTERVAL))
 
 
 class SetpointsKnown(NamedTuple):
-    """Forecasts of temperature and load under set-points, beside simple rules."""
+    """Forecasts of temperature and load under set-points, beside simple rules: of a zone, or of several together."""
 
     frame: pd.DataFrame  # the back-test, with the columns of the plant
     load: pd.Series  # measured, in the rows of ``frame`` [unit]
@@ -43,19 +46,36 @@ class SetpointsKnown(NamedTuple):
     weather: str  # what was known of it ahead
     as_usual: bool = False  # whether no thermostat was learned, and the plant ran as usual
 
-    @classmethod
-    def of(
-        cls, model: Any, rows: Any, data: StudyData, yesterday: pd.DataFrame, settings: Settings, remarks: list[str]
-    ) -> Self | None:
-        """Back-test a fitted model on the ``rows`` after the training, at the origins of the one of ``yesterday``.
+    zones: Mapping[str, SetpointsKnown] = MappingProxyType({})  # each of several zones by its name
 
-        None without a plant or set-points in the log; where no thermostat was learned, a remark says why.
+    @classmethod
+    def of(cls, model: Any, test: StudyTest, yesterday: pd.DataFrame) -> Self | None:
+        """Back-test a fitted model at the origins of the back-test of ``yesterday``.
+
+        None where no zone has set-points and a plant, or zones share a plant.  A remark says so of zones that share
+        one, where no thermostat was learned, and where something is wrong with the set-points.
         """
-        if not plant_roles(data.later) or setpoints_of(data.later).empty:
+        settings, later = test.settings, test.later.frame
+        rows = [rows_of_zone(later, settings, zone) for zone in each_zone(settings)]
+        has_thermostat = any(plant_roles(own) and not setpoints_of(own).empty for own in rows)
+        if shared := getattr(model, "shared_plants_", ()):
+            what = "loads and forecasts with only the set-points known" if has_thermostat else "loads"
+            column = " and ".join(log_columns(shared[:1], settings))
+            test.remarks.append(f"{what} are left out: the zones share the plant of the column {column}")
+        if shared or not has_thermostat:
             return None
-        frame = backtest_under_setpoints(model, rows, data.later["T_za"], data.test_start, settings, remarks)
-        past = pd.concat([data.train, data.later])
-        return None if frame is None else cls.of_backtest(frame, past, yesterday, settings)
+        try:
+            frame = test.backtest_with_intervals(model, heat_known=False, weather_error=settings.weather_error)
+        except ValueError as error:
+            test.remarks.append(f"forecasts with only the set-points known were not tested: {error}")
+            return None
+        zones, whole = {}, pd.concat([test.train.frame, later])
+        for zone, predictor in predictors_of(model).items():
+            past = rows_of_zone(whole, settings, zone)
+            as_usual = bool(plant_roles(past)) and not predictor.thermostat_learned_
+            given = zone_of(frame, zone), past, zone_of(yesterday, zone), settings_of_zone(settings, zone)
+            zones[zone] = cls.of_backtest(*given, as_usual=as_usual)
+        return cls.together(zones, yesterday) if settings.zones else zones[""]
 
     @classmethod
     def of_backtest(
@@ -97,7 +117,8 @@ class SetpointsKnown(NamedTuple):
         whole = len(contained) == len(loaded) > 0 and sum(known) > 0
         coverage = float(np.average(contained, weights=known)) if whole else None
         unit = units.pop() if len(units) == 1 else "kW"
-        return cls._beside(frame, measured, loads, unit, yesterday, coverage, parts[0].weather)
+        whole = cls._beside(frame, measured, loads, unit, yesterday, coverage, parts[0].weather)
+        return whole._replace(zones=dict(zones))
 
     @classmethod
     def _beside(
@@ -122,6 +143,12 @@ class SetpointsKnown(NamedTuple):
     def load_name(self) -> str:
         """Name of the load: heat, or stages where no capacity is known."""
         return "load" if self.unit == "kW" else "stage"
+
+    @property
+    def usual_words(self) -> str:
+        """The zones whose plant ran as usual, in a sentence; empty where there are none."""
+        named = ", ".join(zone for zone, one in self.zones.items() if one.as_usual)
+        return f"No thermostat was learned of {named}; their heat is forecast as it usually was." if named else ""
 
     @property
     def words(self) -> str:
@@ -155,7 +182,32 @@ class SetpointsKnown(NamedTuple):
             "load_unit": self.unit,
             "interval_80_coverage": self.coverage,
             "load_interval_80_coverage": self.load_coverage,
+            **({"zones": {zone: one.as_dict() for zone, one in self.zones.items()}} if self.zones else {}),
         }
+
+    @property
+    def with_zones(self) -> Self:
+        """All zones together, with a column of the table for each."""
+        errors = {f"rmse_{zone}": one.table["rmse"] for zone, one in self.zones.items()}
+        errors |= {f"load_rmse_{zone}": one.table["load_rmse"] for zone, one in self.zones.items() if one.loads}
+        return self._replace(table=self.table.assign(**errors), zones={})
+
+    @property
+    def by_zone(self) -> pd.DataFrame:
+        """Errors and coverage of each zone beside the rules, by the names of a table to be read."""
+        rows = {}
+        for zone, one in self.zones.items():
+            rmse, load, unit = one.table["rmse"], one.table["load_rmse"], one.unit if one.loads else ""
+            rows[zone] = {
+                f"{HYBRID} [K]": rmse[HYBRID],
+                f"{YESTERDAY} [K]": rmse[YESTERDAY],
+                "in 80 % interval": one.coverage,
+            }
+            names = {HYBRID: one.load_name} | {name: name for name in one.loads if name != HYBRID}
+            rows[zone] |= {f"{shown} [{unit}]": load[name] for name, shown in names.items() if unit}
+            if one.load_coverage is not None:
+                rows[zone]["load in 80 % interval"] = one.load_coverage
+        return pd.DataFrame.from_dict(rows, orient="index", dtype=float)
 
     def verdicts(self, yesterday: pd.DataFrame, doubts: Doubts, *, scaled: bool) -> list[Verdict]:
         """The verdicts on temperature and load, beside the back-test of ``yesterday`` and the rules."""
@@ -170,38 +222,10 @@ class SetpointsKnown(NamedTuple):
         return [one._replace(reasons=(known, *one.reasons)) for one in found]
 
 
-def backtest_under_setpoints(
-    model: Any, rows: Any, T: Any, start: pd.Timestamp, settings: Settings, remarks: list[str]
-) -> pd.DataFrame | None:
-    """A back-test with only the set-points known, with intervals where there are some; else a remark says why not."""
-    spans = {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": start}
-    given = spans | {"heat_known": False, "weather_error": settings.weather_error}
-    try:
-        return backtest_with_intervals(model, rows, T, remarks, **given)
-    except ValueError as error:
-        remarks.append(f"forecasts with only the set-points known were not tested: {error}")
-        return None
-
-
 def _weather_in(settings: Settings) -> str:
     """The weather ahead as back-tests know it."""
     level = settings.weather_error
     return "the weather" if level is None else f"a forecast of the weather ({level} errors)"
-
-
-NOT_LEARNED = "no thermostat was learned"
-
-
-def unusable_setpoints(day: pd.DataFrame) -> str:
-    """Why a day cannot be forecast under its set-points; empty where it can."""
-    given = setpoints_of(day)
-    if given.empty:  # its plant runs as usual
-        return ""
-    for role, missing in given.isna().items():
-        if missing.any():
-            return f"{role} is missing at {missing.idxmax()}"
-    crossed = given.iloc[:, 0] > given.iloc[:, -1]
-    return f"T_heat_set is above T_cool_set at {crossed.idxmax()}" if crossed.any() else ""
 
 
 def _load_coverage(frame: pd.DataFrame, load: pd.Series) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -102,3 +102,33 @@ def judge(
         reasons.append(f"its 80 % intervals contained {percent(coverage)} of the measurements")
     reasons += doubts
     return Verdict(quantity, NOT if failed and not few else CARE if care or doubts else USABLE, tuple(reasons))
+
+
+def worst_first(levels: Mapping[str, list[str]]) -> list[str]:
+    """Zones by the worst of their levels, those without any last; else in their order."""
+    return sorted(levels, key=lambda zone: min(map(WORST_FIRST.index, levels[zone]), default=len(WORST_FIRST)))
+
+
+def worst(verdicts: Sequence[Verdict]) -> str:
+    """The worst level of some verdicts."""
+    return min((one.level for one in verdicts), key=WORST_FIRST.index)
+
+
+def named_by_zone(verdicts: Mapping[str, Sequence[Verdict]]) -> list[Verdict]:
+    """The verdicts of all zones in their order, each with the zone in its quantity."""
+    pairs = ((zone, one) for zone, found in verdicts.items() for one in found)
+    return [one._replace(quantity=f"{one.quantity} of {zone}") for zone, one in pairs]
+
+
+def zones_in_words(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
+    """The number of zones that are usable, and those that are not."""
+    levels = {zone: worst(found) for zone, found in verdicts.items()}
+    of_level = {level: [zone for zone, own in levels.items() if own == level] for level in (USABLE, CARE, NOT)}
+    n, n_usable = len(levels), len(of_level[USABLE])
+    words = [
+        {n: f"All {n} zones are usable", 0: "No zone is usable without care"}.get(
+            n_usable, f"{n_usable} of {n} zones are usable"
+        )
+    ]
+    words += [f"{level}: {', '.join(of_level[level])}" for level in (NOT, CARE) if of_level[level]]
+    return "; ".join(words) + "."

@@ -1,9 +1,13 @@
-"""The part of one zone in a building's settings, rows and forecasts, by the names that a single zone has."""
+"""The part of one zone in a building's settings, rows and forecasts, by the names that a single zone has.
+
+The only zone of a study has an empty name, and its part is the whole.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import pandas as pd
 
@@ -13,9 +17,28 @@ from .log_reading import meters_of
 from .log_split import StudyData
 from .settings import Settings
 
+_OF_ALL = ("origin", "lead", "time", "y_true", "y_pred")  # columns that a back-test has of every zone
+
+
+def each_zone(settings: Settings) -> list[str]:
+    """The names of the zones; an empty one where there is one zone."""
+    return settings.zones or [""]
+
+
+def predictors_of(model: Any) -> dict[str, Any]:
+    """The predictor of each zone by itself in a fitted predictor, by the zone's name."""
+    return dict(getattr(model, "own_", {"": model}))
+
+
+def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:
+    """The measured temperature of the zone; of several zones a column for each."""
+    return rows[settings.roles_of("T_za")] if settings.zones else rows["T_za"]
+
 
 def settings_of_zone(settings: Settings, zone: str) -> Settings:
     """The settings of one zone, as if it were alone."""
+    if not zone:
+        return settings
     roles = roles_of(settings.columns, settings, zone)
     columns = {own: settings.columns[role] for own, role in roles.items()}
     estimator = dict(settings.estimator)
@@ -51,13 +74,24 @@ def data_of(data: StudyData, settings: Settings, zone: str) -> StudyData:
         return rows_of_zone(rows, settings, zone)
 
     train, later, history, future = map(own, (data.train, data.later, data.history, data.future))
-    return data._replace(train=train, later=later, history=history, future=future, setpoint=data.setpoint[zone])
+    setpoint = data.setpoint[zone] if zone else data.setpoint
+    return data._replace(train=train, later=later, history=history, future=future, setpoint=setpoint)
 
 
 def forecast_of(found: pd.DataFrame, settings: Settings, zone: str) -> pd.DataFrame:
     """The columns of a frame whose names end with the name of a zone, which is taken off."""
+    if not zone:
+        return found
     own = [name for name in map(str, found) if ending_zone(name, settings.zones) == zone]
     return found[own].rename(columns=lambda name: str(name).removesuffix(f"_{zone}"))
+
+
+def zone_of(frame: pd.DataFrame, zone: str) -> pd.DataFrame:
+    """The rows of one zone of a back-test, without the columns of the plants of others."""
+    if not zone:
+        return frame
+    own = frame[frame["zone"] == zone].drop(columns="zone").reset_index(drop=True)
+    return own[[name for name in own if name in _OF_ALL or own[name].notna().any()]]
 
 
 def roles_of(roles: Iterable[str], settings: Settings, zone: str) -> dict[str, str]:

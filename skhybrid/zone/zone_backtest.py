@@ -2,36 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 
-from .._table import plant_roles
-from ..study.building_setpoints import zone_of
-from ..study.building_study import (
-    N_STEPS,
-    ZoneLoads,
-    backtest_zones,
-    judge_zone,
-    under_setpoints,
-    verdicts_by_zone,
-    zone_table,
-)
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
-from ..study.judgement import Doubts, judge_load, judge_temperature, load_of, loads_by_rule
-from ..study.log_split import StudyData, with_facades
-from ..study.run import Progress, StudySpan, counted, tested_model
-from ..study.scores import coverage_of, error_table, errors_by_model
+from ..study.judgement import load_errors, loads_by_zone
+from ..study.log_split import StudyData
+from ..study.run import verdicts_by_zone
+from ..study.scores import coverage_of, error_table, errors_by_model, rmse_by_zone
 from ..study.setpoints_known import SetpointsKnown
-from ..study.settings import Settings, is_scaled
-from ..study.spans import train_and_test
-from ..study.verdict import Verdict
-from ..study.zone_part import rows_of_zone, settings_of_zone
-from .dead_meters import without_dead_meters
-from .outages import complete_rows
+from ..study.settings import Settings
+from ..study.tested_models import Progress, StudyTest, counted, tested_models
+from ..study.verdict import Verdict, named_by_zone
 
-#: what the predictor is compared with, apart from the rules for the load
+#: what the predictor of one zone is compared with, apart from the rules for the load
 _COMPARED = (HYBRID, "ARX re-fitted", YESTERDAY)
 
 
@@ -48,61 +33,30 @@ class ZoneBacktest(NamedTuple):
 
 
 def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None = None) -> ZoneBacktest:
-    """Fit on the training rows, forecast from every origin of the test, and compare.
+    """Fit on the training rows, forecast from every origin of the test, and compare; of several zones also each.
 
     ``progress`` is called with (number, total, text) before every step.
     """
-    models = [one for one in make_models(settings) if one.label in _COMPARED]
-    spans = StudySpan.of(data.train), StudySpan.of(data.later, fits=False)
-    say, remarks = counted(progress, len(models)), list[str]()
-    tested = {}
-    for one in models:
-        say(f"{one.label}: fit and back-test")
-        tested[one.label] = tested_model(one, settings, data.test_start, spans, remarks)
+    models = [one for one in make_models(settings) if settings.zones or one.label in _COMPARED]
+    say, test = counted(progress, len(models) + 1), StudyTest.of(settings, data)
+    tested = tested_models(models, test, say)
     frames = {label: one.frame for label, one in tested.items()}
-    table = error_table(errors_by_model(frames)).sort_values("rmse")
-    own, (predictor, _, load, _) = frames[HYBRID], tested[HYBRID]
-    coverage, rows = coverage_of(own), spans[1].given_to(predictor)
-    held = SetpointsKnown.of(predictor, rows, data, frames[YESTERDAY], settings, remarks)
-    doubts = Doubts.of(predictor, rows, data, setpoints_known=held is not None)
-    verdicts = [judge_temperature(own, frames[YESTERDAY], coverage, doubts.temperature)]
-    scaled = is_scaled(data.train, settings.capacities)
-    past, roles, unit = pd.concat([data.train, data.later]), plant_roles(data.train), ""
-    delivered, needed = (None if rows is None else load_of(rows, settings, roles) for rows in (past, load))
-    if delivered is not None and needed is not None:
-        loads, unit = ZoneLoads(needed, delivered, loads_by_rule(data, delivered.values)), delivered.unit
-        given: dict[str, Any] = {"scaled": scaled, "doubts": doubts.load}
-        verdicts.append(judge_load(needed.values, loads.rules, delivered.values, data.test_start, **given))
-        rmse = np.sqrt((loads.errors(data.test_start) ** 2).mean())
-        table = table.reindex([*table.index, *loads.rules]).assign(load_rmse=rmse)
-    if held is not None:
-        verdicts, own = held.verdicts(frames[YESTERDAY], doubts, scaled=scaled), own.join(held.columns)
-    table, said = table.rename_axis("model"), tuple(dict.fromkeys(remarks))
-    return ZoneBacktest(table, own, coverage, tuple(verdicts), unit, held, said)
-
-
-def backtest_building(settings: Settings, frame: pd.DataFrame, progress: Progress | None = None) -> ZoneBacktest:
-    """Fit on the training rows, forecast from every origin of the test, and compare, zone by zone.
-
-    The result has the errors of all zones together and of each; loads only with the set-points known.  ``progress`` as
-    for :func:`run_study`.
-    """
-    alive = without_dead_meters(frame, settings)
-    rows = complete_rows(with_facades(alive, settings), settings.roles_of("T_za"))
-    train, test = train_and_test(rows, settings)
-    later = rows.loc[train.index[-1] : test.index[-1]].iloc[1:]
-    say, remarks = counted(progress, N_STEPS + 1), list[str]()
-    model, frames, _ = backtest_zones(settings, train, later, test.index[0], say, remarks)
     say("back-test with only the set-points known")
-    held = under_setpoints(model, settings, (train, later), test.index[0], frames, remarks)
-    verdicts = {zone: [judge_zone(frames, zone)] for zone in settings.zones}
-    of_each = zone_table(frames, verdicts)[list(frames)].loc[settings.zones].T.add_prefix("rmse_")
-    table = error_table(errors_by_model(frames)).join(of_each).sort_values("rmse").rename_axis("model")
-    own, coverage, whole = frames[HYBRID], coverage_of(frames[HYBRID]), None
-    if held is not None:
-        own, whole = own.join(held.whole.columns), held.with_zones
-        for zone, one in held.zones.items():
-            scaled = is_scaled(rows_of_zone(train, settings, zone), settings_of_zone(settings, zone).capacities)
-            verdicts[zone] = one.verdicts(zone_of(frames[YESTERDAY], zone), Doubts([], []), scaled=scaled)
-    found, unit = tuple(verdicts_by_zone(verdicts)), "" if whole is None else whole.unit
-    return ZoneBacktest(table, own, coverage, found, unit, whole, tuple(dict.fromkeys(remarks)))
+    held = SetpointsKnown.of(tested[HYBRID].model, test, frames[YESTERDAY])
+    loads = loads_by_zone(tested[HYBRID].load, data, settings)
+    verdicts = verdicts_by_zone(tested, test, data, held, loads, of_day=held is not None)
+    table = error_table(errors_by_model(frames)).sort_values("rmse")
+    if settings.zones:
+        table = table.join(rmse_by_zone(frames).reindex(settings.zones).T.add_prefix("rmse_"))
+    errors, unit = load_errors(loads, data.test_start)
+    if unit:
+        table = table.reindex(list(dict.fromkeys([*table.index, *errors.index]))).assign(load_rmse=errors)
+    return ZoneBacktest(
+        table.rename_axis("model"),
+        frames[HYBRID] if held is None else frames[HYBRID].join(held.columns),
+        coverage_of(frames[HYBRID]),
+        tuple(named_by_zone(verdicts) if settings.zones else verdicts[""]),
+        unit,
+        None if held is None else held.with_zones,
+        tuple(dict.fromkeys(test.remarks)),
+    )

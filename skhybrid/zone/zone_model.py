@@ -14,7 +14,6 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
 from ..exceptions import TooFewDaysError
-from ..hybrid import BuildingPredictor
 from ..logs.bridges import bridged, stretches
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
@@ -23,7 +22,7 @@ from ..study.log_split import with_facades
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
-from ..study.zone_part import read_roles, roles_of, settings_of_zone
+from ..study.zone_part import measured_of, predictors_of, read_roles, roles_of, settings_of_zone
 from .dead_meters import not_learned, without_roles
 from .other_units import refuse_watts
 from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
@@ -65,10 +64,7 @@ class ZoneModel:
             If no three days of the log have all inputs and a temperature.
         """
         rows = training_rows(frame, settings, days)
-        predictor = make_models(settings)[0].estimator
-        if settings.zones:
-            predictor = BuildingPredictor(predictor, adjacency=settings.adjacency)
-        return cls(predictor.fit(rows, measured_of(rows, settings)), settings)
+        return cls(make_models(settings)[0].estimator.fit(rows, measured_of(rows, settings)), settings)
 
     @property
     def zones(self) -> list[str]:
@@ -78,7 +74,7 @@ class ZoneModel:
     @property
     def _of_zones(self) -> dict[str, Any]:
         """The predictor of each zone by itself, by its name; of one zone by an empty name."""
-        return dict(self.predictor.own_) if self.zones else {"": self.predictor}
+        return predictors_of(self.predictor)
 
     @property
     def _with_ideal(self) -> list[str]:
@@ -386,8 +382,3 @@ class ZoneModel:
     def _plant(self) -> list[str]:
         """Roles of the plant as the model reads them: meters of heat and cold are one, ``Q_hvac``."""
         return plant_roles(self.covered())
-
-
-def measured_of(rows: pd.DataFrame, settings: Settings) -> Any:
-    """The temperature of the zone; of several zones a column for each."""
-    return rows[settings.roles_of("T_za")] if settings.zones else rows["T_za"]

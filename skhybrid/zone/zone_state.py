@@ -9,11 +9,10 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, plant_roles
 from .._warnings import several
 from ..logs.standstills import without_standstills
-from ..study.building_study import worst_first
 from ..study.doubts import drift_days
 from ..study.judgement import load_of
 from ..study.settings import Settings
-from ..study.verdict import CARE, Verdict
+from ..study.verdict import CARE, Verdict, worst_first
 from ..study.zone_part import forecast_of, rows_of_zone, settings_of_zone
 from .forecast_archive import BEYOND, ForecastArchive
 from .forecast_scores import errors_of, verdicts_of

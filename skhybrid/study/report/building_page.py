@@ -11,13 +11,12 @@ import numpy as np
 import pandas as pd
 
 from ..._table import SETPOINT_ROLES
-from ..building_setpoints import zones_setpoints_known
-from ..building_study import ALONE, BuildingResult, worst
-from ..compared_models import HYBRID
+from ..compared_models import ALONE, HYBRID
 from ..identified_building import identified_only
+from ..results import BuildingResult
 from ..scores import has_intervals
 from ..tariff import next_day_cost
-from ..verdict import CARE, NOT, USABLE, Verdict
+from ..verdict import Verdict, worst, zones_in_words
 from ..zone_part import forecast_of
 from .figures import (
     NARROW,
@@ -61,7 +60,7 @@ def zone_boxes(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
     for zone, found in verdicts.items():
         if found:
             reasons = [f"{one.quantity}, {one.level}: {'; '.join(one.reasons)}" for one in found]
-            joint.append(Verdict(zone, worst(list(found)), tuple(reasons)))
+            joint.append(Verdict(zone, worst(found), tuple(reasons)))
     return verdict_boxes(joint)
 
 
@@ -70,27 +69,13 @@ def by_zone(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 
     return f'<div class="zones">{html_table(heads, rows, n_texts)}</div>'
 
 
-def zones_in_words(verdicts: Mapping[str, Sequence[Verdict]]) -> str:
-    """The number of zones that are usable, and those that are not."""
-    levels = {zone: worst(list(found)) for zone, found in verdicts.items()}
-    of_level = {level: [zone for zone, own in levels.items() if own == level] for level in (USABLE, CARE, NOT)}
-    n, n_usable = len(levels), len(of_level[USABLE])
-    words = [
-        {n: f"All {n} zones are usable", 0: "No zone is usable without care"}.get(
-            n_usable, f"{n_usable} of {n} zones are usable"
-        )
-    ]
-    words += [f"{level}: {', '.join(of_level[level])}" for level in (NOT, CARE) if of_level[level]]
-    return "; ".join(words) + "."
-
-
 def _head(result: BuildingResult) -> str:
     held, sentences = result.setpoints_known, [verdict(result.table, HYBRID)]
     own, errors, in_kw = result.table.loc[HYBRID], result.zones[HYBRID], True
     if held is not None:
-        own, in_kw = held.whole.table.loc[HYBRID], held.whole.unit == "kW"
+        own, in_kw = held.table.loc[HYBRID], held.unit == "kW"
         errors = pd.Series({zone: one.table.loc[HYBRID, "rmse"] for zone, one in held.zones.items()})
-        sentences = [held.whole.words, f"With the heat known too: {sentences[0]}"]
+        sentences = [held.words, f"With the heat known too: {sentences[0]}"]
     n_origins = result.frames[HYBRID]["origin"].nunique()
     cards = [
         (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the hybrid model, {n_origins} forecasts"),
@@ -107,9 +92,9 @@ def _head(result: BuildingResult) -> str:
     if (cost := next_day_cost(result)) is not None:
         cards.append(cost.card())
     return (
-        f'<p class="soft">skhybrid: day-ahead forecast of {len(result.verdicts)} zones</p>'
+        f'<p class="soft">skhybrid: day-ahead forecast of {len(result.zone_verdicts)} zones</p>'
         f"<h1>{escape(result.settings.name)}</h1>\n"
-        f'<p class="verdict">{escape(zones_in_words(result.verdicts))}</p>\n{zone_boxes(result.verdicts)}'
+        f'<p class="verdict">{escape(zones_in_words(result.zone_verdicts))}</p>\n{zone_boxes(result.zone_verdicts)}'
         + "".join(f"<p>{escape(sentence)}</p>\n" for sentence in sentences)
         + html_cards(cards)
     )
@@ -181,7 +166,7 @@ def _tomorrow(result: BuildingResult) -> str:
     )
     if any(str(name).startswith(SETPOINT_ROLES) for name in result.forecast):
         how = "All curves are forecast from the weather and the set-points of that day, by the learned thermostats."
-        how += "" if result.setpoints_known is None else f" {result.setpoints_known.as_usual}"
+        how += "" if result.setpoints_known is None else f" {result.setpoints_known.usual_words}"
     words = f"{day} {how}{band}"
     power = "kW" if result.scaled else "relative"
     parts = {zone: forecast_of(result.forecast, result.settings, zone) for zone in result.settings.zones}
@@ -195,13 +180,13 @@ def _setpoints_known(result: BuildingResult) -> str:
     held = result.setpoints_known
     if held is None:
         return ""
-    table = zones_setpoints_known(held).loc[result.zones.index]
+    table = held.by_zone.loc[result.zones.index]
     in_percent = [str(name).endswith("interval") for name in table]
     rows = [
         (str(zone), *(percent_or_dash(v) if share else number(v, 2) for v, share in zip(row, in_percent, strict=True)))
         for zone, row in table.iterrows()
     ]
-    whole, loaded = held.whole, {zone: one for zone, one in held.zones.items() if one.loads}
+    loaded = {zone: one for zone, one in held.zones.items() if one.loads}
     loads = [
         loads_backtest(one.frame, one.load, one.loads[HYBRID], one.unit).assign(zone=zone)
         for zone, one in loaded.items()
@@ -217,14 +202,14 @@ def _setpoints_known(result: BuildingResult) -> str:
 
     return (
         "<h2>Accuracy in daily use</h2>\n"
-        f"<p>Here each forecast was given {whole.weather} and the set-points, but neither "
+        f"<p>Here each forecast was given {held.weather} and the set-points, but neither "
         "the heat nor the temperature of any zone measured after it started. Thermostats and plants act as they were "
-        f"learned on the training days, and neighbours are as forecast. {escape(held.as_usual)}</p>\n"
+        f"learned on the training days, and neighbours are as forecast. {escape(held.usual_words)}</p>\n"
         + by_zone(["zone", *map(str, table)], rows)
-        + of(whole.frame, "temperature", "used", "degC")
-        + of(pd.concat(loads, ignore_index=True), whole.load_name, "loads", power)
+        + of(held.frame, "temperature", "used", "degC")
+        + of(pd.concat(loads, ignore_index=True), held.load_name, "loads", power)
         + "<p>All zones together:</p>\n"
-        + results_table(whole.table, whole.unit == "kW", whole.load_name)
+        + results_table(held.table, held.unit == "kW", held.load_name)
     )
 
 

@@ -1,0 +1,130 @@
+"""Results of a study, of one zone or of several."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+
+from .compared_models import HYBRID
+from .identified_rooms import IdentifiedRooms
+from .log_split import StudyData
+from .scores import coverage_of
+from .setpoints_known import SetpointsKnown
+from .settings import Settings, is_scaled
+from .verdict import Verdict, named_by_zone
+
+
+@dataclass(kw_only=True)
+class BaseStudyResult:
+    """Results that a study of one zone and one of several have in common."""
+
+    settings: Settings
+    data: StudyData
+    model: Any
+    frames: dict[str, pd.DataFrame]
+    table: pd.DataFrame
+    forecast: pd.DataFrame
+    setpoints_known: SetpointsKnown | None = None
+    warnings: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def best(self) -> str:
+        """Label of the model with the lowest day-ahead error."""
+        return str(self.table.index[0])
+
+    @property
+    def coverage(self) -> float | None:
+        """Share of the test measurements inside the intervals; None without intervals."""
+        return coverage_of(self.frames[HYBRID])
+
+
+@dataclass(kw_only=True)
+class StudyResult(BaseStudyResult):
+    """Results of a study.
+
+    Parameters
+    ----------
+    settings : Settings
+    data : StudyData
+    model : fitted HybridPredictor, the model whose forecast is shown
+    frames : dict of label to DataFrame
+        Back-tests; the hybrid's with quantiles where there are intervals.
+    table : DataFrame
+        Index = label; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``; the best first.
+    forecast : DataFrame, the next day
+    setpoints_known : SetpointsKnown, optional
+        The back-test in which the heat is not known ahead; None for a log without set-points.
+    warnings : list of str, all warnings, each once
+    seconds : float
+    identification : fitted estimator
+        The identification whose parameters describe the building: the model's own, or with the schedule model that of
+        the two-stage model next to it.
+    zeta : Series, disturbance of the training rows as the identification estimates it [kW]
+    parameters : DataFrame
+        Index = name; ``value``, ``std``, ``unit``, ``lower``, ``upper``, ``description``, ``remark``.
+    verdicts : list of Verdict
+        On temperature and, where the plant's heat is known, on the load; where set-points were tested, on that test.
+    building : DataFrame
+        Index = quantity, such as "heat loss"; ``value``, ``std``, ``unit``, ``remark``.
+    """
+
+    identification: Any
+    zeta: pd.Series
+    parameters: pd.DataFrame
+    verdicts: list[Verdict] = field(default_factory=list)
+    building: pd.DataFrame = field(default_factory=pd.DataFrame)
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the log fixes what a kW is."""
+        return is_scaled(self.data.train, self.settings.capacities)
+
+
+@dataclass(kw_only=True)
+class BuildingResult(BaseStudyResult):
+    """Results of a study of several zones.
+
+    ``model`` is a fitted BuildingPredictor, ``frames`` have a column ``zone``, the names of ``forecast`` end with the
+    zone's, and ``table`` is over all zones together.
+    """
+
+    #: by zone, the worst verdict first: ``level``, errors [K] by model, ``coverage``, and ``load_rmse`` of the model
+    #: and ``load_yesterday`` with their ``unit``
+    zones: pd.DataFrame
+    zone_verdicts: dict[str, list[Verdict]]  # by zone, in the order of ``zones``
+    identified: IdentifiedRooms | None = None  # None where the rooms could not be identified
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """The verdicts of all zones, each with the zone in its quantity."""
+        return named_by_zone(self.zone_verdicts)
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the log fixes what a kW is, in every zone."""
+        return bool((self.zones["unit"] != "-").all())
+
+    @property
+    def parameters(self) -> pd.DataFrame:
+        """Quantities of the rooms, and what each two exchange; empty where the rooms were not identified."""
+        columns = ["zone", "value", "std", "unit", "remark"]
+        if self.identified is None:
+            return pd.DataFrame(columns=columns).rename_axis("quantity")
+        return self.identified.table[columns]
+
+    def pairs(self) -> dict[tuple[str, str], float | None]:
+        """The pairs of zones whose forecasts know each other, with their conductance [W/K] where it is known."""
+        known: dict[frozenset[str], float] = {}
+        if self.identified is not None:
+            table = self.identified.partitions
+            table = table[table["remark"].isin(["", "uncertain"])]
+            ends = (table.index.get_level_values(level) for level in ("zone", "neighbour"))
+            known = {frozenset((a, b)): float(v) for a, b, v in zip(*ends, table["value"], strict=True)}
+        beside = [frozenset((zone, other)) for zone, one in self.model.coupled_.items() for other in one.neighbours]
+        drawn = dict.fromkeys([*beside, *known])
+        order = {zone: k for k, zone in enumerate(self.settings.zones)}
+        named = (tuple(sorted(pair, key=lambda zone: order[zone])) for pair in drawn)
+        return {(a, b): known.get(frozenset((a, b))) for a, b in named}
