@@ -491,7 +491,9 @@ def test_backtest_judges_every_zone(folder, tmp_path, capsys):
     common = ("backtest", folder / "log.csv", "--config", folder / "house.toml")
     assert run(*common, "--out", tmp_path / "backtest.csv", "--json") == 0
     found = json.loads(capsys.readouterr().out)
-    assert [one["quantity"] for one in found["verdicts"]] == [f"temperature of {zone}" for zone in ZONES]
+    quantities = [f"{what} of {zone}" for zone in ZONES for what in ("temperature", "load")]
+    assert [one["quantity"] for one in found["verdicts"]] == quantities
+    assert found["table"]["hybrid"]["load_rmse"] > 0
     frame = pd.read_csv(tmp_path / "backtest.csv")
     error = frame["y_pred"] - frame["y_true"]
     assert found["table"]["hybrid"]["rmse"] == pytest.approx(np.sqrt((error**2).mean()), abs=1e-4)
@@ -657,7 +659,8 @@ def test_a_room_without_values_of_its_heat_is_studied_without_it(folder, log, tm
     assert main([*map(str, ("backtest", *given)), "--json"]) == 0
     found = capsys.readouterr()
     assert remark in found.err
-    assert len(json.loads(found.out)["verdicts"]) == 2
+    quantities = [one["quantity"] for one in json.loads(found.out)["verdicts"]]
+    assert quantities == ["temperature of kitchen", "load of kitchen", "temperature of hall"]
     assert main([*map(str, ("identify", *given)), "--json"]) == 0
     found = capsys.readouterr()
     assert remark in found.err

@@ -16,7 +16,7 @@ from skhybrid.hybrid.thermostat_law import boosted_trees, law_refits
 from skhybrid.model_selection import backtest
 from skhybrid.preprocessing import GapFiller
 from skhybrid.schedule import schedule_loads
-from skhybrid.study import Settings, run_study, split_log, write_outputs
+from skhybrid.study import Settings, StudyData, run_study, split_log, write_outputs
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
 from skhybrid.study.judgement import Doubts
 from skhybrid.study.load_rules import LAST_WEEK, USUAL
@@ -26,8 +26,7 @@ from skhybrid.study.outputs import format_result
 from skhybrid.study.report.building_page import _setpoints_known as report_on
 from skhybrid.study.report.words import percent_or_dash
 from skhybrid.study.setpoints_known import SetpointsKnown
-from skhybrid.study.tested_models import StudySpan, StudyTest
-from skhybrid.study.zone_part import zone_of
+from skhybrid.study.zone_part import Study, zone_of
 from skhybrid.zone.zone_backtest import backtest_zone
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
@@ -281,15 +280,16 @@ def yesterday_of(log, later, start):
     return pd.concat(parts, ignore_index=True)
 
 
-def rows_to_test(settings, train, later, start, remarks):
-    return StudyTest(settings, StudySpan(train), StudySpan(later), start, remarks)
+def study_of(settings, train, later, start, remarks):
+    held = later[T_OF].set_axis(ZONES, axis=1)
+    return Study(settings, StudyData(train, later, start, train, later, held, held_out=True), remarks)
 
 
 def test_a_study_scores_each_zone_and_all_together(log, model, later):
     rows = later[: 6 * DAY]
     start, remarks = rows.index[DAY], []
     yesterday = yesterday_of(log, rows, start)
-    held = SetpointsKnown.of(model, rows_to_test(settings_of(log), log[:TRAINED], rows, start, remarks), yesterday)
+    held = SetpointsKnown.of(model, study_of(settings_of(log), log[:TRAINED], rows, start, remarks), yesterday)
     assert remarks == []
     frame = backtest(model, rows, rows[T_OF], start=start, quantiles=LEVELS, heat_known=False)
     of_all, errors = [], (frame["y_pred"] - frame["y_true"]) ** 2
@@ -322,7 +322,7 @@ def test_a_study_says_which_plants_run_as_usual(log, as_usual):
     bare = log.drop(columns=log.filter(like="_set_kitchen").columns)
     start, settings, remarks = later.index[DAY], settings_of(bare), []
     yesterday = yesterday_of(log, later[: 4 * DAY], start)
-    held = SetpointsKnown.of(model, rows_to_test(settings, bare[:TRAINED], later[: 4 * DAY], start, remarks), yesterday)
+    held = SetpointsKnown.of(model, study_of(settings, bare[:TRAINED], later[: 4 * DAY], start, remarks), yesterday)
     assert remarks == []
     assert (
         held.usual_words == "No thermostat was learned of kitchen, bedroom; their heat is forecast as it usually was."
@@ -338,10 +338,10 @@ def test_without_set_points_there_is_no_such_test_and_wrong_ones_are_told(log, m
     start, settings = later.index[DAY], settings_of(log)
     bare = tuple(rows.drop(columns=rows.filter(like="_set_").columns) for rows in spans)
     remarks = []
-    assert SetpointsKnown.of(model, rows_to_test(settings, *bare, start, remarks), yesterday) is None
+    assert SetpointsKnown.of(model, study_of(settings, *bare, start, remarks), yesterday) is None
     assert remarks == []
     holed = spans[1].assign(T_heat_set_kitchen=np.nan)
-    assert SetpointsKnown.of(model, rows_to_test(settings, spans[0], holed, start, remarks), yesterday) is None
+    assert SetpointsKnown.of(model, study_of(settings, spans[0], holed, start, remarks), yesterday) is None
     (text,) = remarks
     assert text.startswith(
         "forecasts with only the set-points known were not tested: zone 'kitchen': T_heat_set_kitchen is mis"

@@ -55,7 +55,6 @@ from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import as_toml, settings_from
 from skhybrid.study.spans import TRAINING_DAYS
 from skhybrid.zone.building import describe_rooms, identify_building
-from skhybrid.zone.zone_backtest import backtest_building
 
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
@@ -885,7 +884,7 @@ def test_spans_and_set_points_that_are_not_there_are_named(given, message):
             split_log(rows, settings)
 
 
-@pytest.mark.parametrize("of", [identify_building, describe_rooms, backtest_building])
+@pytest.mark.parametrize("of", [identify_building, describe_rooms])
 def test_a_log_without_a_complete_row_is_refused(of):
     columns = {name: name for name in (("T_za",) if of is identify_building else ("T_za_a", "T_za_b"))}
     frame = pd.DataFrame(20.0, pd.date_range("2024-01-01", periods=48, freq="1h"), [*columns]).assign(T_oa=np.nan)

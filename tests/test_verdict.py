@@ -12,7 +12,7 @@ from skhybrid.identification import OutputDisturbanceID
 from skhybrid.study import Settings, split_log
 from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
 from skhybrid.study.identified_building import describe, identified_only, parameter_table
-from skhybrid.study.judgement import judge_load, load_of, of_whole_plant
+from skhybrid.study.judgement import Load, ZoneLoads, load_of, of_whole_plant
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.settings import is_scaled
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
@@ -112,10 +112,11 @@ def test_a_load_is_judged_by_its_error_from_the_test_rows_on():
     noise = pd.Series(np.random.default_rng(0).normal(size=len(stamps)), stamps)
     own = (delivered + 0.5 * noise).where(stamps >= pd.Timestamp("2024-01-03"), 1e6)  # no row before counts
     rules = {"twice as wrong": delivered + noise}
-    found = judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=True)
+    loads = ZoneLoads(Load(own, "kW"), Load(delivered, "kW"), rules)
+    found = loads.verdict(pd.Timestamp("2024-01-03"), scaled=True)
     assert found.level == USABLE
     assert "0.50 times that of twice as wrong" in str(found)
-    assert judge_load(own, rules, delivered, pd.Timestamp("2024-01-03"), scaled=False).level == CARE
+    assert loads.verdict(pd.Timestamp("2024-01-03"), scaled=False).level == CARE
 
 
 def test_a_day_beyond_what_training_covered_is_told_with_its_columns():

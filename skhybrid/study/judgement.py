@@ -16,7 +16,7 @@ from .load_rules import rule_loads
 from .log_split import StudyData, inputs_of, without_setpoints
 from .settings import Settings
 from .verdict import Verdict, compare_errors, judge
-from .zone_part import data_of, each_zone, forecast_of, settings_of_zone
+from .zone_part import Study, forecast_of
 
 _HELD = "the temperature to hold"
 NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
@@ -41,10 +41,17 @@ class ZoneLoads(NamedTuple):
         loads = pd.DataFrame({HYBRID: self.own.values, **self.rules})
         return loads.sub(self.delivered.values, axis=0)[start:].dropna()
 
-    def verdict(self, start: pd.Timestamp, doubts: Sequence[str], *, scaled: bool) -> Verdict:
-        """The verdict on the load beside those of the rules, as :func:`judge_load` gives it."""
-        given: dict[str, Any] = {"scaled": scaled, "doubts": doubts}
-        return judge_load(self.own.values, self.rules, self.delivered.values, start, **given)
+    def verdict(self, start: pd.Timestamp, doubts: Sequence[str] = (), *, scaled: bool) -> Verdict:
+        """The verdict on the load in the test beside those of the rules.
+
+        ``scaled`` tells whether the log fixes what a kW is; ``doubts`` are further reasons to take care.
+        """
+        needed, delivered = self.own.values, self.delivered.values
+        at = delivered.index[(delivered.index >= start) & needed.reindex(delivered.index).notna()]
+        days = pd.Series(pd.DatetimeIndex(at).normalize(), index=at)
+        own, *others = (load.reindex(at) - delivered[at] for load in (needed, *self.rules.values()))
+        rules = dict(zip(self.rules, others, strict=True))
+        return judge_load_errors(own, rules, days, scaled=scaled, doubts=doubts)
 
 
 class Doubts(NamedTuple):
@@ -89,25 +96,6 @@ def judge_temperature(
     return judge("temperature", [compared], n_origins=n_origins, coverage=coverage, doubts=doubts)
 
 
-def judge_load(
-    own: pd.Series,
-    rules: Mapping[str, pd.Series],
-    delivered: pd.Series,
-    test_start: pd.Timestamp,
-    *,
-    scaled: bool,
-    doubts: Sequence[str] = (),
-) -> Verdict:
-    """The verdict on the loads of a model beside those of simple rules, in the unit of what was ``delivered``.
-
-    ``scaled`` tells whether the log fixes what a kW is; ``doubts`` are further reasons to take care.
-    """
-    at = delivered.index[(delivered.index >= test_start) & own.reindex(delivered.index).notna()]
-    days = pd.Series(pd.DatetimeIndex(at).normalize(), index=at)
-    errors = {name: load.reindex(at) - delivered[at] for name, load in rules.items()}
-    return judge_load_errors(own.reindex(at) - delivered[at], errors, days, scaled=scaled, doubts=doubts)
-
-
 def judge_load_errors(
     own: pd.Series,
     rules: Mapping[str, pd.Series],
@@ -117,7 +105,7 @@ def judge_load_errors(
     coverage: float | None = None,
     doubts: Sequence[str] = (),
 ) -> Verdict:
-    """As :func:`judge_load` by errors at the same rows, of which ``blocks`` are the days or the origins."""
+    """The verdict on loads by errors at the same rows, of which ``blocks`` are the days or the origins."""
     compared = [compare_errors(own, error, blocks, name) for name, error in rules.items()]
     reasons = [*([] if scaled else [NO_SCALE]), *doubts]
     return judge("load", compared, n_origins=blocks.nunique(), coverage=coverage, doubts=reasons)
@@ -129,15 +117,14 @@ def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]
     return rule_loads(data.train, data.later, delivered, held)
 
 
-def loads_by_zone(needed: pd.DataFrame | None, data: StudyData, settings: Settings) -> dict[str, ZoneLoads]:
+def loads_by_zone(needed: pd.DataFrame | None, study: Study) -> dict[str, ZoneLoads]:
     """The loads of the zones that something heats or cools; none where the ``needed`` ones are not known."""
     loads = {}
-    for zone in [] if needed is None else each_zone(settings):
-        own, of_zone = data_of(data, settings, zone), settings_of_zone(settings, zone)
-        past, roles = pd.concat([own.train, own.later]), plant_roles(own.later)
-        found, delivered = (load_of(rows, of_zone, roles) for rows in (forecast_of(needed, settings, zone), past))
+    for zone, own in {} if needed is None else study.by_zone.items():
+        roles, of_zone = plant_roles(own.data.later), forecast_of(needed, study.settings, zone)
+        found, delivered = (load_of(rows, own.settings, roles) for rows in (of_zone, own.past))
         if found is not None and delivered is not None:
-            loads[zone] = ZoneLoads(found, delivered, loads_by_rule(own, delivered.values))
+            loads[zone] = ZoneLoads(found, delivered, loads_by_rule(own.data, delivered.values))
     return loads
 
 

@@ -15,14 +15,15 @@ from .judgement import load_of, of_whole_plant
 from .log_split import StudyData, inputs_of, setpoints_of
 from .setpoints_known import LOAD_INTERVAL
 from .settings import Settings
-from .zone_part import data_of, each_zone, rows_of_zone, settings_of_zone
+from .zone_part import Study, each_zone, rows_of_zone
 
 _NOT_LEARNED = "no thermostat was learned"
 
 
-def refuse_holes(data: StudyData, settings: Settings) -> None:
+def refuse_holes(study: Study) -> None:
     """Refuse a next day that cannot be forecast, before models are fitted for minutes; set-points may be missing."""
-    ahead = inputs_of(data.future, settings.roles_of("T_za")).drop(columns=data.unplanned)
+    data = study.data
+    ahead = inputs_of(data.future, study.settings.roles_of("T_za")).drop(columns=data.unplanned)
     holed = [one for name, one in ahead.items() if one.isna().any() and not str(name).startswith(SETPOINT_ROLES)]
     if holed or data.history.empty:
         what = f"{holed[0].name} is missing at {holed[0].isna().idxmax()}" if holed else "an input is missing before it"
@@ -38,17 +39,17 @@ def refuse_unplanned(data: StudyData, why_not: str) -> None:
         )
 
 
-def is_under_setpoints(held: object, data: StudyData, settings: Settings, remarks: list[str]) -> bool:
+def is_under_setpoints(held: object, study: Study) -> bool:
     """True if the next day is forecast under its set-points; a day to come is under heat that is planned.
 
     ``held`` is the back-test under set-points, None where no thermostat was learned.
     """
-    why_not = _NOT_LEARNED if held is None else unusable_setpoints(data.future, settings)
-    refuse_unplanned(data, why_not)
-    if held is None or not (data.held_out or data.unplanned):
+    why_not = _NOT_LEARNED if held is None else unusable_setpoints(study.data.future, study.settings)
+    refuse_unplanned(study.data, why_not)
+    if held is None or not (study.data.held_out or study.data.unplanned):
         return False
     if why_not:
-        remarks.append(f"the next day is forecast under its known heat: {why_not}")
+        study.remarks.append(f"the next day is forecast under its known heat: {why_not}")
     return not why_not
 
 
@@ -71,78 +72,72 @@ def _unusable(given: pd.DataFrame) -> str:
 
 
 def forecast_next_day(
-    model: Any,
-    data: StudyData,
-    settings: Settings,
-    asked: Mapping[str, Any],
-    identification: Any = None,
-    *,
-    of_day: bool,
+    model: Any, study: Study, asked: Mapping[str, Any], gray_box: Any = None, *, of_day: bool
 ) -> pd.DataFrame:
     """The forecast of the next day, with intervals as ``asked``, and what was measured of it.
 
     Under its set-points where ``of_day``, else under its heat, beside the load that holds the set-point of ``[load]``.
-    ``identification`` gives the capacities of stages; without it those of the settings count.  Of several zones, names
-    end with the zone's.
+    An identified ``gray_box`` gives the capacities of stages; without it those of the settings count.  Of several
+    zones, names end with the zone's.
     """
-    ahead = data.future.drop(columns=settings.roles_of("T_za"))
+    data = study.data
+    ahead = data.future.drop(columns=study.settings.roles_of("T_za"))
     with warnings_dropped(PlanWarning):  # the verdict says what lies beyond the training
         if of_day:
             plant = plant_roles(ahead)
-            out = in_kilowatts(model.forecast(data.history, ahead.drop(columns=plant), **asked), identification, ahead)
-            if identification is not None and plant != ["Q_hvac"]:  # intervals are in the scale of the model
+            out = in_kilowatts(model.forecast(data.history, ahead.drop(columns=plant), **asked), gray_box, ahead)
+            if gray_box is not None and plant != ["Q_hvac"]:  # intervals are in the scale of the model
                 out = out.drop(columns=list(LOAD_INTERVAL), errors="ignore")
         else:
             out = model.forecast(data.history, ahead, **asked)
-            load = in_kilowatts(_required(model, data, settings), identification, ahead)
-            out = out.join(load[[name for name in load if is_plant(str(name)) and name not in out]])
-    for zone in each_zone(settings):
-        own = data_of(data, settings, zone)
-        shown = setpoints_of(own.future) if of_day else own.setpoint.loc[ahead.index].to_frame("setpoint")
+            load = in_kilowatts(_required(model, study), gray_box, ahead)
+            out = out.join(load[[name for name in load if is_plant(name) and name not in out]])
+    for zone, own in study.by_zone.items():
+        future = own.data.future
+        shown = setpoints_of(future) if of_day else own.data.setpoint.loc[future.index].to_frame("setpoint")
         if data.held_out:
-            delivered = _delivered(own.future, settings_of_zone(settings, zone), identification)
-            measured = {"T_za_measured": own.future["T_za"], "Q_hvac_delivered": delivered}
-            shown = shown.assign(**{name: values for name, values in measured.items() if values is not None})
+            shown = shown.assign(T_za_measured=future["T_za"])
+            delivered = _delivered(future, own.settings, gray_box)
+            shown = shown if delivered is None else shown.assign(Q_hvac_delivered=delivered)
         out = out.join(shown.add_suffix(f"_{zone}" if zone else ""))
     return out.rename_axis("time")
 
 
-def _required(model: Any, data: StudyData, settings: Settings) -> pd.DataFrame:
+def _required(model: Any, study: Study) -> pd.DataFrame:
     """The loads of the next day that hold the set-points of ``[load]``; no columns where zones share a plant."""
-    rows = {zone: rows_of_zone(data.future, settings, zone) for zone in each_zone(settings)}
-    heated = [zone for zone, own in rows.items() if plant_roles(own)]
+    data, settings = study.data, study.settings
+    heated = {zone: own.data for zone, own in study.by_zone.items() if plant_roles(own.data.future)}
     if not heated or getattr(model, "shared_plants_", ()):
         return pd.DataFrame(index=data.future.index)
     unmeasured = data.future.assign(**dict.fromkeys(settings.roles_of("T_za"), np.nan))
-    held = {zone: data_of(data, settings, zone).setpoint.to_numpy() for zone in heated}
-    return model.predict_load(pd.concat([data.history, unmeasured]), held if settings.zones else held[""]).loc[
-        data.future.index
-    ]
+    held = {zone: own.setpoint.to_numpy() for zone, own in heated.items()}
+    load = model.predict_load(pd.concat([data.history, unmeasured]), held if settings.zones else held[""])
+    return load.loc[data.future.index]
 
 
-def in_kilowatts(load: pd.DataFrame, identification: Any, rows: pd.DataFrame) -> pd.DataFrame:
+def in_kilowatts(load: pd.DataFrame, gray_box: Any, rows: pd.DataFrame) -> pd.DataFrame:
     """A load of stages in kW by an identification's capacities, if any, since other models have no certain scale."""
     load, stages = of_whole_plant(load), plant_roles(rows)
-    if identification is None or not stages or any(role.startswith("Q_") for role in stages):
+    if gray_box is None or not stages or any(role.startswith("Q_") for role in stages):
         return load
     heat = {}
     for end in ("", "_unclipped") if f"{stages[0]}_unclipped" in load else ("",):
         by_role = load[[role + end for role in stages]].set_axis(stages, axis=1)
-        heat["Q_hvac" + end] = delivered_heat(identification, by_role)
+        heat["Q_hvac" + end] = delivered_heat(gray_box, by_role)
     return load.assign(**heat)
 
 
-def delivered_heat(identification: Any, rows: pd.DataFrame) -> pd.Series | None:
+def delivered_heat(gray_box: Any, rows: pd.DataFrame) -> pd.Series | None:
     """Measured heat, or the stages times their identified capacities [kW]; None where nothing heats or cools."""
-    theta = identification.theta_
-    plant = [s for s in identification.network_.sources(rows.columns) if is_plant(s.role)]
+    theta = gray_box.theta_
+    plant = [s for s in gray_box.network_.sources(rows.columns) if is_plant(s.role)]
     parts = [rows[s.role] * (1.0 if s.parameter is None else theta[s.parameter]) for s in plant]
     return sum(parts[1:], parts[0]) if parts else None
 
 
-def _delivered(rows: pd.DataFrame, settings: Settings, identification: Any) -> pd.Series | None:
+def _delivered(rows: pd.DataFrame, settings: Settings, gray_box: Any) -> pd.Series | None:
     """Delivered heat [kW] of a zone, by the capacities of an identification or of the settings; None where unknown."""
-    if identification is not None:
-        return delivered_heat(identification, rows)
+    if gray_box is not None:
+        return delivered_heat(gray_box, rows)
     load = load_of(rows, settings, plant_roles(rows))
     return None if load is None or load.unit != "kW" else load.values

@@ -19,14 +19,13 @@ from .identified_rooms import identify_zones
 from .judgement import Doubts, Load, ZoneLoads, judge_temperature, load_errors, loads_by_rule, loads_by_zone
 from .log_split import StudyData
 from .next_day import delivered_heat, forecast_next_day, in_kilowatts, is_under_setpoints, refuse_holes
-from .results import BuildingResult, StudyResult
+from .results import BuildingResult, StudyResult, zone_table
 from .scores import coverage_of, error_table, errors_by_model, interval_asked
 from .setpoints_known import SetpointsKnown
 from .settings import Settings, is_scaled
-from .tested_models import Progress, StudyTest, TestedModel, counted, tested_models
+from .tested_models import Progress, TestedModel, counted, tested_models
 from .verdict import Verdict
-from .zone_part import data_of, predictors_of, settings_of_zone, zone_of
-from .zone_table import zone_table
+from .zone_part import Study, predictors_of, zone_of
 
 
 def run_study(settings: Settings, data: StudyData, progress: Progress | None = None) -> Any:
@@ -50,23 +49,23 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         If an input of the next day is missing, or the hybrid or the identification cannot be fitted or tested; any
         other model that fails is left out, with a warning.
     """
-    refuse_holes(data, settings)
-    begun, test = time.perf_counter(), StudyTest.of(settings, data)
+    begun, study = time.perf_counter(), Study.of(settings, data)
+    refuse_holes(study)
     with tempfile.TemporaryDirectory() as folder, recorded_warnings() as caught:
         models = make_models(settings, memory=folder)
         say = counted(progress, len(models) + 2)
-        tested = tested_models(models, test, say)
+        tested = tested_models(models, study, say)
         model, frames = tested[HYBRID].model, {label: one.frame for label, one in tested.items()}
         say("back-test with only the set-points known")
-        held = SetpointsKnown.of(model, test, frames[YESTERDAY])
+        held = SetpointsKnown.of(model, study, frames[YESTERDAY])
         say("identification, and forecast of the next day")
-        identified = _identified_rooms(test) if settings.zones else _identified_zone(tested, test)
+        identified = _identified_rooms(study) if settings.zones else _identified_zone(tested, study)
         gray_box = identified.get("identification")
-        loads, errors = _loads(tested, gray_box, data, settings)
-        of_day = is_under_setpoints(held, data, settings, test.remarks)
+        loads, errors = _loads(tested, gray_box, study)
+        of_day = is_under_setpoints(held, study)
         asked = interval_asked(held.frame if held is not None and of_day else frames[HYBRID], settings)
-        forecast = forecast_next_day(model, data, settings, asked, gray_box, of_day=of_day)
-        verdicts = verdicts_by_zone(tested, test, data, held, loads, gray_box, of_day=of_day)
+        forecast = forecast_next_day(model, study, asked, gray_box, of_day=of_day)
+        verdicts = verdicts_by_zone(tested, study, held, loads, gray_box, of_day=of_day)
     common = {
         "settings": settings,
         "data": data,
@@ -75,7 +74,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         "table": _compared(tested, errors),
         "forecast": forecast,
         "setpoints_known": held,
-        "warnings": _each_once(test.remarks, caught),
+        "warnings": _each_once(study.remarks, caught),
         "seconds": time.perf_counter() - begun,
         **identified,
     }
@@ -85,38 +84,39 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
     return BuildingResult(**common, zones=zones, zone_verdicts={str(zone): verdicts[str(zone)] for zone in zones.index})
 
 
-def _identified_zone(tested: Mapping[str, TestedModel], test: StudyTest) -> dict[str, Any]:
+def _identified_zone(tested: Mapping[str, TestedModel], study: Study) -> dict[str, Any]:
     """The identification of one zone, its disturbance, and what it says of the building."""
-    gray_box = tested[identified_by(test.settings)].model.gray_box_
+    gray_box = tested[identified_by(study.settings)].model.gray_box_
     tested[HYBRID].model.set_params(memory=None)  # the folder ends with the study
     return {
         "identification": gray_box,
-        "zeta": gray_box.estimate_disturbance(test.train.given_to(gray_box), smooth=True),
+        "zeta": gray_box.estimate_disturbance(study.without_setpoints.data.train, smooth=True),
         "parameters": parameter_table(gray_box),
         "building": describe(gray_box),
     }
 
 
-def _identified_rooms(test: StudyTest) -> dict[str, Any]:
+def _identified_rooms(study: Study) -> dict[str, Any]:
     """The rooms of several zones; a remark says why they could not be identified."""
     try:
-        return {"identified": identify_zones(test.settings, test.train.frame)}
+        return {"identified": identify_zones(study.settings, study.data.train)}
     except ValueError as error:
-        test.remarks.append(f"the rooms were not identified: {error}")
+        study.remarks.append(f"the rooms were not identified: {error}")
         return {}
 
 
 def _loads(
-    tested: Mapping[str, TestedModel], gray_box: Any, data: StudyData, settings: Settings
+    tested: Mapping[str, TestedModel], gray_box: Any, study: Study
 ) -> tuple[dict[str, ZoneLoads], Mapping[str, float]]:
     """The loads of the hybrid by zone, and errors of loads by model and rule.
 
-    Of one zone in kW by the capacities that were identified.
+    Of one zone in kW by the capacities of an identified ``gray_box``.
     """
+    data = study.data
     if gray_box is None:
-        loads = loads_by_zone(tested[HYBRID].load, data, settings)
+        loads = loads_by_zone(tested[HYBRID].load, study)
         return loads, load_errors(loads, data.test_start)[0]
-    delivered = delivered_heat(gray_box, pd.concat([data.train, data.later]))
+    delivered = delivered_heat(gray_box, study.past)
     if delivered is None:
         return {}, {}
     made = {label: one.load for label, one in tested.items() if one.load is not None}
@@ -128,8 +128,7 @@ def _loads(
 
 def verdicts_by_zone(
     tested: Mapping[str, TestedModel],
-    test: StudyTest,
-    data: StudyData,
+    study: Study,
     held: SetpointsKnown | None,
     loads: Mapping[str, ZoneLoads],
     gray_box: Any = None,
@@ -138,15 +137,15 @@ def verdicts_by_zone(
 ) -> dict[str, list[Verdict]]:
     """The verdicts on each zone's temperature and load: with only the set-points known where that was tested.
 
-    ``gray_box`` gives the capacities of stages, where it is another model; ``of_day``: the day to come is known by its
-    set-points.
+    An identified ``gray_box`` gives the capacities of stages, where it is not the hybrid's; ``of_day``: the day to come
+    is known by its set-points.
     """
-    of_stages = any(role.startswith("u_") for role in plant_roles(data.train))
-    found = {}
+    of_stages = any(role.startswith("u_") for role in plant_roles(study.data.train))
+    parts, found = study.by_zone, {}
     for zone, model in predictors_of(tested[HYBRID].model).items():
-        part, scale = data_of(data, test.settings, zone), gray_box if of_stages else None
-        doubts = Doubts.of(model, test.later.given_to(model), part, scale, setpoints_known=of_day)
-        scaled = is_scaled(part.train, settings_of_zone(test.settings, zone).capacities)
+        data, scale = parts[zone].data, gray_box if of_stages else None
+        doubts = Doubts.of(model, study.data.later, data, scale, setpoints_known=of_day)
+        scaled = is_scaled(data.train, parts[zone].settings.capacities)
         own, yesterday = (zone_of(tested[label].frame, zone) for label in (HYBRID, YESTERDAY))
         if held is not None:
             found[zone] = held.zones.get(zone, held).verdicts(yesterday, doubts, scaled=scaled)

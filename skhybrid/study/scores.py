@@ -8,10 +8,29 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
+from ..model_selection import backtest
 from .settings import Settings
+from .zone_part import Study, measured_of
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
+
+
+def backtest_of(model: Any, study: Study, **given: Any) -> pd.DataFrame:
+    """A back-test of a fitted model on the test rows, with arguments of :func:`skhybrid.model_selection.backtest`."""
+    settings, later = study.settings, study.data.later
+    given |= {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": study.data.test_start}
+    return backtest(model, later, measured_of(later, settings), **given)
+
+
+def backtest_with_intervals(model: Any, study: Study, **given: Any) -> pd.DataFrame:
+    """The same with the quantiles of :data:`INTERVAL` where the model has learned them; else a remark says why not."""
+    try:
+        return backtest_of(model, study, quantiles=INTERVAL, **given)
+    except TooFewDaysError as error:
+        study.remarks.append(f"no intervals are given: {error}")
+        return backtest_of(model, study, **given)
 
 
 def errors_by_model(frames: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

@@ -16,11 +16,10 @@ from .judgement import Doubts, judge_load_errors, judge_temperature, load_of
 from .load_rules import LAST_WEEK, USUAL, past_loads
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .log_split import setpoints_of
-from .scores import INTERVAL, coverage_of, error_table, errors_by_model, has_intervals
+from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings
-from .tested_models import StudyTest
 from .verdict import Verdict
-from .zone_part import each_zone, log_columns, predictors_of, rows_of_zone, settings_of_zone, zone_of
+from .zone_part import Study, log_columns, predictors_of, zone_of
 
 #: rows of the table that are rules, with a note on each
 _NOTES = {
@@ -49,31 +48,31 @@ class SetpointsKnown(NamedTuple):
     zones: Mapping[str, SetpointsKnown] = MappingProxyType({})  # each of several zones by its name
 
     @classmethod
-    def of(cls, model: Any, test: StudyTest, yesterday: pd.DataFrame) -> Self | None:
+    def of(cls, model: Any, study: Study, yesterday: pd.DataFrame) -> Self | None:
         """Back-test a fitted model at the origins of the back-test of ``yesterday``.
 
         None where no zone has set-points and a plant, or zones share a plant.  A remark says so of zones that share
         one, where no thermostat was learned, and where something is wrong with the set-points.
         """
-        settings, later = test.settings, test.later.frame
-        rows = [rows_of_zone(later, settings, zone) for zone in each_zone(settings)]
+        settings, parts = study.settings, study.by_zone
+        rows = [own.data.later for own in parts.values()]
         has_thermostat = any(plant_roles(own) and not setpoints_of(own).empty for own in rows)
         if shared := getattr(model, "shared_plants_", ()):
             what = "loads and forecasts with only the set-points known" if has_thermostat else "loads"
             column = " and ".join(log_columns(shared[:1], settings))
-            test.remarks.append(f"{what} are left out: the zones share the plant of the column {column}")
+            study.remarks.append(f"{what} are left out: the zones share the plant of the column {column}")
         if shared or not has_thermostat:
             return None
         try:
-            frame = test.backtest_with_intervals(model, heat_known=False, weather_error=settings.weather_error)
+            frame = backtest_with_intervals(model, study, heat_known=False, weather_error=settings.weather_error)
         except ValueError as error:
-            test.remarks.append(f"forecasts with only the set-points known were not tested: {error}")
+            study.remarks.append(f"forecasts with only the set-points known were not tested: {error}")
             return None
-        zones, whole = {}, pd.concat([test.train.frame, later])
+        zones = {}
         for zone, predictor in predictors_of(model).items():
-            past = rows_of_zone(whole, settings, zone)
+            past = parts[zone].past
             as_usual = bool(plant_roles(past)) and not predictor.thermostat_learned_
-            given = zone_of(frame, zone), past, zone_of(yesterday, zone), settings_of_zone(settings, zone)
+            given = zone_of(frame, zone), past, zone_of(yesterday, zone), parts[zone].settings
             zones[zone] = cls.of_backtest(*given, as_usual=as_usual)
         return cls.together(zones, yesterday) if settings.zones else zones[""]
 

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import pandas as pd
 
 from .._table import ending_zone
 from ..hybrid.building.zone_columns import ZoneColumns
 from .log_reading import meters_of
-from .log_split import StudyData
+from .log_split import StudyData, without_setpoints
 from .settings import Settings
 
 _OF_ALL = ("origin", "lead", "time", "y_true", "y_pred")  # columns that a back-test has of every zone
@@ -23,6 +23,40 @@ _OF_ALL = ("origin", "lead", "time", "y_true", "y_pred")  # columns that a back-
 def each_zone(settings: Settings) -> list[str]:
     """The names of the zones; an empty one where there is one zone."""
     return settings.zones or [""]
+
+
+class Study(NamedTuple):
+    """A study as it goes on."""
+
+    settings: Settings
+    data: StudyData
+    remarks: list[str]  # to which what is found on the way is added
+
+    @classmethod
+    def of(cls, settings: Settings, data: StudyData) -> Self:
+        """The study of a log, with the remarks on it."""
+        return cls(settings, data, list(data.remarks))
+
+    @property
+    def by_zone(self) -> dict[str, Study]:
+        """The study of each zone, as if it were alone."""
+        return {
+            zone: self._replace(
+                settings=settings_of_zone(self.settings, zone), data=data_of(self.data, self.settings, zone)
+            )
+            for zone in each_zone(self.settings)
+        }
+
+    @property
+    def without_setpoints(self) -> Study:
+        """The same for models that learn no thermostat."""
+        train, later = map(without_setpoints, (self.data.train, self.data.later))
+        return self._replace(data=self.data._replace(train=train, later=later))
+
+    @property
+    def past(self) -> pd.DataFrame:
+        """All rows to the end of the test."""
+        return pd.concat([self.data.train, self.data.later])
 
 
 def predictors_of(model: Any) -> dict[str, Any]:

@@ -13,8 +13,9 @@ from ..study.run import verdicts_by_zone
 from ..study.scores import coverage_of, error_table, errors_by_model, rmse_by_zone
 from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings
-from ..study.tested_models import Progress, StudyTest, counted, tested_models
+from ..study.tested_models import Progress, counted, tested_models
 from ..study.verdict import Verdict, named_by_zone
+from ..study.zone_part import Study
 
 #: what the predictor of one zone is compared with, apart from the rules for the load
 _COMPARED = (HYBRID, "ARX re-fitted", YESTERDAY)
@@ -38,13 +39,13 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
     ``progress`` is called with (number, total, text) before every step.
     """
     models = [one for one in make_models(settings) if settings.zones or one.label in _COMPARED]
-    say, test = counted(progress, len(models) + 1), StudyTest.of(settings, data)
-    tested = tested_models(models, test, say)
+    say, study = counted(progress, len(models) + 1), Study.of(settings, data)
+    tested = tested_models(models, study, say)
     frames = {label: one.frame for label, one in tested.items()}
     say("back-test with only the set-points known")
-    held = SetpointsKnown.of(tested[HYBRID].model, test, frames[YESTERDAY])
-    loads = loads_by_zone(tested[HYBRID].load, data, settings)
-    verdicts = verdicts_by_zone(tested, test, data, held, loads, of_day=held is not None)
+    held = SetpointsKnown.of(tested[HYBRID].model, study, frames[YESTERDAY])
+    loads = loads_by_zone(tested[HYBRID].load, study)
+    verdicts = verdicts_by_zone(tested, study, held, loads, of_day=held is not None)
     table = error_table(errors_by_model(frames)).sort_values("rmse")
     if settings.zones:
         table = table.join(rmse_by_zone(frames).reindex(settings.zones).T.add_prefix("rmse_"))
@@ -58,5 +59,5 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
         tuple(named_by_zone(verdicts) if settings.zones else verdicts[""]),
         unit,
         None if held is None else held.with_zones,
-        tuple(dict.fromkeys(test.remarks)),
+        tuple(dict.fromkeys(study.remarks)),
     )
