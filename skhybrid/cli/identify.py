@@ -20,8 +20,8 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> None
     """
     settings = settings_at(config, several=True)
     from ..study import read_log
-    from ..study.identified_building import identified_only
-    from ..zone.building import describe_building, describe_rooms
+    from ..study.identified_building import describe, identified_only
+    from ..zone.building import describe_rooms, identify_building
 
     say(1, 2, "reading the log")
     frame, _ = read_log(log, settings)
@@ -29,7 +29,7 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> None
     if settings.zones:
         _print_rooms(describe_rooms(settings, frame), as_json)
         return
-    table = identified_only(describe_building(settings, frame))
+    table = identified_only(describe(identify_building(settings, frame)))
     if as_json:
         print_json(table.to_dict(orient="index"))
     else:

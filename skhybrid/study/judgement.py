@@ -119,8 +119,10 @@ def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]
 
 def loads_by_zone(needed: pd.DataFrame | None, study: Study) -> dict[str, ZoneLoads]:
     """The loads of the zones that something heats or cools; none where the ``needed`` ones are not known."""
+    if needed is None:
+        return {}
     loads = {}
-    for zone, own in {} if needed is None else study.by_zone.items():
+    for zone, own in study.by_zone.items():
         roles, of_zone = plant_roles(own.data.later), forecast_of(needed, study.settings, zone)
         found, delivered = (load_of(rows, own.settings, roles) for rows in (of_zone, own.past))
         if found is not None and delivered is not None:
@@ -152,6 +154,12 @@ def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Loa
         heat = ["Q_hvac"] if "Q_hvac" in rows else [role for role in roles if role.startswith("Q_")]
         return Load((rows[heat].join(parts) if scaled else rows[heat]).sum(axis=1, skipna=False), "kW")
     return Load(parts.sum(axis=1, skipna=False), "kW" if scaled else "-") if roles else None
+
+
+def delivered_in_kw(rows: pd.DataFrame, settings: Settings) -> pd.Series | None:
+    """Delivered heat [kW] of a zone; None where it is not known."""
+    load = load_of(rows, settings, plant_roles(rows))
+    return None if load is None or load.unit != "kW" else load.values
 
 
 def of_whole_plant(load: pd.DataFrame) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._warnings import warnings_dropped
 from ..exceptions import PlanWarning
-from .judgement import load_of, of_whole_plant
+from .judgement import delivered_in_kw, of_whole_plant
 from .log_split import StudyData, inputs_of, setpoints_of
 from .setpoints_known import LOAD_INTERVAL
 from .settings import Settings
@@ -97,8 +97,8 @@ def forecast_next_day(
         shown = setpoints_of(future) if of_day else own.data.setpoint.loc[future.index].to_frame("setpoint")
         if data.held_out:
             shown = shown.assign(T_za_measured=future["T_za"])
-            delivered = _delivered(future, own.settings, gray_box)
-            shown = shown if delivered is None else shown.assign(Q_hvac_delivered=delivered)
+            heat = delivered_in_kw(future, own.settings) if gray_box is None else delivered_heat(gray_box, future)
+            shown = shown if heat is None else shown.assign(Q_hvac_delivered=heat)
         out = out.join(shown.add_suffix(f"_{zone}" if zone else ""))
     return out.rename_axis("time")
 
@@ -107,7 +107,7 @@ def _required(model: Any, study: Study) -> pd.DataFrame:
     """The loads of the next day that hold the set-points of ``[load]``; no columns where zones share a plant."""
     data, settings = study.data, study.settings
     heated = {zone: own.data for zone, own in study.by_zone.items() if plant_roles(own.data.future)}
-    if not heated or getattr(model, "shared_plants_", ()):
+    if not heated or getattr(model, "shared_plants_", False):
         return pd.DataFrame(index=data.future.index)
     unmeasured = data.future.assign(**dict.fromkeys(settings.roles_of("T_za"), np.nan))
     held = {zone: own.setpoint.to_numpy() for zone, own in heated.items()}
@@ -133,11 +133,3 @@ def delivered_heat(gray_box: Any, rows: pd.DataFrame) -> pd.Series | None:
     plant = [s for s in gray_box.network_.sources(rows.columns) if is_plant(s.role)]
     parts = [rows[s.role] * (1.0 if s.parameter is None else theta[s.parameter]) for s in plant]
     return sum(parts[1:], parts[0]) if parts else None
-
-
-def _delivered(rows: pd.DataFrame, settings: Settings, gray_box: Any) -> pd.Series | None:
-    """Delivered heat [kW] of a zone, by the capacities of an identification or of the settings; None where unknown."""
-    if gray_box is not None:
-        return delivered_heat(gray_box, rows)
-    load = load_of(rows, settings, plant_roles(rows))
-    return None if load is None or load.unit != "kW" else load.values

@@ -214,12 +214,13 @@ def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:
 def metrics_text(result: StudyResult | BuildingResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
     cost, held, words = next_day_cost(result), result.setpoints_known, verdict(result.table, HYBRID)
+    own: dict[str, Any] = {}
     if isinstance(result, BuildingResult):
         words = f"{zones_in_words(result.zone_verdicts)} {words}"
-        building = {} if result.identified is None else result.identified.as_dict()
-        zones = {"zones": result.zones.to_dict(orient="index")}
+        own["zones"] = result.zones.to_dict(orient="index")
+        own["building"] = {} if result.identified is None else result.identified.as_dict()
     else:
-        building, zones = identified_only(result.building).to_dict(orient="index"), {}
+        own["building"] = identified_only(result.building).to_dict(orient="index")
     content = {
         "skhybrid": __version__,
         "name": result.settings.name,
@@ -227,8 +228,7 @@ def metrics_text(result: StudyResult | BuildingResult) -> str:
         "verdict": words,
         "verdicts": [one._asdict() for one in result.verdicts],
         "setpoints_known": None if held is None else held.as_dict(),
-        **zones,
-        "building": building,
+        **own,
         "models": result.table.drop(columns="note").to_dict(orient="index"),
         "interval_80_coverage": result.coverage,
         **result.data.spans(result.frames[HYBRID]),

@@ -105,9 +105,7 @@ def _identified_rooms(study: Study) -> dict[str, Any]:
         return {}
 
 
-def _loads(
-    tested: Mapping[str, TestedModel], gray_box: Any, study: Study
-) -> tuple[dict[str, ZoneLoads], Mapping[str, float]]:
+def _loads(tested: Mapping[str, TestedModel], gray_box: Any, study: Study) -> tuple[dict[str, ZoneLoads], pd.Series]:
     """The loads of the hybrid by zone, and errors of loads by model and rule.
 
     Of one zone in kW by the capacities of an identified ``gray_box``.
@@ -118,11 +116,11 @@ def _loads(
         return loads, load_errors(loads, data.test_start)[0]
     delivered = delivered_heat(gray_box, study.past)
     if delivered is None:
-        return {}, {}
+        return {}, pd.Series(dtype=float)
     made = {label: one.load for label, one in tested.items() if one.load is not None}
     own = {label: in_kilowatts(load, gray_box, data.later)["Q_hvac"] for label, load in made.items()}
     rules = loads_by_rule(data, delivered)
-    errors = {name: _load_error(load, delivered, data) for name, load in (own | rules).items()}
+    errors = pd.Series({name: _load_error(load, delivered, data) for name, load in (own | rules).items()})
     return {"": ZoneLoads(Load(own[HYBRID], "kW"), Load(delivered, "kW"), rules)}, errors
 
 
@@ -169,11 +167,11 @@ def _load_error(load: pd.Series, delivered: pd.Series | None, data: StudyData) -
     return float(np.sqrt(((load - delivered)[known[known].index] ** 2).mean()))
 
 
-def _compared(tested: Mapping[str, TestedModel], load_errors: Mapping[str, float]) -> pd.DataFrame:
+def _compared(tested: Mapping[str, TestedModel], load_errors: pd.Series) -> pd.DataFrame:
     """The table of results, over the forecasts that every model made, the best first; then rules for the load alone."""
     table = error_table(errors_by_model({label: one.frame for label, one in tested.items()}))
     table = table.assign(
-        load_rmse=pd.Series(load_errors, dtype=float),
+        load_rmse=load_errors,
         seconds=pd.Series({label: one.seconds for label, one in tested.items()}),
         note=pd.Series({label: one.note for label, one in tested.items()}),
     ).sort_values("rmse")

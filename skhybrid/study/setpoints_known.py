@@ -116,8 +116,8 @@ class SetpointsKnown(NamedTuple):
         whole = len(contained) == len(loaded) > 0 and sum(known) > 0
         coverage = float(np.average(contained, weights=known)) if whole else None
         unit = units.pop() if len(units) == 1 else "kW"
-        whole = cls._beside(frame, measured, loads, unit, yesterday, coverage, parts[0].weather)
-        return whole._replace(zones=dict(zones))
+        made = cls._beside(frame, measured, loads, unit, yesterday, coverage, parts[0].weather)
+        return made._replace(zones=dict(zones))
 
     @classmethod
     def _beside(

@@ -76,7 +76,7 @@ def _fitted(estimator: Any, study: Study) -> Any:
 
 def _needed_load(model: Any, study: Study) -> pd.DataFrame | None:
     """The load that would have held the measured temperatures of the zones that something heats or cools."""
-    if not hasattr(model, "predict_load") or getattr(model, "shared_plants_", ()):
+    if not hasattr(model, "predict_load") or getattr(model, "shared_plants_", False):
         return None
     rows = {zone: own.data.later for zone, own in study.by_zone.items() if plant_roles(own.data.later)}
     if not rows:

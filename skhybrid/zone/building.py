@@ -7,21 +7,12 @@ from typing import Any
 import pandas as pd
 
 from ..study.compared_models import make_gray_box
-from ..study.identified_building import describe
 from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.log_split import FACADES
 from ..study.settings import Settings
 from ..study.spans import NO_ROWS, TRAINING_DAYS
 from .dead_meters import without_dead_meters
 from .outages import complete_rows
-
-
-def describe_building(settings: Settings, frame: pd.DataFrame) -> pd.DataFrame:
-    """Identify the network of the settings on the last weeks of a log, and :func:`describe` it.
-
-    A ValueError says that no row has all inputs and a temperature, or that the network cannot be fitted.
-    """
-    return describe(identify_building(settings, frame))
 
 
 def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
@@ -33,7 +24,10 @@ def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
 
 
 def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:
-    """The gray box of the settings, fitted on the last weeks of a log."""
+    """The gray box of the settings, fitted on the last weeks of a log.
+
+    A ValueError says that no row has all inputs and a temperature, or that the network cannot be fitted.
+    """
     rows = _last_weeks(complete_rows(frame))
     return make_gray_box(settings).fit(rows.drop(columns=[*FACADES], errors="ignore"), rows["T_za"])
 

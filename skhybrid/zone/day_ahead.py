@@ -24,7 +24,7 @@ from ..study.log_split import inputs_of
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
-from ..study.zone_part import log_columns
+from ..study.zone_part import each_zone, log_columns
 from .outages import BRIDGED, like_index, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
 from .zone_model import ZoneModel
@@ -184,7 +184,7 @@ def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, A
     """Sums and ranges of the day, those of heat where its kW are ``scaled``."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
     found: dict[str, Any] = {"from": str(out.index[0]), "to": str(out.index[-1])}
-    zones = settings.zones or [""]
+    zones = each_zone(settings)
     for zone, role in zip(zones, settings.roles_of("T_za"), strict=True):
         of = f" of {zone}" if zone else ""
         found[f"lowest temperature{of} [degC]"] = round(float(out[role].min()), 2)

@@ -19,7 +19,7 @@ def wanted_setpoints(settings: Settings, models: Mapping[str, Any], future: pd.D
     ``models`` are the predictors of the zones.
     """
     heated = {zone for zone, model in models.items() if not zone or has_plant(model)}
-    rows = {zone: rows_of_zone(future, settings, zone) if zone else future for zone in models if zone in heated}
+    rows = {zone: rows_of_zone(future, settings, zone) for zone in models if zone in heated}
     wanted: dict[str, Any] = dict.fromkeys(rows)
     for zone, own in rows.items():
         if any(map(is_plant, own)) or not any(role in future for role in settings.setpoints):
@@ -32,8 +32,7 @@ def wanted_setpoints(settings: Settings, models: Mapping[str, Any], future: pd.D
 
 def _refuse_one_side(settings: Settings, zone: str, future: pd.DataFrame, *, learned: bool) -> None:
     """Refuse the rows ahead of a zone that lack a set-point with which its thermostat was ``learned``."""
-    columns = settings.columns
-    names = roles_of(columns, settings, zone) if zone else {role: role for role in columns}
+    names = roles_of(settings.columns, settings, zone)
     sides = [role for role in SETPOINT_ROLES if role in names]
     absent = [role for role in sides if role not in future]
     if absent and learned:

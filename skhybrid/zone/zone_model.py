@@ -119,7 +119,7 @@ class ZoneModel:
         found: dict[str, tuple[float, float]] = {}
         roles = read_roles(self.settings)
         for zone, model in self._of_zones.items():
-            names = roles_of(roles, self.settings, zone) if zone else {}
+            names = roles_of(roles, self.settings, zone)
             found |= {names.get(role, role): span for role, span in model.training_.ranges.items()}
         return found
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, plant_roles
+from .._table import SETPOINT_ROLES
 from .._warnings import several
 from ..logs.standstills import without_standstills
 from ..study.doubts import drift_days
-from ..study.judgement import load_of
+from ..study.judgement import delivered_in_kw
 from ..study.settings import Settings
 from ..study.verdict import CARE, Verdict, worst_first
-from ..study.zone_part import forecast_of, rows_of_zone, settings_of_zone
+from ..study.zone_part import each_zone, forecast_of, rows_of_zone, settings_of_zone
 from .forecast_archive import BEYOND, ForecastArchive
 from .forecast_scores import errors_of, verdicts_of
 from .outages import like_index
@@ -124,20 +124,12 @@ def measured_rows(
     """Temperatures and heat up to an origin: of all rows, or of those after the ``last`` archived and a week before."""
     moving = {role: without_standstills(frame, role) for role in settings.roles_of("T_za")}
     rows = frame.assign(**moving).loc[:origin]
-    heat = {"Q_hvac": _heat(rows, settings)}
-    if settings.zones:
-        parts = {
-            zone: (rows_of_zone(rows, settings, zone), settings_of_zone(settings, zone)) for zone in settings.zones
-        }
-        heat = {f"Q_hvac_{zone}": _heat(*part) for zone, part in parts.items()}
+    heat = {
+        role: delivered_in_kw(rows_of_zone(rows, settings, zone), settings_of_zone(settings, zone))
+        for zone, role in zip(each_zone(settings), settings.roles_of("Q_hvac"), strict=True)
+    }
     rows = rows.assign(**{role: values for role, values in heat.items() if values is not None})
     return rows if last is None else rows[rows.index > like_index(last, rows.index) - _CORRECTED]
-
-
-def _heat(rows: pd.DataFrame, settings: Settings) -> pd.Series | None:
-    """Delivered heat [kW] of a zone, None where it is not known."""
-    load = load_of(rows, settings, plant_roles(rows))
-    return None if load is None or load.unit != "kW" else load.values
 
 
 def _shown(stamp: pd.Timestamp | None, zone: ZoneModel) -> str | None:

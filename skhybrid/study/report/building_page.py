@@ -20,6 +20,7 @@ from ..verdict import Verdict, worst, zones_in_words
 from ..zone_part import forecast_of
 from .figures import (
     NARROW,
+    WIDE,
     days_figure,
     errors_figure,
     in_two_widths,
@@ -31,7 +32,7 @@ from .figures import (
 from .html import day_energy, html_cards, html_table, results_table, verdict_boxes, write_sections
 from .words import day_words, flat, lead_group_names, number, percent_or_dash, verdict
 
-_SHOWN = {"wide": pd.Timedelta("7D"), "narrow": pd.Timedelta("3D")}
+_SHOWN = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of a back-test, by the width of the figure
 _MOST_MODELS = 4  # in the figure of errors
 #: of tables with a row per zone
 ZONE_STYLE = """<style>
@@ -71,7 +72,7 @@ def by_zone(heads: Sequence[str], rows: Iterable[Sequence[str]], n_texts: int = 
 
 def _head(result: BuildingResult) -> str:
     held, sentences = result.setpoints_known, [verdict(result.table, HYBRID)]
-    own, errors, in_kw = result.table.loc[HYBRID], result.zones[HYBRID], True
+    own, errors, in_kw = result.table.loc[HYBRID], result.zones[HYBRID], result.scaled
     if held is not None:
         own, in_kw = held.table.loc[HYBRID], held.unit == "kW"
         errors = pd.Series({zone: one.table.loc[HYBRID, "rmse"] for zone, one in held.zones.items()})
@@ -192,25 +193,23 @@ def _setpoints_known(result: BuildingResult) -> str:
         for zone, one in loaded.items()
     ]
     power = "kW" if result.scaled else "relative"
-
-    def of(frame: pd.DataFrame, what: str, name: str, unit: str) -> str:
-        return in_two_widths(
-            lambda width: weeks_figure({HYBRID: frame}, _SHOWN["narrow" if width == NARROW else "wide"], width, unit),
-            f"Measured and forecast {what} of each zone on the last test days, with only the set-points known.",
-            name,
-        )
-
+    days = "of each zone on the last test days, with only the set-points known."
     return (
         "<h2>Accuracy in daily use</h2>\n"
         f"<p>Here each forecast was given {held.weather} and the set-points, but neither "
         "the heat nor the temperature of any zone measured after it started. Thermostats and plants act as they were "
         f"learned on the training days, and neighbours are as forecast. {escape(held.usual_words)}</p>\n"
         + by_zone(["zone", *map(str, table)], rows)
-        + of(held.frame, "temperature", "used", "degC")
-        + of(pd.concat(loads, ignore_index=True), held.load_name, "loads", power)
+        + _weeks(held.frame, f"Measured and forecast temperature {days}", "used")
+        + _weeks(pd.concat(loads, ignore_index=True), f"Measured and forecast {held.load_name} {days}", "loads", power)
         + "<p>All zones together:</p>\n"
         + results_table(held.table, held.unit == "kW", held.load_name)
     )
+
+
+def _weeks(frame: pd.DataFrame, caption: str, name: str, unit: str = "degC") -> str:
+    """A figure of the last days of a back-test, with a panel per zone."""
+    return in_two_widths(lambda width: weeks_figure({HYBRID: frame}, _SHOWN[width], width, unit), caption, name)
 
 
 def _accuracy(result: BuildingResult) -> str:
@@ -218,7 +217,6 @@ def _accuracy(result: BuildingResult) -> str:
     models = [label for label in result.table.index if label in result.frames]
     shown = [HYBRID, *[label for label in models if label != HYBRID]]
     best = shown[:_MOST_MODELS]
-    hybrid = {HYBRID: result.frames[HYBRID]}
     return (
         "<h2>Accuracy with the heat known</h2>\n"
         "<p>Each model was fitted on the training days only. It then forecast the test days "
@@ -228,8 +226,8 @@ def _accuracy(result: BuildingResult) -> str:
         + in_two_widths(
             lambda width: errors_figure(result.zones[best], width), "Error of each zone, for the best models.", "errors"
         )
-        + in_two_widths(
-            lambda width: weeks_figure(hybrid, _SHOWN["narrow" if width == NARROW else "wide"], width),
+        + _weeks(
+            result.frames[HYBRID],
             "Measured and forecast temperature of each zone on the last test days; a dashed line marks the start of "
             "each forecast.",
             "weeks",
