@@ -30,13 +30,11 @@ def command(
     Its cases are trained on [train] and scored on [test]; a stopped search goes on.
     """
     settings = settings_at(config)
-    from ..study import read_log, split_log
     from ..zone.zone_search import search_zone
-    from ._study import refuse_unwritable
+    from ._study import read_study, refuse_unwritable
 
     refuse_unwritable(store, option="--store")
-    frame, _ = read_log(log, settings)
-    data = split_log(frame, settings)
+    data = read_study(log, settings, say)
     table = search_zone(settings, data, store, models.split(","), size, jobs, verbose=not say.quiet)
     if as_json:
         print_json(table.to_dict(orient="records"))

@@ -70,32 +70,25 @@ class SetpointsKnown(NamedTuple):
             return None
         zones = {}
         for zone, predictor in predictors_of(model).items():
-            past = parts[zone].past
-            as_usual = bool(plant_roles(past)) and not predictor.thermostat_learned_
-            given = zone_of(frame, zone), past, zone_of(yesterday, zone), parts[zone].settings
-            zones[zone] = cls.of_backtest(*given, as_usual=as_usual)
+            as_usual = bool(plant_roles(parts[zone].past)) and not predictor.thermostat_learned_
+            own = cls._of_zone(zone_of(frame, zone), parts[zone], zone_of(yesterday, zone))
+            zones[zone] = own._replace(as_usual=as_usual)
         return cls.together(zones, yesterday) if settings.zones else zones[""]
 
     @classmethod
-    def of_backtest(
-        cls,
-        frame: pd.DataFrame,
-        past: pd.DataFrame,
-        yesterday: pd.DataFrame,
-        settings: Settings,
-        *,
-        as_usual: bool = False,
-    ) -> Self:
-        """A back-test of one zone beside the rules, which know the ``past`` rows; without a plant it has no load."""
+    def _of_zone(cls, frame: pd.DataFrame, study: Study, yesterday: pd.DataFrame) -> Self:
+        """A back-test of one zone beside the rules, which know its past rows; without a plant it has no load."""
+        past, settings = study.past, study.settings
         roles = plant_roles(past)
         load, weather = load_of(past, settings, roles), _weather_in(settings)
         if load is None:
-            return cls._beside(frame, pd.Series(np.nan, frame.index), {}, "kW", yesterday, None, weather)
+            unknown = pd.Series(np.nan, frame.index)
+            return cls._beside(yesterday, frame, unknown, {}, unit="kW", load_coverage=None, weather=weather)
         measured, own = (_load_in(frame, ending, settings, roles) for ending in ("_true", "_pred"))
         coverage = _load_coverage(frame, measured) if roles == ["Q_hvac"] and has_intervals(frame) else None
         loads = {HYBRID: own, **past_loads(load.values, frame)}
-        held = cls._beside(frame, measured, loads, load.unit, yesterday, coverage, weather)
-        return held._replace(as_usual=as_usual)
+        given: dict[str, Any] = {"unit": load.unit, "load_coverage": coverage, "weather": weather}
+        return cls._beside(yesterday, frame, measured, loads, **given)
 
     @classmethod
     def together(cls, zones: Mapping[str, Self], yesterday: pd.DataFrame) -> Self:
@@ -116,27 +109,20 @@ class SetpointsKnown(NamedTuple):
         whole = len(contained) == len(loaded) > 0 and sum(known) > 0
         coverage = float(np.average(contained, weights=known)) if whole else None
         unit = units.pop() if len(units) == 1 else "kW"
-        made = cls._beside(frame, measured, loads, unit, yesterday, coverage, parts[0].weather)
-        return made._replace(zones=dict(zones))
+        given: dict[str, Any] = {"unit": unit, "load_coverage": coverage, "weather": parts[0].weather}
+        return cls._beside(yesterday, frame, measured, loads, **given, zones=dict(zones))
 
     @classmethod
     def _beside(
-        cls,
-        frame: pd.DataFrame,
-        measured: pd.Series,
-        loads: dict[str, pd.Series],
-        unit: str,
-        yesterday: pd.DataFrame,
-        load_coverage: float | None,
-        weather: str,
+        cls, yesterday: pd.DataFrame, frame: pd.DataFrame, load: pd.Series, loads: dict[str, pd.Series], **known: Any
     ) -> Self:
         """A back-test with the errors of its loads, and of the temperature of a day before."""
         table = error_table(errors_by_model({HYBRID: frame, YESTERDAY: yesterday}))
         table = table.reindex(list(dict.fromkeys([HYBRID, *loads, YESTERDAY])))
-        errors = pd.DataFrame(loads, frame.index).sub(measured, axis=0).dropna(axis=1, how="all").dropna()
+        errors = pd.DataFrame(loads, frame.index).sub(load, axis=0).dropna(axis=1, how="all").dropna()
         table = table.assign(load_rmse=np.sqrt((errors**2).mean()), note=pd.Series(_NOTES))
         table = table.sort_values(["rmse", "load_rmse"]).rename_axis("model")
-        return cls(frame, measured, loads, unit, table, coverage_of(frame), load_coverage, weather)
+        return cls(frame=frame, load=load, loads=loads, table=table, coverage=coverage_of(frame), **known)
 
     @property
     def load_name(self) -> str:

@@ -57,7 +57,7 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
         frames[HYBRID] if held is None else frames[HYBRID].join(held.columns),
         coverage_of(frames[HYBRID]),
         tuple(named_by_zone(verdicts) if settings.zones else verdicts[""]),
-        unit,
+        unit if held is None else unit or held.unit,
         None if held is None else held.with_zones,
         tuple(dict.fromkeys(study.remarks)),
     )
