@@ -146,14 +146,8 @@ def zone_table(
     coverage = pd.Series({name: coverage_of(own[own["zone"] == name]) for name in verdicts}, dtype=float)
     by_error = table[HYBRID].sort_values(ascending=False, kind="stable").index
     order = worst_first({str(zone): [level[zone]] for zone in by_error})
-    of_loads = {zone: _load_errors(loads.get(zone), test_start) for zone in verdicts}
-    table = table.assign(level=level, coverage=coverage).join(pd.DataFrame.from_dict(of_loads, orient="index"))
+    rmse = {zone: np.sqrt((one.errors(test_start) ** 2).mean()) for zone, one in loads.items()}
+    of_loads = pd.DataFrame(rmse, [HYBRID, YESTERDAYS_LOAD], dtype=float).set_axis(["load_rmse", "load_yesterday"])
+    unit = pd.Series({zone: loads[zone].delivered.unit if zone in loads else "" for zone in verdicts})
+    table = table.assign(level=level, coverage=coverage).join(of_loads.T).assign(unit=unit)
     return table.loc[order].rename_axis("zone")
-
-
-def _load_errors(loads: ZoneLoads | None, test_start: pd.Timestamp) -> dict[str, object]:
-    """Error of a zone's load and of that of a day before, and their unit."""
-    if loads is None:
-        return {"load_rmse": np.nan, "load_yesterday": np.nan, "unit": ""}
-    rmse = np.sqrt((loads.errors(test_start) ** 2).mean())
-    return {"load_rmse": rmse[HYBRID], "load_yesterday": rmse[YESTERDAYS_LOAD], "unit": loads.delivered.unit}
