@@ -861,8 +861,7 @@ def test_a_study_fits_and_back_tests_every_model_once_on_shared_tables(profile_s
 
     fit = HybridPredictor.fit
     monkeypatch.setattr(HybridPredictor, "fit", lambda self, X, y: fitted.append(type(X)) or fit(self, X, y))
-    for module in ("run", "scores"):
-        monkeypatch.setattr(f"skhybrid.study.{module}.backtest", backtested)
+    monkeypatch.setattr("skhybrid.study.scores.backtest", backtested)
     result = run_study(settings, data)
     assert fitted == [_table.ZoneTable] * 4  # the hybrid and three baselines
     assert len({model for model, *_ in tested}) == len(tested) == len(result.frames)

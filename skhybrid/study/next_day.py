@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant, plant_roles
+from .._table import SETPOINT_ROLES, ZoneTable, is_plant, plant_roles
 from .._warnings import warnings_dropped
 from ..exceptions import PlanWarning
+from ..model_selection.single_reading import read_once
 from .judgement import delivered_in_kw, of_whole_plant
 from .log_split import StudyData, inputs_of, setpoints_of
 from .setpoints_known import LOAD_INTERVAL
@@ -89,8 +90,9 @@ def forecast_next_day(
             if gray_box is not None and plant != ["Q_hvac"]:  # intervals are in the scale of the model
                 out = out.drop(columns=list(LOAD_INTERVAL), errors="ignore")
         else:
-            out = model.forecast(data.history, ahead, **asked)
-            load = in_kilowatts(_required(model, study), gray_box, ahead)
+            whole, *parts = _read_day(study)
+            out = model.forecast(*parts, **asked)
+            load = in_kilowatts(_required(model, study, whole), gray_box, ahead)
             out = out.join(load[[name for name in load if is_plant(name) and name not in out]])
     for zone, own in study.by_zone.items():
         future = own.data.future
@@ -103,16 +105,25 @@ def forecast_next_day(
     return out.rename_axis("time")
 
 
-def _required(model: Any, study: Study) -> pd.DataFrame:
+def _read_day(study: Study) -> tuple[Any, Any, Any]:
+    """The rows of the history and the next day, then those of each; of one zone they are read once."""
+    data, measured = study.data, study.settings.roles_of("T_za")
+    whole = pd.concat([data.history, data.future.assign(**dict.fromkeys(measured, np.nan))])
+    table = whole if study.settings.zones else read_once(whole, fits=False)
+    if not isinstance(table, ZoneTable):
+        return whole, data.history, data.future.drop(columns=measured)
+    n_past = len(data.history)
+    return table, table.rows(slice(n_past)), table.rows(slice(n_past, None))
+
+
+def _required(model: Any, study: Study, whole: Any) -> pd.DataFrame:
     """The loads of the next day that hold the set-points of ``[load]``; no columns where zones share a plant."""
     data, settings = study.data, study.settings
     heated = {zone: own.data for zone, own in study.by_zone.items() if plant_roles(own.data.future)}
     if not heated or getattr(model, "shared_plants_", False):
         return pd.DataFrame(index=data.future.index)
-    unmeasured = data.future.assign(**dict.fromkeys(settings.roles_of("T_za"), np.nan))
     held = {zone: own.setpoint.to_numpy() for zone, own in heated.items()}
-    load = model.predict_load(pd.concat([data.history, unmeasured]), held if settings.zones else held[""])
-    return load.loc[data.future.index]
+    return model.predict_load(whole, held if settings.zones else held[""]).loc[data.future.index]
 
 
 def in_kilowatts(load: pd.DataFrame, gray_box: Any, rows: pd.DataFrame) -> pd.DataFrame:

@@ -90,7 +90,7 @@ def _identified_zone(tested: Mapping[str, TestedModel], study: Study) -> dict[st
     tested[HYBRID].model.set_params(memory=None)  # the folder ends with the study
     return {
         "identification": gray_box,
-        "zeta": gray_box.estimate_disturbance(study.without_setpoints.data.train, smooth=True),
+        "zeta": gray_box.estimate_disturbance(study.without_setpoints.rows_for(gray_box)[0], smooth=True),
         "parameters": parameter_table(gray_box),
         "building": describe(gray_box),
     }
@@ -142,7 +142,7 @@ def verdicts_by_zone(
     parts, found = study.by_zone, {}
     for zone, model in predictors_of(tested[HYBRID].model).items():
         data, scale = parts[zone].data, gray_box if of_stages else None
-        doubts = Doubts.of(model, study.data.later, data, scale, setpoints_known=of_day)
+        doubts = Doubts.of(model, study.rows_for(model)[1], data, scale, setpoints_known=of_day)
         scaled = is_scaled(data.train, parts[zone].settings.capacities)
         own, yesterday = (zone_of(tested[label].frame, zone) for label in (HYBRID, YESTERDAY))
         if held is not None:

@@ -19,9 +19,9 @@ INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie bet
 
 def backtest_of(model: Any, study: Study, **given: Any) -> pd.DataFrame:
     """A back-test of a fitted model on the test rows, with arguments of :func:`skhybrid.model_selection.backtest`."""
-    settings, later = study.settings, study.data.later
+    settings, rows = study.settings, study.rows_for(model)[1]
     given |= {"horizon": settings.horizon, "origin_step": settings.origin_step, "start": study.data.test_start}
-    return backtest(model, later, measured_of(later, settings), **given)
+    return backtest(model, rows, measured_of(study.data.later, settings), **given)
 
 
 def backtest_with_intervals(model: Any, study: Study, **given: Any) -> pd.DataFrame:

@@ -71,7 +71,7 @@ def _tested(one: StudyModel, study: Study) -> TestedModel:
 
 
 def _fitted(estimator: Any, study: Study) -> Any:
-    return estimator.fit(study.data.train, measured_of(study.data.train, study.settings))
+    return estimator.fit(study.rows_for(estimator)[0], measured_of(study.data.train, study.settings))
 
 
 def _needed_load(model: Any, study: Study) -> pd.DataFrame | None:
@@ -82,4 +82,4 @@ def _needed_load(model: Any, study: Study) -> pd.DataFrame | None:
     if not rows:
         return None
     held = {zone: own["T_za"].interpolate(limit_direction="both") for zone, own in rows.items()}
-    return model.predict_load(study.data.later, held if study.settings.zones else held[""])
+    return model.predict_load(study.rows_for(model)[1], held if study.settings.zones else held[""])

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple, Self
 
 import pandas as pd
 
-from .._table import ending_zone
+from .._table import SETPOINT_ROLES, ZoneTable, ending_zone
 from ..hybrid.building.zone_columns import ZoneColumns
+from ..model_selection.single_reading import read_once, takes_tables
 from .log_reading import meters_of
 from .log_split import StudyData, without_setpoints
 from .settings import Settings
@@ -31,11 +32,19 @@ class Study(NamedTuple):
     settings: Settings
     data: StudyData
     remarks: list[str]  # to which what is found on the way is added
+    tables: tuple[ZoneTable, ...] = ()  # the training rows and those after them as all models share them; of one zone
 
     @classmethod
     def of(cls, settings: Settings, data: StudyData) -> Self:
         """The study of a log, with the remarks on it."""
-        return cls(settings, data, list(data.remarks))
+        read = () if settings.zones else (read_once(data.train), read_once(data.later, fits=False))
+        return cls(settings, data, list(data.remarks), read if all(isinstance(t, ZoneTable) for t in read) else ())
+
+    def rows_for(self, model: Any) -> tuple[Any, Any]:
+        """The training rows and those after them, as a model takes them."""
+        shared = self.tables and takes_tables(model)
+        train, later = self.tables if shared else (self.data.train, self.data.later)
+        return train, later
 
     @property
     def by_zone(self) -> dict[str, Study]:
@@ -51,7 +60,9 @@ class Study(NamedTuple):
     def without_setpoints(self) -> Study:
         """The same for models that learn no thermostat."""
         train, later = map(without_setpoints, (self.data.train, self.data.later))
-        return self._replace(data=self.data._replace(train=train, later=later))
+        kept = ({k: v for k, v in table.inputs.items() if k not in SETPOINT_ROLES} for table in self.tables)
+        tables = tuple(table.replace(inputs=inputs) for table, inputs in zip(self.tables, kept, strict=True))
+        return self._replace(data=self.data._replace(train=train, later=later), tables=tables)
 
     @property
     def past(self) -> pd.DataFrame:
