@@ -28,7 +28,7 @@ from .verdict import Verdict
 from .zone_part import Study, predictors_of, zone_of
 
 
-def run_study(settings: Settings, data: StudyData, progress: Progress | None = None) -> Any:
+def run_study(settings: Settings, data: StudyData, progress: Progress | None = None) -> StudyResult | BuildingResult:
     """Fit the hybrid and the models it is compared with, back-test them at the same origins, forecast the next day.
 
     Parameters
