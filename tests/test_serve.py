@@ -613,7 +613,8 @@ def test_the_extra_is_pinned():
 def address(made):
     """The address of a server in a process of its own."""
     arguments = [sys.executable, "-m", "skhybrid", "serve", str(made), "--port", "0", "--json"]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as server:
+    usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=usual) as server:
         lines = [server.stdout.readline() for _ in range(4)]
         yield json.loads("".join(lines))["address"]
         server.send_signal(signal.SIGINT if os.name == "posix" else signal.SIGTERM)

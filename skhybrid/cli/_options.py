@@ -111,8 +111,8 @@ def _epilog(example: str) -> str:
 
 
 def print_json(content: Any) -> None:
-    """Write plain values to stdout as JSON; a NaN is null."""
-    print(strict_json(content))
+    """Write plain values to stdout as JSON; a NaN is null.  A program that reads them from a pipe need not wait."""
+    print(strict_json(content), flush=True)
 
 
 def print_values(found: Mapping[str, Any], as_json: bool) -> None:
