@@ -108,14 +108,13 @@ def test_a_back_test_compares_errors_at_the_same_rows(monkeypatch):
         def fit(self, X, y):
             return self
 
-    models = [SimpleNamespace(label=label, estimator=Model(label)) for label in (*errors, "another one")]
+    models = [SimpleNamespace(label=label, estimator=Model(label), note="") for label in (*errors, "another one")]
     monkeypatch.setattr(zone_backtest, "make_models", lambda settings: models)
-    for module in (run, scores):
-        monkeypatch.setattr(module, "backtest", forecasts)
-    monkeypatch.setattr(zone_backtest.Doubts, "of", lambda *given, **settings: zone_backtest.Doubts([], []))
+    monkeypatch.setattr(scores, "backtest", forecasts)
+    monkeypatch.setattr(run.Doubts, "of", lambda *given, **settings: run.Doubts([], []))
     said = []
     found = zone_backtest.backtest_zone(SETTINGS, _data(), lambda *words: said.append(words[:2]))
-    assert said == [(1, 2), (2, 2)]
+    assert said == [(1, 3), (2, 3), (3, 3)]
     assert asked == {zone_backtest.HYBRID: scores.INTERVAL, zone_backtest.YESTERDAY: None}
     expected = {zone_backtest.HYBRID: (np.sqrt(25 / 3), 7 / 3), zone_backtest.YESTERDAY: (3.0, 7 / 3)}
     for label, numbers in expected.items():
