@@ -994,7 +994,8 @@ def test_the_commands_of_the_docs_are_those_of_the_command_line(line):
     at, words = _group(), shlex.split(line)
     while isinstance(at, click.Group):
         at = at.get_command(click.Context(at), words.pop(0))
-    at.make_context(line, words)
+    parent = click.Context(at, help_option_names=["-h", "--help"])  # which the command keeps for later calls
+    at.make_context(line, words, parent)
 
 
 def test_the_docs_show_every_command():
