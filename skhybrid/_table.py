@@ -125,8 +125,8 @@ class ZoneTable:
     def rows(self, chosen: slice) -> ZoneTable:
         """The chosen consecutive rows, as views."""
         inputs, history = ({role: v[chosen] for role, v in part.items()} for part in (self.inputs, self.history))
-        kept: dict[str, Any] = {"order": self.order, "named": self.named, "holidays": self.holidays}
-        return ZoneTable(inputs, history, *self.stamps.rows(chosen), self.step, **kept)
+        shown, time, utc = self.stamps.rows(chosen)
+        return self.replace(inputs=inputs, history=history, index=shown, time=time, utc=utc, n_history=0, breaks=(0,))
 
     def owned(self) -> ZoneTable:
         """A copy in arrays of its own, which keeps no longer table in memory."""

@@ -128,9 +128,9 @@ def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form
 def as_written(stamp: pd.Timestamp, written: object) -> pd.Timestamp:
     """The stamp in the offset from UTC of its cell, or as it is where the cell has none."""
     found = re.search(_OFFSET, str(written))
-    return (
-        stamp if found is None or stamp.tz is None else stamp.tz_convert(pd.Timestamp(f"2001-01-01 00:00{found[1]}").tz)
-    )
+    if found is None or stamp.tz is None:
+        return stamp
+    return stamp.tz_convert(pd.Timestamp(f"2001-01-01 00:00{found[1]}").tz)
 
 
 def _has_named_zone(stamp: str) -> bool:
