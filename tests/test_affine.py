@@ -23,6 +23,7 @@ from skhybrid.control import LinearNetwork, heat_plan
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
 from skhybrid.hybrid import ControlModel
+from skhybrid.hybrid.blending.rolling_blend import RollingBlend
 from skhybrid.hybrid.schedule_scheme import ScheduleScheme
 from skhybrid.identification import StateSpace
 
@@ -308,6 +309,27 @@ def test_what_follows_the_training_does_not_go_through_it_again(fitted, tables, 
     model.predict_from(X[N_TRAIN:], [3, 5, DAY])
     model.predict_load(X[NOW:].drop(columns="Q_hvac"), 21.0)
     model.affine_forecast(X[N_TRAIN:NOW], future)
+
+
+def test_intervals_of_later_days_go_on_from_some_weeks_back(monkeypatch):
+    """What a day costs does not grow with the days since the training."""
+    office, day, n_train = make_office(n_days=36, sampling_time="1h", random_state=4), 24, 7 * 24
+    X, rows = office.X.drop(columns="T_za"), []
+    made = SchedulePredictor().fit(office.X[:n_train], office.y[:n_train])
+    model, advance = deepcopy(made), RollingBlend.advance
+    monkeypatch.setattr(
+        RollingBlend, "advance", lambda self, views, row: (rows.append(row - self.row), advance(self, views, row))[1]
+    )
+    known, of_day = n_train, {}
+    for n_days in (24, 25, 26):
+        end = n_train + n_days * day
+        model.update(office.X[known:end])
+        found = model.forecast(None, X[end : end + day], quantiles=[0.1, 0.9])
+        known, of_day[n_days], rows = end, max(rows), []
+    assert of_day[24] > day
+    assert of_day[25] == of_day[26] == day
+    at_once = made.forecast(office.X[n_train:end], X[end : end + day], quantiles=[0.1, 0.9])
+    pd.testing.assert_frame_equal(found, at_once, rtol=0, atol=1e-8)
 
 
 def test_copies_do_not_change_each_other(fitted, tables):

@@ -191,7 +191,7 @@ def test_the_usual_response_gives_way_where_the_rows_contradict_it():
     assert is_usual(fit.problem.pull.observed, 1.0) is None
     np.testing.assert_allclose(step_gain(fit, 24)[rows], truth[rows], rtol=0.3)
     model.update(later).forecast(None, later[:2].drop(columns="T_za").shift(freq="12D"))
-    psi = model._scheme._running["full"].network.psi
+    psi = model._scheme._kept.running["full"].network.psi
     assert not np.array_equal(psi, fit.psi)
     np.testing.assert_allclose(step_gain(replace(fit, psi=psi), 24)[rows], truth[rows], rtol=0.3)
 
@@ -242,7 +242,7 @@ def test_the_blend_follows_a_network_that_was_fitted_again(plan, log):
     scheme = deepcopy(plan).update(X[N_TRAIN : later.start])._scheme
     scheme.forecast_ahead(scheme.rows.latest.replace(index=scheme.rows.latest.index))
     assert np.abs(found - before).max() > 1e-4
-    psi = scheme._running["full"].network.psi
+    psi = scheme._kept.running["full"].network.psi
     np.testing.assert_allclose(found, step_gain(replace(network(plan), psi=psi), DAY - 1), atol=1e-8)
 
 
@@ -279,7 +279,7 @@ def test_a_refit_is_the_same_however_the_rows_came(plan, log):
     for day in range(N_TRAIN, end, DAY):
         daily.update(X[day : day + DAY]).forecast(None, X[day + DAY : day + DAY + 2].drop(columns="T_za"))
     at_once = deepcopy(plan).update(X[N_TRAIN:end])
-    assert not np.array_equal(daily._scheme._running["full"].network.psi, network(plan).psi)
+    assert not np.array_equal(daily._scheme._kept.running["full"].network.psi, network(plan).psi)
     np.testing.assert_allclose(daily.forecast(None, ahead), at_once.forecast(None, ahead), rtol=0, atol=1e-8)
 
 

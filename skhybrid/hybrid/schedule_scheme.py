@@ -30,6 +30,7 @@ from ..thermal import RCNetwork
 from .blending.blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
 from .blending.blend_members import evidence_of, first_shares, members_beside_network
 from .blending.gain_report import determined_plant, disagreement, gain_errors, gain_table, main_source, warn_of_gain
+from .blending.kept_blends import KeptBlends
 from .blending.members import Member, ScheduleMember
 from .blending.numbered_table import NumberedTable
 from .blending.rolling_blend import BlendRecord, RollingBlend
@@ -56,23 +57,20 @@ class ScheduleScheme(Scheme):
     ) -> None:
         self.network, self.known, self.horizon = network, known, horizon
         self.adapt, self.purpose, self.prior = adapt, purpose, prior
-        #: adapt -> the blend at the last training row, and as far as the last forecast from a last known row went; none
-        #: of them is ever changed
-        self._begun: dict[str | None, RollingBlend] = {}
-        self._running: dict[str | None, RollingBlend] = {}
+        self._kept = KeptBlends()
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = ("_begun", "_running", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
+        made_anew = ("_kept", "gray_box_", "forecaster_", "weights_", "zeta_", "gain_", "gain_std_")
         return {name: value for name, value in self.__dict__.items() if name not in made_anew}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         # it shares what never changes, so that a copy goes on from where this one is
         made = object.__new__(type(self))
-        made.__dict__.update(self.__getstate__(), _begun=self._begun, _running=dict(self._running))
+        made.__dict__.update(self.__getstate__(), _kept=self._kept.fork())
         return made
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _begun={}, _running={})
+        self.__dict__.update(state, _kept=KeptBlends())
         self._physics.restore(self.rows.training)
 
     @property
@@ -172,23 +170,26 @@ class ScheduleScheme(Scheme):
         """A blend that is not beyond any of the origins, the rows that it reads, and by how many rows origins move."""
         moved = self.rows.n_rows - table.n_history
         first = origins.min(initial=table.n_rows) + moved
-        blend = self._running.get(self.adapt, self._trained)
-        blend = blend if blend.row <= first else self._trained
+        blend = self._with_trained().last_before(self.adapt, int(first))
         if table.n_history and first >= blend.row:
             n_back = self._n_back(blend.row, int(origins.max(initial=0)) + moved)
-            return blend.fork(), self._last_rows(blend.row - n_back, since_history(table)), moved
+            rows, blend = self._last_rows(blend.row - n_back, since_history(table)), blend.fork()
+            if blend.row + self._record.rows_per_day <= first < self.rows.n_rows:  # later forecasts need not go there
+                blend.advance(blend.views(rows), int(first))
+                self._kept.keep(blend)
+                blend = blend.fork()
+            return blend, rows, moved
         rows, moved = self._numbered(table)
         return RollingBlend(self._members, self._record, rows, self.adapt), rows, moved
 
-    @property
-    def _trained(self) -> RollingBlend:
-        """The blend at the last training row."""
-        if self.adapt not in self._begun:
+    def _with_trained(self) -> KeptBlends:
+        """The kept blends, with the one at the last training row."""
+        if self.adapt not in self._kept.trained:
             rows = self._joined([self.rows.training])
-            blend = self._begun[self.adapt] = RollingBlend(self._members, self._record, rows, self.adapt)
+            blend = self._kept.trained[self.adapt] = RollingBlend(self._members, self._record, rows, self.adapt)
             segment = NumberedSegment(self._physics.fit_.segment, rows.begin, joined=True)
             blend.advance([segment, *(member.view(rows) for member in self._others)], rows.begin - 1)
-        return self._begun[self.adapt]
+        return self._kept
 
     def _numbered(self, table: ZoneTable) -> tuple[NumberedTable, int]:
         """The rows of a table, after all known ones where it follows them, and by how many rows origins move."""
@@ -268,10 +269,10 @@ class ScheduleScheme(Scheme):
 
     def advanced(self, measured: ZoneTable) -> Self:
         """The scheme after new rows; what they teach is computed when a forecast is wanted, or by :meth:`go_on`."""
-        return self._with(rows=self.rows.appended(measured), _running=dict(self._running))
+        return self._with(rows=self.rows.appended(measured), _kept=self._kept.fork())
 
     def go_on(self) -> None:
-        if self.adapt in self._begun:
+        if self.adapt in self._kept.trained:
             blend, _ = self._at_last_row()
             blend.solve()
 
@@ -295,13 +296,13 @@ class ScheduleScheme(Scheme):
 
     def _at_last_row(self, ahead: ZoneTable | None = None, n_more: int = 0) -> tuple[RollingBlend, list[Any]]:
         """The blend at the last known row, and the rows that it reads to go on by ``n_more`` and to forecast."""
-        blend, last = self._running.get(self.adapt, self._trained), self.rows.n_rows - 1
+        blend = self._with_trained().last_before(self.adapt, last := self.rows.n_rows - 1)
         n_back = self._n_back(blend.row, last + n_more)
         views = blend.views(self._last_rows(blend.row - n_back, ahead))
         if blend.row < last:
             blend = blend.fork()
             blend.advance(views, last)
-            self._running[self.adapt] = blend
+            self._kept.running[self.adapt] = blend
         return blend, views
 
     def _n_back(self, row: int, last: int) -> int:
