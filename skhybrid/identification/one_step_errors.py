@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .._table import ZoneTable
-from ..filtering import Model, Prediction, one_step_errors, simulate_path
+from ..filtering import Model, Prediction, kalman_filter, one_step_errors, simulate_path
 from .disturbance_models import Conventional, first_state, take_searched
 from .filtered_network import FilteredNetwork
 from .gain_filter import GainFilter, without_disturbance
 
+_LONG = 5000  # rows, after which a filter knows what it will
 _SETTLED = 1e-9  # relative change of the innovation variance from row to row, below which it is that of the limit
 
 
@@ -43,15 +44,12 @@ def scaled_innovations(
 def steady_variance(kalman: GainFilter) -> float:
     """Innovation variance of a filter that has measured every row for long, the mean of several outputs [K2]."""
     A, C = kalman.augmented()
-    P, last, mean = kalman.cold(np.zeros(len(C))).covariance, np.inf, 0.0
-    for _ in range(5000):
-        S = C @ P @ C.T + kalman.R * np.eye(len(C))
-        mean = float(np.trace(S)) / len(C)
-        if abs(mean - last) < _SETTLED * mean:
-            break
-        last = mean
-        P = A @ (P - P @ C.T @ np.linalg.solve(S, C @ P)) @ A.T + kalman.Q[0]
-    return mean
+    measured, R = np.zeros((_LONG, len(C))), np.full(len(C), kalman.R)
+    start, every = kalman.cold(measured[0]), np.zeros(_LONG, dtype=np.int64)
+    found = kalman_filter(A, np.zeros((_LONG, len(A))), kalman.Q, every, C, R, measured, start.mean, start.covariance)
+    mean = np.einsum("os,kst,ot->k", C, found.predicted_covariances, C) / len(C) + kalman.R
+    settled = np.abs(np.diff(mean)) < _SETTLED * mean[1:]
+    return float(mean[1 + np.argmax(settled)] if settled.any() else mean[-1])
 
 
 def simulation_errors(filtered: FilteredNetwork, table: ZoneTable, warmup_rows: int, noise_std: float) -> Innovations:
