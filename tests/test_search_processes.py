@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 
+import clusters
 import joblib
 import numpy as np
 import pandas as pd
@@ -165,31 +166,10 @@ def test_joblibs_own_workers_map_what_they_share(given, uninterrupted):
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_of_two_workers_gives_the_same(given, uninterrupted, tmp_path):
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(2, processes=True, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster),
-        joblib.parallel_config(backend="dask"),
-    ):
+@pytest.mark.parametrize("cluster", [clusters.dask, clusters.ray])
+def test_a_cluster_of_two_workers_gives_the_same(cluster, given, uninterrupted, tmp_path):
+    with cluster():
         assert_sent_once_a_worker(unpacked())
         table = search(given, store=tmp_path / "r.sqlite")
-    pd.testing.assert_frame_equal(table, uninterrupted, check_exact=True)
-    assert len(finished(tmp_path / "r.sqlite")) == 2 * len(given["matrix"])
-
-
-@pytest.mark.slow
-def test_ray_gives_the_same(given, uninterrupted, tmp_path):
-    ray = pytest.importorskip("ray")
-    from ray.util.joblib import register_ray
-
-    register_ray()
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, object_store_memory=100 * 2**20)
-    try:
-        with joblib.parallel_config(backend="ray", n_jobs=2):
-            assert_sent_once_a_worker(unpacked())
-            table = search(given, store=tmp_path / "r.sqlite")
-    finally:
-        ray.shutdown()
     pd.testing.assert_frame_equal(table, uninterrupted, check_exact=True)
     assert len(finished(tmp_path / "r.sqlite")) == 2 * len(given["matrix"])
