@@ -40,6 +40,19 @@ def hourly(n_days, seed=0):
 
 
 # ------------------------------------------------------------------------------------------------------------ training
+@pytest.mark.parametrize(("n_days", "told"), [(7, True), (8, False)])
+def test_a_case_that_reads_further_back_than_the_table_says_so(n_days, told):
+    office = make_office(n_days=n_days, sampling_time="1h", random_state=0)
+    forecaster = DisturbanceForecaster("lstm", "case09", hidden_size=2, max_epochs=1, residual_of=None)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", SkhybridWarning)
+        forecaster.fit(office.X, office.heat_gain)
+    found = [str(one.message) for one in said if "of the past" in str(one.message)]
+    assert bool(found) == told
+    if told:
+        assert found[0].startswith("case09 reads 7 days of the past, which no row of a table of 7 days has")
+
+
 def test_the_validation_block_is_the_end_after_a_gap_of_one_horizon():
     assert chronological_split(1000, 24, 0.2, 24) == Split(train_end=776, valid_start=800, valid_end=1000)
     assert chronological_split(1000, 24, 0.0, 24) == Split(1000, None)

@@ -240,7 +240,16 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
 
     def _begin_network(self, table: ZoneTable, target: np.ndarray, seed: int, shared: dict[Any, Any]) -> TrainingJob:
         """Fit two baselines: of the rows that train, for the network to correct, and of all rows, to forecast with."""
-        split = measured_split(target, self._n_leads, self.validation_fraction, rows_per_day(table.step))
+        per_day = rows_per_day(table.step)
+        assert self.case_ is not None
+        if table.n_rows <= self.case_.history * per_day:
+            warn_user(
+                f"{self.case_.name} reads {several(self.case_.history, 'day')} of the past, which no row of a table of "
+                f"{table.n_rows / per_day:.3g} days has: what lies before the table counts as expected; give more "
+                "rows, or a case of fewer days.",
+                SkhybridWarning,
+            )
+        split = measured_split(target, self._n_leads, self.validation_fraction, per_day)
         if split.valid_start is None and self.validation_fraction > 0.0:
             follows = (
                 f"the network is trained for {min(self.max_epochs, EPOCHS_WITHOUT_VALIDATION)} epochs, whatever their "
