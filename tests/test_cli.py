@@ -651,6 +651,18 @@ def test_little_is_imported_before_signals_are_handled():
     assert subprocess.run([sys.executable, "-c", program], check=False, timeout=60).returncode == 0
 
 
+def test_help_loads_no_library_of_numbers():
+    """They take seconds."""
+    program = (
+        "import sys; from skhybrid.cli import main; assert main(['--help']) == 0; "
+        "sys.exit(bool({'numpy', 'sklearn', 'torch'} & set(sys.modules)))"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", program], check=False, timeout=60, stdout=subprocess.DEVNULL).returncode
+        == 0
+    )
+
+
 # ------------------------------------------------------------------------------------------------------ configurations
 @pytest.mark.parametrize(
     ("sep", "decimal", "dates"),

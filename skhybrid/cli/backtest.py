@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-from .._warnings import percent
 from ._options import CONFIG, LOG, PATH, as_command, print_json, settings_at, write_out
 from ._output import Progress
 
@@ -51,4 +50,4 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
         print(f"\n{head}" if held is not None else "")
         print(table.rename(columns=units).round(3).to_string(na_rep="-"))
         if coverage is not None:
-            print(f"\n80 % intervals of the hybrid hold {percent(coverage)} of the measurements")
+            print(f"\n80 % intervals of the hybrid hold {100 * coverage:.0f} % of the measurements")

@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-from .._warnings import percent
 from ._options import CONFIG_IF_ANY, DIR, SETPOINT, WEATHER, as_command, as_group, lines_of, log_option, print_values
 from ._output import Progress
 from .forecast import forecast_content, summary_lines
@@ -121,5 +120,5 @@ def _in_words(found: dict[str, Any]) -> dict[str, Any]:
 def _errors(found: dict[str, Any]) -> str:
     inside = found["coverage"]
     return f"RMSE {found['rmse']}, bias {found['bias']}" + (
-        "" if inside is None else f", {percent(inside)} of the measurements inside the 80 % interval"
+        "" if inside is None else f", {100 * inside:.0f} % of the measurements inside the 80 % interval"
     )
