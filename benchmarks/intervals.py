@@ -13,7 +13,6 @@ import argparse
 import tempfile
 import time
 import warnings
-from functools import partial
 from unittest import mock
 
 import numpy as np
@@ -29,14 +28,30 @@ from skhybrid.forecasting.intervals import LeadIntervals
 from skhybrid.model_selection import backtest, score_intervals
 
 LEVELS = (0.1, 0.5, 0.9)
-KINDS = {
-    "by lead": {"by_hour": False, "follow": False},
-    "by lead and hour": {"follow": False},
-    "following (default)": {},
-}
 CHOSEN_ON = ("winter", "summer", "home 1", "regular")
 #: the goal of the coverage of 80 % intervals
 LEAST, MOST = 0.75, 0.85
+
+
+class StillIntervals(LeadIntervals):
+    """Intervals that are those of the training for ever."""
+
+    def offsets(self, clock, quantiles, recent=None, now=None, further=None, factor=1.0):
+        return super().offsets(clock, quantiles, further=further)
+
+    def factor_at(self, recent, now):
+        return 1.0
+
+
+class IntervalsByLead(StillIntervals):
+    """The same at all hours of the day."""
+
+    def _set_scales(self, size, known, clock):
+        super()._set_scales(size, known, clock._replace(slot=np.zeros_like(clock.slot)))
+        self.hour_scale_ = np.ones_like(self.hour_scale_)
+
+
+KINDS = {"by lead": IntervalsByLead, "by lead and hour": StillIntervals, "following (default)": LeadIntervals}
 
 
 def models(memory: str) -> dict[str, object]:
@@ -48,13 +63,10 @@ def models(memory: str) -> dict[str, object]:
     }
 
 
-def back_test(model: object, data: DataSet, settings: dict[str, bool], origin_step: str = "") -> pd.DataFrame:
+def back_test(model: object, data: DataSet, kind: type[LeadIntervals], origin_step: str = "") -> pd.DataFrame:
     """Fit and back-test with one kind of interval, at the log's own origins by default."""
     train, later = (frame.drop(columns=["dni", "dhi"], errors="ignore") for frame in (data.train, data.later))
-    with (
-        warnings.catch_warnings(),
-        mock.patch.object(quantile_module, "LeadIntervals", partial(LeadIntervals, **settings)),
-    ):
+    with warnings.catch_warnings(), mock.patch.object(quantile_module, "LeadIntervals", kind):
         warnings.simplefilter("ignore", SkhybridWarning)
         fitted = clone(model).fit(train, train["T_za"])
         every = origin_step or data.origin_step
@@ -74,9 +86,9 @@ def measure(names: list[str]) -> pd.DataFrame:
         for name in names or list(loaders):
             data = loaders[name](0)
             for label, model in models(memory).items():
-                for kind, settings in KINDS.items():
+                for kind, intervals in KINDS.items():
                     begin = time.perf_counter()
-                    frame = back_test(model, data, settings)
+                    frame = back_test(model, data, intervals)
                     spans = {"all": score_intervals(frame)}
                     spans |= dict(score_intervals(frame, by=lead_groups(frame)).iterrows())
                     origins = frame["origin"].nunique()
@@ -128,7 +140,7 @@ def picture(name: str) -> None:
     data = data_sets()[name](0)
     begin = data.start + pd.Timedelta("21D")
     with tempfile.TemporaryDirectory() as memory:
-        frame = back_test(models(memory)["hybrid"], data, {}, "1D")
+        frame = back_test(models(memory)["hybrid"], data, LeadIntervals, "1D")
     display = ForecastDisplay.from_predictions(frame, start=begin, end=begin + pd.Timedelta("7D"), title=name)
     part = RESULTS / "intervals.part.png"
     display.figure_.savefig(part, dpi=110)
