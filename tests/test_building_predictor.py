@@ -6,6 +6,7 @@ import copy
 import io
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -24,9 +25,11 @@ from skhybrid import (
 )
 from skhybrid.datasets import make_house
 from skhybrid.exceptions import MeasurementWarning, PlanWarning, ScaleNotIdentifiableWarning, UnitWarning
+from skhybrid.forecasting.quantiles import LeftOut
 from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.blending.rolling_blend import RollingBlend
 from skhybrid.hybrid.building import building_forecast, building_predictor
+from skhybrid.hybrid.building.coupled_zone import CoupledZone, couple
 from skhybrid.hybrid.building.zone_columns import ZoneColumns, found_neighbours
 from skhybrid.model_selection import backtest, score_intervals
 from skhybrid.persistence import load_model, save_model
@@ -65,6 +68,33 @@ def by_themselves(**settings) -> BuildingPredictor:
     """Zones of the two-stage scheme, which are fitted in a second."""
     gray_box, forecaster = InputDisturbanceID("1R1C", n_starts=1), DisturbanceForecaster("profile")
     return BuildingPredictor(TwoStagePredictor(gray_box, forecaster, random_state=0, **settings))
+
+
+def test_the_share_of_a_forecast_with_neighbours_begins_after_the_measured_origin():
+    shares = np.array([0.2, 0.5, 0.9])
+    zone = CoupledZone(("b",), None, np.column_stack([1.0 - shares, shares]), np.ones(24))
+    ahead = zone.share(24)
+    assert ahead[0] == 0.2
+    np.testing.assert_array_equal(zone.share_by_row(24, 1), ahead)
+    np.testing.assert_array_equal(zone.share_by_row(25, 0), np.append(0.0, ahead))
+
+
+def test_intervals_with_neighbours_are_narrower_by_what_their_errors_are():
+    rng, origins = np.random.default_rng(0), np.arange(200)
+    alone = LeftOut(rng.normal(size=(200, 6)), origins)
+    model = SimpleNamespace(left_out_errors=lambda: LeftOut(0.5 * rng.normal(size=(200, 6)), origins))
+    zone, found = couple(model, "a", ("b",), {"a": alone, "b": alone}, np.zeros((6, 6, 1)))
+    spread = [np.sqrt(np.mean(one.errors**2, axis=0)) for one in (found, alone)]
+    np.testing.assert_allclose(zone.ratio, spread[0] / spread[1])
+    assert zone.ratio.max() < 0.9
+
+
+def test_zones_whose_temperatures_have_nothing_in_common_are_no_neighbours():
+    rng = np.random.default_rng(0)
+    a, alone = rng.normal(size=(2, 1000)).cumsum(axis=1)
+    T = pd.DataFrame({"a": a, "b": a + rng.normal(size=1000) * 0.1, "c": alone})
+    T.index = pd.date_range("2024-01-01", periods=1000, freq="1h")
+    assert found_neighbours(T) == {"a": ("b",), "b": ("a",), "c": ()}
 
 
 @pytest.fixture(scope="module")

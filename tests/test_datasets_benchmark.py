@@ -72,7 +72,7 @@ def test_the_office_of_the_paper_has_four_weeks_and_half_a_year(climate):
 
 def test_unknown_logs_are_refused():
     with pytest.raises(ValueError, match="names= has 'dutch home 4', but the logs are 'office autumn"):
-        load_benchmark(["dutch home 4"])
+        load_benchmark(names=["dutch home 4"])
     with pytest.raises(ValueError, match="number=4 must be 1, 2 or 3"):
         load_dutch_home(4)
 

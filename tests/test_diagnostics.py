@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -387,7 +389,7 @@ def test_an_input_that_is_badly_described_is_named_with_its_lags(office):
     assert not found.tests.loc["independent of q_sol", "passed"]
     assert found.tests.loc["independent of T_oa", "passed"]
     (said,) = [text for text in found.findings if "q_sol" in text]
-    assert "correlated with q_sol at lags of 15 min to" in said
+    assert said.startswith("errors are correlated with q_sol at lags of 15 min to")
     assert "solar gain" in said
 
 
@@ -407,6 +409,10 @@ def test_noise_taken_for_disturbance_shows_as_opposed_errors():
     frame = _white()
     frame["innovation"] -= 0.5 * frame["innovation"].shift().fillna(0.0)
     assert "successive errors are negatively correlated" in diagnose_residuals(frame).findings[0]
+    frame["innovation"] = _white()["innovation"] + 0.5 * _white()["innovation"].shift(6).fillna(0.0)
+    found = diagnose_residuals(frame)
+    assert re.match(r"errors are correlated at a longer lag \(r = 0.4. at 90 min\)", found.findings[0])
+    assert (found.ljung_box.index / pd.Timedelta("15min")).tolist() == [48, 96, 192]
 
 
 def test_absent_stamps_are_rows_without_a_measurement():
@@ -440,6 +446,8 @@ def test_a_lag_longer_than_the_series_has_no_correlation():
     rng = np.random.default_rng(0)
     found = cross_correlation(rng.normal(size=30), rng.normal(size=30), [-40, 0, 40])
     assert found["ccf"].notna().tolist() == [False, True, False]
+    few = cross_correlation(rng.normal(size=30), rng.normal(size=30), [-28, -27])["ccf"]
+    assert few.notna().tolist() == [False, True]  # of two pairs and of three
 
 
 def test_diagnostics_print_one_screen_and_html(fitted, gappy):

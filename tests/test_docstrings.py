@@ -16,6 +16,7 @@ from numpydoc.docscrape import get_doc_object
 from numpydoc.validate import validate
 
 import skhybrid
+from skhybrid._docs import filled
 
 PACKAGES = [skhybrid.__name__] + [
     f"skhybrid.{name}" for name in skhybrid.__all__ if isinstance(getattr(skhybrid, name), ModuleType)
@@ -124,3 +125,12 @@ def _wrong(given: int) -> int:
 def test_a_docstring_that_disagrees_is_seen():
     seen = {code for code, _ in validate(get_doc_object(_wrong))["errors"]}
     assert {"PR01", "PR02"} <= seen
+
+
+def test_a_shared_block_is_indented_like_the_line_that_asks_for_it():
+    block = """
+        m : int
+            How many.
+        """
+    text = filled("One.\n\n    %(what)s\n    n : int", {"what": block})
+    assert text == "One.\n\n    m : int\n        How many.\n    n : int"

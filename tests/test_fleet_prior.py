@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,9 @@ from skhybrid.fleet import FleetPrior
 from skhybrid.forecasting.arx_design import Moments
 from skhybrid.forecasting.arx_prior import ARXPrior
 from skhybrid.persistence import load_model, save_model
+from skhybrid.schedule.channels import UA_DIFFERENCE
+from skhybrid.schedule.network_prior import NetworkSums, _shared_sums
+from skhybrid.thermal import get_network
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
 SIZES = (1.0, 2.0, 4.0)  # of the zones of the fleet, relative to the office
@@ -82,6 +86,22 @@ def test_a_size_is_as_likely_as_the_rows_under_it():
     spread = [noise * np.eye(30) + D @ A @ covariance @ A.T @ D.T for A in maps]
     exact = [multivariate_normal(D @ A @ mean, S).logpdf(d) for A, S in zip(maps, spread, strict=True)]
     np.testing.assert_allclose(np.diff(found), np.diff(exact), rtol=1e-9)
+
+
+def test_the_sums_of_shared_coefficients_are_those_of_the_rows_in_shared_units():
+    """By a regression of so many rows: a coefficient that is not shared keeps its value, and takes its part away."""
+    rng, size, mean_outdoor = np.random.default_rng(0), 2.0, 4.0
+    D, d, coef = rng.normal(size=(30, 4)), rng.normal(size=30), np.array([0.5, 0.2, 0.8, 0.3])
+    rows, channels = np.column_stack([D, d]), ("gain", "sun", "ua", "emitter")
+    network, names = get_network("1R1C"), ("C_za", "R_zo")
+    psi = np.log([size, 1.0 / size])
+    zone = NetworkSums(network, 1.0, names, psi, channels, coef, rows.T @ rows, mean_outdoor, np.ones(1), np.ones(1))
+    assert zone.log_size == pytest.approx(np.log(size))
+    gain, ua, emitter = D[:, 0], D[:, 2], D[:, 3]
+    colder = (mean_outdoor - 10.0) / UA_DIFFERENCE  # ua heats by the difference from another temperature outdoors
+    expected = np.column_stack([size * gain, size * (ua + colder * gain), emitter, d - coef[1] * D[:, 1]])
+    found = _shared_sums(zone, ("gain", "ua", "emitter"))
+    np.testing.assert_allclose(found, expected.T @ expected, rtol=1e-12)
 
 
 def test_zones_of_one_size_differ_less_than_zones_of_all(arx_prior):
@@ -210,6 +230,12 @@ def test_another_kind_of_zone_is_refused(arx_prior, prior):
     refused("with n_lags=3, this", lambda: fitted(clone(ARX).set_params(prior=arx_prior, n_lags=4), rows))
     other = SchedulePredictor("1R1C", intervals=False, prior=prior)
     refused("learned with network='2R2C', this one is '1R1C'", lambda: fitted(other, rows))
+    given = prior.network
+    same = SimpleNamespace(step=given.step, names=given.names, network=given.network)
+    given.refuse_other(same)
+    same.network = replace(given.network, resistors=dict(list(given.network.resistors.items())[::-1][1:]))
+    with pytest.raises(ValueError, match="give a prior of zones with the same network"):
+        given.refuse_other(same)
 
 
 def test_what_does_not_go_together_is_refused(arx_prior, prior):

@@ -69,6 +69,16 @@ def test_coefficients_and_path_are_those_of_a_plain_loop():
     np.testing.assert_allclose(model.predict_from(X.iloc[:cut], [origin])[0], expected, rtol=1e-8)
 
 
+def test_coefficients_of_each_origin_forecast_as_those_of_all():
+    X, y = room(5)
+    model = ARXRegressor(n_lags=4, n_input_lags=3, alpha=2.0).fit(X, y)
+    table, origins = read_table(ARXRegressor(), X, reset=True), np.array([200, 300, len(X) - 24])
+    design, coef = model.design_, model.coef_[None]
+    view = design.view(table, y.to_numpy())
+    each = design.iterate(view, origins, 24, np.repeat(coef, 3, axis=0))
+    np.testing.assert_allclose(each, design.iterate(view, origins, 24, coef), rtol=1e-10)
+
+
 def test_a_refit_is_a_fit_on_training_plus_history():
     X, y = room(20)
     cut = 96 * 14

@@ -152,15 +152,23 @@ def test_re_fits_learn_a_changed_gain_and_leave_the_estimator_alone():
     assert all(value is kept[name] for name, value in vars(model).items())
 
 
-def test_the_sums_are_re_fitted_when_a_day_after_the_training_is_complete():
+def test_the_sums_are_re_fitted_when_a_day_after_the_training_is_complete(monkeypatch):
     problem, view, coef = problem_of(room(8))
     zero = np.zeros((len(coef), len(coef)))
     fit = MultiStepFit(problem, coef, Moments(zero, zero[0]), Moments(zero, zero[0]), Penalties(1.0, 10.0, 1.0), 1.0)
-    recursive, begin = RecursiveMultiStep(fit, 6 * 96), 6 * 96
+    recursive, begin, begun = RecursiveMultiStep(fit, 6 * 96), 6 * 96, []
+    origins = MultiStepProblem.origins
+
+    def noted(self, first, stop):
+        begun.append(int(origins(self, first, stop)[0]))
+        return origins(self, first, stop)
+
+    monkeypatch.setattr(MultiStepProblem, "origins", noted)
     recursive.advance(view, begin + 94)
     assert recursive.coef() is coef  # the last row of the day is not known
     recursive.advance(view, begin + 95)
     assert np.abs(recursive.coef() - coef).max() > 1e-6
+    assert begun == [begin - 1]  # the forecast from the last row of the training
 
 
 def test_daily_re_fits_come_near_a_fit_of_everything(monkeypatch):

@@ -13,7 +13,7 @@ from skhybrid._table import read_table
 from skhybrid._time import rows_per_day
 from skhybrid.forecasting import BoostedRegressor, DisturbanceForecaster
 from skhybrid.forecasting.features import clock_changes, same_slot
-from skhybrid.forecasting.ridge import ALPHAS, _solve, lag_features, ridge_by_blocks, training_origins
+from skhybrid.forecasting.ridge import ALPHAS, _solve, lag_features, ridge_by_blocks, time_blocks, training_origins
 
 
 def _weeks(n_days, seed=0):
@@ -104,6 +104,10 @@ def test_boosting_reads_the_day_before_by_the_local_clock(begin):
     origin = np.flatnonzero(index.hour == 0)[41] - 1
     errors = model.predict_from(X, [origin])[0, 5:23] - T[origin + 6 : origin + 24]
     assert np.abs(errors).mean() < 0.3
+    table, origins, leads = read_table(BaseEstimator(), X, reset=True), np.array([origin]), np.arange(1, 25)
+    base = T[origin] + leads[None] / 8.0
+    features = model._features(table, origins, leads, base)
+    np.testing.assert_allclose(features[:, 3:5], np.column_stack([np.full(24, T[origin]), leads / 8.0]))
 
 
 def test_the_row_of_an_earlier_day_is_known_wherever_the_table_begins():
@@ -132,6 +136,10 @@ def test_last_week_repeats_it_and_falls_back_to_the_day_before():
     expected = y.iloc[10 * 24 : 11 * 24].to_numpy().copy()
     expected[5] = y.iloc[16 * 24 + 5]  # the value a week before is missing: that of the day before
     np.testing.assert_array_equal(paths[1], expected)
+    zeta[(zeta.index.hour == 5) & (zeta.index >= "2023-07-14")] = np.nan  # known eight days before
+    later, four = X.iloc[14 * 24 :], 4 * 24
+    profile = model.fit(X.iloc[: 14 * 24], y.iloc[: 14 * 24]).predict(later)
+    assert model.predict_from(later.assign(zeta=zeta), [four - 1])[0, 5] == pytest.approx(profile[four + 5])
 
 
 def test_the_end_of_the_training_table_holds_the_last_day_of_each_kind():
@@ -203,6 +211,12 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error():
         errors.append(np.mean((np.concatenate(parts) - y) ** 2))
     assert ridge_by_blocks(D, y, blocks)[0].alpha == ALPHAS[int(np.argmin(errors))]
     assert _solve(np.eye(4), ALPHAS)[1].shape == (len(ALPHAS), 2)
+
+
+def test_blocks_of_time_are_weeks_from_the_end_or_days_of_a_short_table():
+    for n_days, expected in ((24, [2] * 10 + [1] * 7 + [0] * 7), (3, [2, 1, 0])):
+        table = read_table(BaseEstimator(), _weeks(n_days)[0], reset=True)
+        np.testing.assert_array_equal(time_blocks(table), np.repeat(expected, 24))
 
 
 def _regular(n_days, seed=0):

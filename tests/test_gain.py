@@ -18,7 +18,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import ExcitationWarning, GainWarning
 from skhybrid.hybrid.blending.gain_report import disagreement
 from skhybrid.persistence import load_model, save_model
-from skhybrid.schedule import LITTLE_ERROR, days_to_determine, step_gain, step_gain_error
+from skhybrid.schedule import LITTLE_ERROR, days_to_determine, gain_error, step_gain, step_gain_error
 from skhybrid.schedule.lead_problem import LeadProblem
 from skhybrid.schedule.step_gain import KNOWN_HEAT, GainPull, ResponseShape, is_delayed, is_usual, observed_gains
 
@@ -357,6 +357,18 @@ def test_strong_heat_needs_fewer_days_of_random_setpoints():
     quiet_error, quiet_days, quiet_foreseen = errors_and_days(0.5)
     assert quiet_days > days
     assert LITTLE_ERROR < quiet_foreseen < quiet_error
+
+
+def test_random_heat_of_a_fitted_stage_is_in_its_series_and_in_the_temperature(stages):
+    fit = network(stages)
+    days, error = days_to_determine(fit, "u_cool")
+    assert (error < LITTLE_ERROR) == (days < 28)
+    stage, coef = fit.channel_names.index("u_cool"), np.where(fit.coef > 0.0, fit.coef, 2.0)
+    excited = gain_error._randomly_heated(fit, stage, coef)
+    change = coef[stage] * (excited.channels.series - fit.segment.channels.series)[:, stage]
+    T = gain_error._temperature_change(fit, change, delayed=False)
+    np.testing.assert_allclose(excited.y, fit.segment.y + T, atol=1e-10)
+    assert 0.5 < np.std(T) < 3.0
 
 
 def test_members_that_disagree_are_named(log):

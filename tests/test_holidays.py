@@ -12,7 +12,7 @@ from sklearn.base import BaseEstimator, clone
 
 from skhybrid import ARXRegressor, DisturbanceForecaster, HybridPredictor, SchedulePredictor
 from skhybrid import _holidays as holidays_module
-from skhybrid._calendar import day_type_hour
+from skhybrid._calendar import day_type_hour, day_type_hours
 from skhybrid._holidays import read_holidays
 from skhybrid._table import read_table
 from skhybrid.datasets import make_office
@@ -134,6 +134,15 @@ def test_a_holiday_is_a_sunday_to_every_feature():
     np.testing.assert_array_equal(encode_time(with_one, "hod", "onehot"), encode_time(plain, "hod", "onehot"))
     np.testing.assert_array_equal(day_type_hour(with_one)[tuesday], 24 + np.arange(24))
     assert with_one.rows(tuesday).weekend.all()
+
+
+def test_the_kind_of_a_row_beside_a_table_is_that_of_the_table_with_it():
+    """Rows are counted from the last one, also over a change of the clocks, which is a Sunday."""
+    whole = _table(YEAR, ["2018-03-09"])
+    last = YEAR.get_loc(pd.Timestamp("2018-03-08 12:00", tz=YEAR.tz))
+    rows = np.arange(-30, 24 * 5)
+    found = day_type_hours(whole.rows(slice(0, last + 1)), rows)
+    np.testing.assert_array_equal(found, day_type_hour(whole)[last + rows])
 
 
 def test_last_week_and_profile_take_days_of_the_same_kind():

@@ -34,6 +34,7 @@ from skhybrid.exceptions import MeasurementWarning, ScaleNotIdentifiableWarning,
 from skhybrid.hybrid.disturbance_steps import join_steps, steps_table
 from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
 from skhybrid.hybrid.predictor import takes_two_stages
+from skhybrid.hybrid.scheme import Paths
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import UnitConverter
@@ -138,6 +139,18 @@ def test_a_parameter_that_does_nothing_is_refused(settings, message, office):
     with pytest.raises(ValueError, match=message):
         model.fit(office.X[:DAY], office.y[:DAY])
     assert not hasattr(model, "scheme_")
+
+
+def test_temperatures_of_several_zones_are_refused(office):
+    with pytest.raises(ValueError, match="y has 2 columns, but HybridPredictor forecasts one zone; fit Building"):
+        HybridPredictor().fit(office.X, office.X[["T_za", "T_oa"]])
+
+
+def test_the_rows_ahead_are_those_of_the_first_path():
+    paths = Paths(np.array([[20.0, 21.0], [0.0, 0.0]]), np.array([[1.0, 2.0], [0.0, 0.0]]), np.array([3.0, 0.0]))
+    for T_za, expected in ((None, ([20.0, 21.0], [1.0, 2.0])), (19.0, ([19.0, 20.0, 21.0], [3.0, 1.0, 2.0]))):
+        found = paths.columns(T_za)
+        assert (found["T_za"].tolist(), found["zeta"].tolist()) == expected
 
 
 @pytest.mark.parametrize("make", [HybridPredictor, PeriodicDisturbanceID])

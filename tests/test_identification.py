@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import warnings
 from copy import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,13 +15,17 @@ from sklearn.exceptions import NotFittedError
 
 from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork, _table
 from skhybrid._table import ZoneTable
+from skhybrid.control import make_plant
 from skhybrid.datasets import make_office, make_weather
 from skhybrid.datasets._office import TRUE_THETA
 from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from skhybrid.identification import diagnose, make_state_space
 from skhybrid.identification.filtered_network import advance, identify_again
 from skhybrid.identification.fitting.excitation import fixing_scale, unexcited, warn_scale
-from skhybrid.identification.fitting.starts import start_at
+from skhybrid.identification.fitting.gauss_newton import Minimum
+from skhybrid.identification.fitting.periodic_channels import ChannelLayout
+from skhybrid.identification.fitting.starts import _polish_best, start_at
+from skhybrid.identification.loads import _unit_heat
 from skhybrid.identification.uncertainty.constrained_problem import ConstrainedProblem
 from skhybrid.thermal import get_network
 
@@ -746,3 +751,31 @@ def test_a_start_takes_what_is_given_within_the_bounds():
     for value in (np.nan, "much", 0.0):
         with pytest.raises(ValueError, match="theta_init gives R_zo the value"):
             start_at(searched, {"R_zo": value}, np.zeros(2))
+
+
+def test_a_polished_minimum_counts_all_of_its_evaluations():
+    rough = [Minimum(np.zeros(1), loss, 7, False) for loss in (3.0, 2.0)]
+    _polish_best(lambda free: [Minimum(x, 2.5, 5, True) for x in free], rough, 0)
+    assert [(m.loss, m.n_evaluations) for m in rough] == [(2.5, 12), (2.0, 7)]  # the other was better before
+
+
+def test_a_heater_without_a_named_kind_may_heat_or_cool():
+    def source(parameter):
+        return SimpleNamespace(parameter=parameter, shares=(("za", None),), role=parameter)
+
+    names = ["A_win", "Q_h", "Q_c", "Q_floor"]
+    problem = SimpleNamespace(sources=list(map(source, names)), inner=names, place={"za": 0})
+    assert [channel.sign for channel, _ in ChannelLayout.plain.func(problem)] == [1.0, 1.0, -1.0, 0.0]
+
+
+def test_a_load_without_a_plant_acts_where_the_gain_does():
+    nobody, resistors = make_plant({}, {}), {"R": ("w", "za"), "R_o": ("za", "T_oa")}
+    for heated, expected in (("za", [[5.0, 6.0], [5.0, 6.0]]), ("w", None)):
+        network = RCNetwork("r", {"w": "C_w", "za": "C_za"}, resistors, measured="za", heated=heated)
+        kalman = SimpleNamespace(B=np.array([[1.0, 5.0], [2.0, 6.0]]))
+        filtered = SimpleNamespace(network=network, kalman=kalman, roles=())
+        if expected is not None:
+            np.testing.assert_array_equal(_unit_heat(filtered, nobody), expected)
+            continue
+        with pytest.raises(ValueError, match="no heating or cooling input"):
+            _unit_heat(filtered, nobody)

@@ -176,6 +176,9 @@ def test_stretches_are_forecast_each_by_itself(office):
     segments = [problem_of(model, office.X.iloc[part], office.y.iloc[part]) for part in parts]
     x = random_starts(whole.searched, 1, np.random.RandomState(0))[0]
     np.testing.assert_allclose(whole.residuals(x), np.concatenate([p.residuals(x) for p in segments]), rtol=1e-12)
+    starts = zip(whole.experiment.breaks, whole.samples, strict=True)
+    days = [(origin + first) // 48 for first, sample in starts for origin in sample.origins for _ in sample.leads]
+    np.testing.assert_array_equal(whole.days, np.unique(days, return_inverse=True)[1])
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -303,6 +306,8 @@ def test_neighbouring_blocks_add_their_products():
     assert found[1, 1] == pytest.approx(plain[1, 1])  # never smaller
     correlation = [c[0, 1] / np.sqrt(c[0, 0] * c[1, 1]) for c in (found, plain)]
     assert correlation[0] == pytest.approx(correlation[1])
+    np.testing.assert_allclose(plain, 11 / 12 * moves.T @ moves)
+    np.testing.assert_allclose(jackknife_covariance(1e-3 * moves, 2), 1e-6 * found)  # in any unit
 
 
 # ------------------------------------------------------------------------------------------------------- bad input

@@ -24,7 +24,7 @@ from skhybrid import (
 from skhybrid._table import read_table
 from skhybrid.datasets import make_office
 from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
-from skhybrid.hybrid.known_rows import KnownRows
+from skhybrid.hybrid.known_rows import KnownRows, _fewer
 from skhybrid.hybrid.weekly_refit import WeeklyRefit
 from skhybrid.persistence import load_model, save_model
 
@@ -456,6 +456,15 @@ def test_known_rows_end_with_the_last_stamp(office):
     assert rows.last_stamp is None
     assert rows.without_known(bare) is bare
     assert rows.without_known(table) is table  # which is refused later
+
+
+def test_tables_of_one_length_are_joined(office):
+    table = read_table(GrayBoxRC(), office.X, reset=True)
+    rows = [table.rows(slice(i, i + 1)) for i in range(12)]
+    (joined,) = _fewer(tuple(rows))
+    np.testing.assert_array_equal(joined.inputs["T_oa"], office.X["T_oa"][:12])
+    for others in (rows[1:], [*rows[1:], table.rows(slice(12, 14))]):
+        assert _fewer(tuple(others)) == tuple(others)
 
 
 @pytest.mark.parametrize(("changed", "days"), [(14, 21), (19, 14), (40, None)])

@@ -1,5 +1,7 @@
 """Transformers of ``skhybrid.preprocessing``: scikit-learn's checks, index and names, units, gaps."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,6 +9,7 @@ from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
+from skhybrid.hybrid.parts import preprocessed
 from skhybrid.preprocessing import FacadeIrradiance, GapFiller, UnitConverter
 
 
@@ -143,6 +146,11 @@ def test_history_is_never_filled(log, column):
     log[column] = 1.0
     log.iloc[4, list(log.columns).index(column)] = np.nan
     assert GapFiller().fit_transform(log)[column].isna().sum() == 1
+    step, measured = GapFiller().fit(log), [column]
+    pd.testing.assert_frame_equal(preprocessed(step, log, measured), log)
+    ahead = log.drop(columns=column)
+    pd.testing.assert_frame_equal(preprocessed(step, ahead, measured), ahead)
+    pd.testing.assert_frame_equal(preprocessed(SimpleNamespace(transform=lambda X: 2 * X), ahead, measured), 2 * ahead)
 
 
 def test_history_and_set_points_of_other_names_are_told_by_columns(log):

@@ -221,6 +221,7 @@ def test_the_range_by_rows():
     np.testing.assert_array_equal(wide.clip_errors(np.array([-99.0, 5.0, 99.0])), [-64.0, 5.0, 64.0])
     held = Band(np.array([-np.inf, 21.0]), np.array([26.0, np.inf]))
     assert PlausibleRange(20.0, 22.0).around(held) == (20.0, 26.0)
+    assert PlausibleRange(10.0, 12.0).clip_errors(np.array([99.0])) == [22.0]  # from exactly 0 degC on
 
 
 @pytest.mark.parametrize("make", [PeriodicDisturbanceID, OutputDisturbanceID])

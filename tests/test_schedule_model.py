@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from skhybrid.schedule.channels import GROUPS, known_heat, make_channels, make_p
 from skhybrid.schedule.constrained_ridge import gram, solve_coefficients
 from skhybrid.schedule.filter_model import NOISE, FilterModel
 from skhybrid.schedule.lead_problem import LeadProblem, ScoredForecasts, Shrinkage, penalty_of
+from skhybrid.schedule.plant_model import emitting
 from skhybrid.schedule.responses import emitter_series, emitter_slope, error_columns, simulate_responses
 from skhybrid.thermal import RCNetwork, get_network
 
@@ -173,6 +175,18 @@ def test_lag_of_an_emitter():
     np.testing.assert_allclose(found, expected, atol=1e-12)
     numeric = slope(lambda h: emitter_series(heat, step, tau * np.exp(h)), 1e-3)
     np.testing.assert_allclose(emitter_slope(found, step, tau), numeric, atol=1e-8)
+
+
+def test_all_heat_of_an_emitter_arrives_in_the_end():
+    """Closed form: a steady kW warms the nodes as it does without an emitter, which then gives what it takes."""
+    model = FilterModel.of(get_network("2R2C"), 1.0, 1.0)
+    psi = np.append(np.zeros(len(model.names) - 1), np.log(0.5))
+    fit = SimpleNamespace(plan=SimpleNamespace(emitter=True, heated=1), model=model)
+    state = SimpleNamespace(matrices=model.matrices(psi), coef=np.array([0.3, 0.6]), psi=psi)
+    A, effect = emitting(fit, state)
+    n = len(state.matrices.A)
+    steady = np.linalg.solve(np.eye(n) - state.matrices.A, state.matrices.of_heat[:, 1])
+    np.testing.assert_allclose(np.linalg.solve(np.eye(n + 1) - A, effect), np.append(steady, 1.0), rtol=1e-10)
 
 
 def test_names_groups_and_places_of_the_channels(table):
@@ -398,6 +412,14 @@ def test_the_objective_is_that_of_weighted_forecast_errors(table):
                 loss += 0.5 * error**2 * problem.precision[h] * count / 4.0
     loss += 0.5 * np.sum(problem.penalty * point.solution.coef**2) + 0.5 * np.sum(((psi - problem.centre) / 1.2) ** 2)
     assert point.loss == pytest.approx(loss, rel=1e-8)
+
+
+def test_a_single_origin_counts_as_it_will_among_hourly_ones(table):
+    problem, _ = lagging_problem(table)
+    scored = problem.forecasts[0]
+    first, few = scored.sample.origins[0], scored._replace(weight=1.0)
+    alone, hourly = (few._replace(sample=scored.sample._replace(origins=first + 2 * np.arange(n))) for n in (1, 5))
+    np.testing.assert_array_equal(problem.root_weights(alone)[0], problem.root_weights(hourly)[0])
 
 
 @pytest.mark.parametrize("network", ["2R2C", "4R3C"])

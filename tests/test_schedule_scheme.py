@@ -148,6 +148,8 @@ def test_the_residual_correction_reads_nothing_that_ends_after_its_row():
         found = residual_correction(np.ones((500, 3)).__getitem__, origins, leads, row, 48, 2)
         np.testing.assert_allclose(found, [0.1, 0.1, 0.0])
     assert not residual_correction(np.ones((1, 3)).__getitem__, origins[:1], leads, 400, 48, 2).any()
+    of_two = residual_correction(np.ones((2, 3)).__getitem__, origins[:2], leads, 338, 48, 2)
+    np.testing.assert_allclose(of_two, [0.1, 0.1, 0.0])
 
 
 class GivenMember:
@@ -710,12 +712,13 @@ def test_the_load_does_not_run_away_where_heat_is_felt_late(kind, held, piece):
     np.testing.assert_allclose(load["T_za"][8:], 21.0, atol=0.25)
 
 
-@pytest.mark.parametrize("given", ["flat", "falling", "steep"])
+@pytest.mark.parametrize("given", ["flat", "falling", "steep", "above"])
 def test_a_curve_that_does_not_rise_is_mended_as_little_as_can_be(given):
     stage = np.linspace(0.0, 1.0, 21)
     curve = {
         "flat": np.interp(stage, [0.0, 0.1, 0.5, 1.0], [0.0, 0.3, 0.3, 1.0]),
         "falling": np.interp(stage, [0.0, 0.1, 0.4, 1.0], [0.0, 0.4, 0.1, 1.0]),
+        "above": np.interp(stage, [0.0, 0.7, 1.0], [0.0, 1.4, 1.0]),
         "steep": np.interp(stage, [0.0, 0.5, 1.0], [0.0, 0.3, 1.0]),
     }[given]
     steps = {"type": "ineq", "fun": lambda x: np.diff(x) - 0.5 * np.diff(stage)}

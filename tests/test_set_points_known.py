@@ -20,16 +20,16 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid._table import read_table
-from skhybrid.control import Band, WantedPaths
+from skhybrid.control import Band, LoadPaths, WantedPaths
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import MeasurementWarning, PlanWarning, UnitWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
-from skhybrid.hybrid.thermostat_law.closed_loop import _Errors
+from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop, _Errors
 from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
-from skhybrid.hybrid.thermostat_law.plant_law import LawPairs
+from skhybrid.hybrid.thermostat_law.plant_law import LawPairs, make_pairs
 from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
@@ -163,6 +163,8 @@ def test_rows_after_the_end_of_a_table_have_no_measured_stage(log, model):
     frame = backtest(model, later, later["T_za"], heat_known=False, whole=False)
     assert frame["time"].max() == later.index[-1]
     assert np.isfinite(frame[["y_pred", "u_heat_pred", "u_heat_true"]]).all(axis=None)
+    measured = model.closed_loop_from(later, [len(later) - 4]).measured["u_heat"][0]
+    np.testing.assert_array_equal(measured, np.append(later["u_heat"][-4:], np.full(DAY - 4, np.nan)))
 
 
 @pytest.mark.parametrize(
@@ -523,6 +525,50 @@ def test_a_plan_is_that_of_the_week_before_by_a_plain_loop():
     ]
     assert 0.2 < np.mean(expected) < 0.8
     np.testing.assert_array_equal(same_plan(rows, targets), expected)
+
+
+def test_the_same_time_of_an_earlier_day_by_a_plain_loop():
+    """A week before, else any full days before; rows from the origin on are not read."""
+    rng, n = np.random.default_rng(0), 10 * DAY
+    rows = LawRows(rng.random(n + 1), rng.random(n), Band(np.zeros(n), np.zeros(n)), np.zeros((n, 0)), None, DAY)
+    origins = np.array([0, 1, 30, 7 * DAY, 7 * DAY, 8 * DAY])
+    targets = np.array([5, 2, 50, 7 * DAY, 9 * DAY, 8 * DAY + 3])
+    expected = []
+    for origin, target in zip(origins, targets, strict=True):
+        found = [k for k in (*range(target - 7 * DAY, -1, -7 * DAY), *range(target, -1, -DAY)) if k < origin]
+        expected.append((rows.heat[found[0]], rows.T[found[0] + 1]) if found else (np.nan, np.nan))
+    assert np.isfinite(expected).all(axis=1).tolist() == [False, False, True, True, True, True]
+    np.testing.assert_array_equal(np.transpose(same_clock(rows, origins, targets)), expected)
+
+
+def test_pairs_that_are_learned_from_spread_over_all_leads():
+    rng, n = np.random.default_rng(0), 20 * DAY
+    flat = np.zeros((n, 1))
+    rows = LawRows(rng.random(n), rng.random(n), Band(flat[:, 0], flat[:, 0]), flat, np.zeros((n, 3)), DAY)
+    origins = np.arange(DAY, 11 * DAY, DAY)
+    ideal = LoadPaths(*rng.random((3, len(origins), DAY)))
+    pairs = make_pairs(rows, origins, ideal, n)
+    origin, lead = np.repeat(np.arange(len(origins)), DAY), (pairs.ends - 1) % DAY
+    assert all(set(lead[origin == i] // 4) == set(range(DAY // 4)) for i in range(len(origins)))
+    np.testing.assert_array_equal(pairs.heat, np.column_stack([rows.heat[pairs.ends - 1], ideal.heat[origin, lead]]))
+    measured = np.column_stack([rows.T[pairs.ends], ideal.temperature[origin, lead]])
+    np.testing.assert_array_equal(pairs.temperature, measured)
+
+
+def test_a_side_that_never_had_a_set_point_may_always_act():
+    infinite, at = np.array([20.0, np.inf]), np.array([0, 1, 1])
+    found = ClosedLoop._acting(SimpleNamespace(_sides=(True, False)), Band(infinite, infinite), at)
+    assert [side.tolist() for side in found] == [[True, False, False], [True, True, True]]
+
+
+def test_a_law_is_known_by_the_rows_that_it_learns_from():
+    T, n, weeks = np.zeros(700), 700, law_refits.Weeks(90, 94, 24)
+
+    def key(T):
+        return law_refits._key(LawRows(T, T, Band(T, T), T, None, 24), weeks, 3)
+
+    changed = [row for row in range(n) if key(np.arange(n) == row) != key(T != 0.0)]
+    assert changed == list(range(90 + 24, 90 + 3 * 7 * 24))
 
 
 @pytest.mark.parametrize("begin", ["2024-02-26", "2024-10-21"])  # the clocks change after 13 days

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from copy import copy
 from dataclasses import replace
@@ -84,6 +85,10 @@ def test_a_direction_is_weaker_where_the_days_say_so():
     model, days = np.diag([1e-4, 0.04]), np.diag([1e-4, 0.16])
     found = find_directions(ParameterUncertainty((A, B), np.diag([100.0, 5.0]), model, days, 11), (), ())
     assert f"{100 * np.expm1(stats.t.ppf(0.95, 10) * 0.4):+.0f} %" in found.weak_directions[0]
+    model = np.array([[0.09, 0.04], [0.04, 0.04]])
+    sensitivity = np.linalg.cholesky(np.linalg.inv(model)).T
+    together = find_directions(ParameterUncertainty((A, B), sensitivity, model, np.zeros((2, 2)), 11), (), ())
+    assert re.match(r"A \[kW\] by .* % with B \[kW\] by .* %, or the reverse", together.weak_directions[0])
 
 
 @pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ScaleNotIdentifiableWarning")

@@ -16,7 +16,7 @@ from skhybrid._table import ZoneTable, append_tables, read_table
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
 from skhybrid.forecasting import WeatherError
-from skhybrid.forecasting.weather_error import _normal_spread
+from skhybrid.forecasting.weather_error import _most_nearby, _normal_spread
 from skhybrid.model_selection import backtest, score_backtest
 
 N_LEADS = 96
@@ -62,6 +62,14 @@ def test_irradiance_stays_between_night_and_clear_sky():
     assert forecast.min() >= 0
     assert forecast.max() <= table.inputs["q_sol"].max() + 1e-12  # this sky is always clear
     assert errors.min() < -0.1
+
+
+def test_the_clear_sky_of_a_row_is_the_highest_within_a_week_by_a_plain_loop():
+    sun = np.random.default_rng(0).random(96 * 20)
+    table, rows = _table(20, q_sol=sun), (5, 96 * 9 + 3, 96 * 18 + 1)
+    for row in rows:
+        near = [sun[row + 96 * d] for d in range(-7, 8) if 0 <= row + 96 * d < len(sun)]
+        assert _most_nearby(table, "q_sol", slice(row, row + 1)) == [max(near)]
 
 
 def test_only_the_weather_of_the_horizon_changes():
