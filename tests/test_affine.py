@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from copy import copy, deepcopy
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -19,12 +20,17 @@ from skhybrid import (
     SchedulePredictor,
     TwoStagePredictor,
 )
+from skhybrid._calendar import day_type_hour
+from skhybrid._table import read_table
 from skhybrid.control import LinearNetwork, heat_plan
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
+from skhybrid.forecasting.quantiles import path_clock
 from skhybrid.hybrid import ControlModel
+from skhybrid.hybrid.affine_frames import AffineFramesMixin
 from skhybrid.hybrid.blending.rolling_blend import RollingBlend
 from skhybrid.hybrid.schedule_scheme import ScheduleScheme
+from skhybrid.hybrid.scheme import RecentErrors
 from skhybrid.identification import StateSpace
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
@@ -277,6 +283,21 @@ def test_offsets_are_near_those_of_the_forecast(fitted, tables):
     forecast = frozen.forecast(None, future, T_za=T, quantiles=levels)
     beyond = forecast.filter(like="q_").to_numpy() - forecast["T_za"].to_numpy()[:, None]
     np.testing.assert_allclose(offsets, beyond, rtol=0, atol=1e-9)
+    model, first = fitted("schedule"), X[N_TRAIN : N_TRAIN + DAY].drop(columns="T_za")  # no error is known yet
+    forecast = model.forecast(None, first, quantiles=levels)
+    beyond = forecast.filter(like="q_").to_numpy() - forecast["T_za"].to_numpy()[:, None]
+    np.testing.assert_allclose(model.affine_forecast(None, first, quantiles=levels).offsets, beyond, atol=1e-9)
+
+
+def test_recorded_errors_count_by_the_hour_at_which_they_ended(office):
+    table = read_table(HybridPredictor(), office.X[: 5 * DAY], reset=True)
+    leads, back, origin = np.array([1, 7, 30]), np.array([DAY, 2 * DAY + 5]), 4 * DAY + 9
+    recent, met = RecentErrors(np.zeros((2, 3)), back, leads), []
+    intervals = SimpleNamespace(factor_at=lambda errors, share: met.append(errors[1]), offsets=lambda *_: "offsets")
+    clock = path_clock(table, np.array([origin]), table.n_rows - 1 - origin)
+    model = SimpleNamespace(intervals_=intervals)
+    assert AffineFramesMixin._recent_offsets(model, clock, table, recent, np.array([0.5])) == "offsets"
+    np.testing.assert_array_equal(met[0].slot, day_type_hour(table)[origin + leads - back[:, None]])
 
 
 def test_offsets_from_a_history_and_of_two_stages(fitted, tables):

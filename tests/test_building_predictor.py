@@ -97,6 +97,13 @@ def test_zones_whose_temperatures_have_nothing_in_common_are_no_neighbours():
     assert found_neighbours(T) == {"a": ("b",), "b": ("a",), "c": ()}
 
 
+def test_the_last_known_temperature_of_each_zone_is_kept():
+    model = BuildingPredictor()
+    model.zones_, model._last = ["a", "b"], {"a": np.nan, "b": 19.0}
+    model._take_in(pd.DataFrame({"a": [20.0, 21.0, np.nan], "b": np.nan}))
+    assert model._last == {"a": 21.0, "b": 19.0}
+
+
 @pytest.fixture(scope="module")
 def two_stages(rooms) -> BuildingPredictor:
     return by_themselves().fit(rooms[0][:N_TRAIN], rooms[1][:N_TRAIN])

@@ -136,10 +136,10 @@ def test_last_week_repeats_it_and_falls_back_to_the_day_before():
     expected = y.iloc[10 * 24 : 11 * 24].to_numpy().copy()
     expected[5] = y.iloc[16 * 24 + 5]  # the value a week before is missing: that of the day before
     np.testing.assert_array_equal(paths[1], expected)
-    zeta[(zeta.index.hour == 5) & (zeta.index >= "2023-07-14")] = np.nan  # known eight days before
-    later, four = X.iloc[14 * 24 :], 4 * 24
-    profile = model.fit(X.iloc[: 14 * 24], y.iloc[: 14 * 24]).predict(later)
-    assert model.predict_from(later.assign(zeta=zeta), [four - 1])[0, 5] == pytest.approx(profile[four + 5])
+    zeta[(zeta.index.hour == 6) & (zeta.index >= "2023-07-14")] = np.nan  # known eight days before
+    profile = DisturbanceForecaster("profile").fit(X.iloc[: 14 * 24], y.iloc[: 14 * 24]).predict(X.iloc[14 * 24 :])
+    path = model.predict_from(X.assign(zeta=zeta), [18 * 24 - 1])[0]
+    assert path[6] == profile[4 * 24 + 6]
 
 
 def test_the_end_of_the_training_table_holds_the_last_day_of_each_kind():

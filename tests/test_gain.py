@@ -18,8 +18,17 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import ExcitationWarning, GainWarning
 from skhybrid.hybrid.blending.gain_report import disagreement
 from skhybrid.persistence import load_model, save_model
-from skhybrid.schedule import LITTLE_ERROR, days_to_determine, gain_error, step_gain, step_gain_error
+from skhybrid.schedule import (
+    LITTLE_ERROR,
+    NumberedSegment,
+    days_to_determine,
+    gain_error,
+    rolling_network,
+    step_gain,
+    step_gain_error,
+)
 from skhybrid.schedule.lead_problem import LeadProblem
+from skhybrid.schedule.network_response import NetworkResponse
 from skhybrid.schedule.step_gain import KNOWN_HEAT, GainPull, ResponseShape, is_delayed, is_usual, observed_gains
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
@@ -233,6 +242,32 @@ def test_an_optimiser_gets_the_gain_of_the_network(plan, log):
     np.testing.assert_allclose(affine.gain.sum(axis=(1, 2))[1:], step_gain(network(plan), DAY - 1), atol=1e-8)
     found = affine.temperature(ahead["Q_hvac"].to_numpy())
     np.testing.assert_allclose(found, plan.forecast(None, ahead)["T_za"], atol=1e-9)
+
+
+def test_the_response_that_members_do_not_learn_is_that_to_each_kilowatt_before(plan):
+    training = plan._scheme.rows.training
+    response, n = NetworkResponse.of(network(plan), ["Q_hvac"], training), training.n_rows
+    impulse = np.diff(response.step(n), prepend=0.0)
+    heat = training.inputs["Q_hvac"] - training.inputs["Q_hvac"].mean()
+    expected = np.append(0.0, np.convolve(heat, impulse)[: n - 1])
+    np.testing.assert_allclose(response.temperature(training), expected, atol=1e-8)
+
+
+def test_beyond_the_last_row_the_heat_of_a_plan_is_held(plan, log):
+    later = log[0][N_TRAIN : N_TRAIN + 10]
+    found = plan.predict_from(later, [5])[0]
+    assert np.isfinite(found[:4]).all()
+    held = pd.concat([later, later.iloc[[-1] * 4].set_axis(later.index[-4:] + 4 * (later.index[1] - later.index[0]))])
+    np.testing.assert_allclose(plan.predict_from(held, [5])[0, :4], found[:4], atol=1e-9)
+
+
+def test_a_refit_keeps_the_shape_of_the_response_that_the_training_told(plan, monkeypatch):
+    fit, pulls = network(plan), []
+    monkeypatch.setattr(rolling_network, "minimise", lambda problem, at, **_: pulls.append(problem.pull) or at)
+    n = fit.segment.n_rows
+    rolling_network._refit_psi(fit, fit.psi, NumberedSegment(fit.segment, n, joined=True), n)
+    assert pulls[0].observed
+    assert pulls[0].shape is fit.problem.pull.shape is not None
 
 
 def test_the_blend_follows_a_network_that_was_fitted_again(plan, log):

@@ -262,6 +262,7 @@ def test_a_forecast_from_nothing_is_told(hybrid, office):
         hybrid.predict(past.assign(T_za=office.X["T_za"].where(office.X.index == past.index[3])))
         hybrid.predict(office.X[28 * DAY : 29 * DAY].assign(T_za=np.nan))  # follows the training
         hybrid.forecast(past, ahead, T_za=21.0)
+        hybrid.forecast(past, ahead, T_za=20.0)
 
 
 def test_future_needs_no_temperature_under_any_name(office):

@@ -89,6 +89,11 @@ def test_a_block_that_is_scored_for_an_hour_is_warned_of():
         day_ahead_scorer(model, X, y)
     with pytest.warns(SkhybridWarning, match=r"from 20.* on is short: .* over 1 h of their horizon of 24 h; make"):
         day_ahead_scorer(model, X[22:26], y[22:26])
+    with pytest.warns(SkhybridWarning, match="over 10 h of their horizon of 24 h"):
+        day_ahead_scorer(model, X[22:35], y[22:35])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        day_ahead_scorer(model, X[22:37], y[22:37])  # half of it
 
 
 def test_an_array_takes_the_given_sampling_time_and_a_table_its_own():

@@ -113,6 +113,9 @@ def test_arx_keeps_the_heat_of_a_plant_that_ran_for_hours_in_a_week(days, hours,
         fit = replace(scheme._physics.fit_, undetermined=undetermined)
         others = members_beside_network(fit, scheme.rows.training, "forecast")
         assert all(isinstance(member, WithoutResponse) for member in others) == bool(undetermined and not keeps)
+    for n_rows, n_lags in ((2 * DAY, 24), (2 * DAY - 1, 4)):
+        arx, *_ = members_beside_network(replace(fit, undetermined=()), scheme.rows.training.rows(slice(n_rows)), "")
+        assert arx.n_lags == n_lags  # few after less than two days
 
 
 def test_arx_does_not_believe_a_trace_of_heat():

@@ -504,6 +504,16 @@ def test_the_daily_profile_of_the_training_serves_a_table_elsewhere(office):
     np.testing.assert_allclose(rolling.forecast(view, 9)[0][0], usual[18:27], atol=1e-9)
 
 
+def test_rows_with_other_boundaries_begin_where_the_room_was_measured(office):
+    table = read_table(HybridPredictor(), office.X[:100], reset=True)
+    T = np.where((np.arange(100) > 36) & (np.arange(100) < 57), np.nan, 20.0)
+    rows = NumberedTable(table, T, 60, True).with_boundary({"T_oa": np.full(5, 3.0)}, 66, 10)
+    assert (rows.first, rows.table.n_rows) == (36, 66 - 36 + 1 + 5)  # 56 and 46 were not measured
+    expected = np.append(table.inputs["T_oa"][36:67], np.full(5, 3.0))
+    np.testing.assert_array_equal(rows.table.inputs["T_oa"], expected)
+    np.testing.assert_array_equal(rows.before["T_oa"], table.inputs["T_oa"][:36])
+
+
 def test_a_thermometer_that_tells_every_other_row(office):
     """No two rows follow one another: the black box has nothing to learn from, and holds the temperature."""
     X = office.X.copy()

@@ -203,6 +203,8 @@ def test_a_load_of_stages_and_a_meter_is_that_of_the_whole_plant():
     load = rows.assign(Q_hvac_unclipped=-1.0, Q_total=[2.0, 6.0], Q_total_unclipped=9.0)
     assert of_whole_plant(load)[["Q_hvac", "Q_hvac_unclipped"]].to_numpy().tolist() == [[2.0, 9.0], [6.0, 9.0]]
     pd.testing.assert_frame_equal(of_whole_plant(rows), rows)
+    meters = pd.DataFrame({"Q_floor": [1.0, 2.0], "Q_air": [0.5, -3.0]})
+    assert load_of(meters, unknown, list(meters)).values.tolist() == [1.5, -1.0]
 
 
 def test_a_load_of_further_stages_is_in_kilowatts_by_their_capacities():
