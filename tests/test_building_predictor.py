@@ -415,6 +415,8 @@ def test_zones_are_forecast_from_every_day_whichever_of_them_is_not_measured(two
     pd.testing.assert_frame_equal(without[others], with_all[others])
     blind = two_stages.predict(later.drop(columns=T_OF))
     assert not np.allclose(blind[others][DAY:], with_all[others][DAY:], atol=1e-3)
+    alone = two_stages.predict(later[DAY : DAY + 1])  # a row that is an origin, after which there is none
+    np.testing.assert_allclose(alone, [[model.predict(later[DAY : DAY + 1])[0] for model in two_stages.own_.values()]])
 
 
 @pytest.fixture(scope="module")

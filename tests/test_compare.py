@@ -83,6 +83,7 @@ def test_the_office_ranks_its_identifications(compared, office):
     assert (table["cv_rmse"] > 0.1).all()
     assert (table["seconds"] > 0).all()
     assert "not white" in compared.reason or table.loc[compared.recommended, "whiteness_p"] >= 0.01
+    assert ("nested pairs:" in str(compared)) == (len(compared.tests) > 0)
 
 
 def test_the_likelihood_is_that_of_the_common_rows(compared, office):
@@ -95,6 +96,8 @@ def test_the_likelihood_is_that_of_the_common_rows(compared, office):
 def test_parameters_are_counted(compared):
     # seven of eight are free, and the variance; sigma_x and sigma_zeta; rho_1, rho_2 and the first wall temperature
     assert compared.table["n_parameters"].to_dict() == {"CONV": 8, "ID": 10, "OD": 11}
+    singular = compared.estimators["OD"].identifiability_.singular_values
+    assert compared.table.loc["OD", "condition"] == pytest.approx(singular.max() / singular.min())
 
 
 def test_a_model_that_fails_does_not_end_the_comparison(compared):

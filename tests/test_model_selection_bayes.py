@@ -215,6 +215,7 @@ def test_sizes_are_terms_too(results):
     assert list(by_framework.columns) == ["LSTM", "hidden_size"]
     with pytest.raises(ValueError, match="hidden_size is NaN in 1 of 64 candidates; pass the rows of one framework"):
         _terms(table.assign(hidden_size=[np.nan, *table["hidden_size"][1:]]), "sizes")
+    assert list(_terms(results, ["time"]).columns) == ["time"]  # the first that is read from the cases
 
 
 def test_the_best_sizes_of_each_case(results):
@@ -229,6 +230,7 @@ def test_the_best_sizes_of_each_case(results):
         ({"terms": "all"}, {}, "terms='all' is neither"),
         ({"terms": ["depth"]}, {}, "term 'depth' is neither an ingredient"),
         ({"interactions": [("time", "depth")]}, {}, "not a pair of two of the terms"),
+        ({"interactions": [("time", "ID", "past-w")]}, {}, "not a pair of two of the terms"),
         ({"level": 1.5}, {}, "level=1.5 is not between"),
         ({"level": "high"}, {}, "level='high' is not between"),
         ({"prior_scale": "wide"}, {}, r"prior_scale='wide' is outside \(0, inf\)"),
@@ -545,6 +547,8 @@ def test_history_then_kind_then_framework_then_median_decide(overview, left, cho
     found, reasons = _choose_by_rules(overview, robust, {"mlp": 0.0, "lstm": -0.1})
     assert found == keys[chosen]
     assert any(said in reason for reason in reasons), reasons
+    assert any("Only OD is left" in reason for reason in reasons) == found.endswith("output")
+    assert any("the one with the lowest median" in reason for reason in reasons) == ("lowest median" in said)
 
 
 @pytest.mark.parametrize(
