@@ -75,6 +75,7 @@ def test_rooms_with_networks_of_their_own():
     both = building_network(AB, [("a", "b")], couple=("za", "w"))
     assert both.resistors["R_w_a_b"] == ("w_a", "w_b")
     assert not [name for name in building_network(AB).resistors if name == "R_a_b"]
+    assert room_network(tower, "flat").bounds["C_h_flat"] == (0.01, 40.0)
 
 
 def test_a_boiler_for_all_and_one_sun():

@@ -458,6 +458,15 @@ def test_what_a_plant_would_do_is_refused_of_a_room_without_one(with_unheated_ha
         model.own_["hall"].forecast(None, tomorrow, setpoint=20.0)
 
 
+def test_rooms_of_which_none_has_a_plant_are_forecast_without_limits(rooms):
+    X = rooms[0].filter(regex="^(?!Q_|u_)")[: N_TRAIN + DAY]
+    model = by_themselves(intervals=False).fit(X[:N_TRAIN], rooms[1][:N_TRAIN])
+    tomorrow = X[N_TRAIN:].drop(columns=T_OF)
+    assert np.isfinite(temperatures(model.forecast(None, tomorrow))).all()
+    with pytest.raises(ValueError, match="no zone had heating or cooling in training, so that limits does nothing"):
+        model.forecast(None, tomorrow, limits=(0.0, 1.0))
+
+
 def test_a_boiler_that_rooms_share(rooms):
     X, y = rooms
     boiler = X.drop(columns=[f"Q_hvac_{zone}" for zone in ZONES]).assign(u_heat=X.filter(like="Q_").sum(axis=1) / 7.5)

@@ -24,6 +24,7 @@ from skhybrid import (
     InputDisturbanceID,
     OutputDisturbanceID,
     PeriodicDisturbanceID,
+    RCNetwork,
     SchedulePredictor,
     TwoStagePredictor,
     _table,
@@ -90,6 +91,7 @@ def test_the_front_takes_the_schedule_model_or_two_stages(office):
         np.testing.assert_array_equal(front.predict(later), itself.predict(later))
         assert takes_two_stages(front) == (scheme == "two-stage")
         assert hasattr(front, "weights_") == (scheme == "schedule")
+    assert HybridPredictor().intervals is SchedulePredictor().intervals is True
 
 
 def test_the_default_blends_a_network_and_arx(office):
@@ -144,6 +146,14 @@ def test_a_parameter_that_does_nothing_is_refused(settings, message, office):
 def test_temperatures_of_several_zones_are_refused(office):
     with pytest.raises(ValueError, match="y has 2 columns, but HybridPredictor forecasts one zone; fit Building"):
         HybridPredictor().fit(office.X, office.X[["T_za", "T_oa"]])
+
+
+def test_the_weather_is_read_whether_or_not_the_network_knows_it(office):
+    """The members beside the network know what to do with it; of other temperatures only boundaries are read."""
+    model, dark = SchedulePredictor(), RCNetwork("dark", {"za": "C_za"}, {"R_zo": ("za", "T_oa")})
+    model.preprocess_ = None
+    table = model._read(office.X.assign(T_attic=15.0), dark, reset=True)
+    assert set(table.inputs) == {"T_oa", "q_sol", "u_heat", "u_cool"}
 
 
 def test_the_rows_ahead_are_those_of_the_first_path():
