@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import warnings
 from copy import deepcopy
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -30,12 +31,14 @@ from skhybrid import (
     _table,
 )
 from skhybrid._holidays import NO_HOLIDAYS
+from skhybrid._table import read_table
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.exceptions import MeasurementWarning, ScaleNotIdentifiableWarning, SkhybridWarning, UnitWarning
 from skhybrid.hybrid.disturbance_steps import join_steps, steps_table
 from skhybrid.hybrid.hourly_aggregation import HourlyAggregation
 from skhybrid.hybrid.predictor import takes_two_stages
 from skhybrid.hybrid.scheme import Paths
+from skhybrid.hybrid.two_stage_scheme import TwoStageScheme
 from skhybrid.model_selection import RollingOriginSplit
 from skhybrid.persistence import load_model, save_model
 from skhybrid.preprocessing import UnitConverter
@@ -355,6 +358,20 @@ def test_adaptation_refits_on_full_weeks_only(hybrid, office):
     far = make_office(n_days=16, start="2024-01-15", random_state=1).X  # months after the training
     assert np.isfinite(hybrid.predict(far)).all()
     assert not np.array_equal(hybrid.predict(far)[10 * DAY :], still.predict(far)[10 * DAY :])
+
+
+def test_a_forecaster_is_refitted_at_the_last_step_of_a_full_week():
+    index = pd.date_range("2024-01-01", periods=10 * 24, freq="1h")
+    steps = SimpleNamespace(table=read_table(BaseEstimator(), pd.DataFrame({"T_oa": 0.0}, index), reset=True))
+    scheme = SimpleNamespace(
+        adapt="linear", forecaster_=SimpleNamespace(model="profile"), disturbance_step_=pd.Timedelta("1h"),
+        _aggregation=SimpleNamespace(labels=index[:0].asi8), _learned_to=index[23].as_unit("ns").value, _settled=True,
+        _refit=SimpleNamespace(fitted_once=lambda n_steps, until: n_steps), _steps_until=print,
+    )  # fmt: skip
+    known = np.array([23, 8 * 24 - 2, 8 * 24 - 1, 9 * 24])  # the training ends with the first day
+    (first, before), (n_steps, after) = TwoStageScheme._forecasters(scheme, steps, known, False)
+    assert first is scheme.forecaster_
+    assert (before.tolist(), n_steps, after.tolist()) == ([0, 1], 7 * 24, [2, 3])
 
 
 def test_other_steps_and_time_zones(office):
