@@ -129,6 +129,8 @@ class Bench:
         question["log"] = str(self.folder / "last.log")
         print(json.dumps(question), file=self.server.stdin, flush=True)
         answer = self.server.stdout.readline().strip()
+        if answer in ("4", "5"):  # pytest did not know a test, or found none
+            raise RuntimeError(f"no such tests: {', '.join(tests)}; remove {WORK / 'surveys'} and survey anew.")
         return {"0": "survived", "timeout": "timeout"}.get(answer, "killed")
 
     def survey(self, name: str, plain: bool) -> dict:
