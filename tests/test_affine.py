@@ -337,7 +337,7 @@ def test_what_follows_the_training_does_not_go_through_it_again(fitted, tables, 
 
 
 def test_intervals_of_later_days_go_on_from_some_weeks_back(monkeypatch):
-    """What a day costs does not grow with the days since the training."""
+    """The cost of a day does not grow with the days since the training."""
     office, day, n_train = make_office(n_days=36, sampling_time="1h", random_state=4), 24, 7 * 24
     X, rows = office.X.drop(columns="T_za"), []
     made = SchedulePredictor().fit(office.X[:n_train], office.y[:n_train])
