@@ -134,6 +134,18 @@ def test_a_back_test_of_the_closed_loop_has_its_paths_and_what_was_measured(log,
         assert row.u_cool_true == log["u_cool"][row.time - pd.Timedelta("1h")]
 
 
+def test_nothing_is_forecast_after_the_last_row(log, model):
+    later = log[TRAINED : TRAINED + DAY]
+    found = model.closed_loop_from(later, [DAY - 5], quantiles=(0.1, 0.9))
+    heat = (found.paths.heat, found.paths.zeta, found.heat_bands, *found.plant.values(), *found.measured.values())
+    for n_known, paths in ((4, (found.paths.temperature, found.temperature_bands)), (5, heat)):
+        for path in paths:
+            assert np.isfinite(path[0, :n_known]).all()
+            assert np.isnan(path[0, n_known:]).all()
+    expected = np.isfinite(model.predict_from(later, [DAY - 5]))
+    np.testing.assert_array_equal(np.isfinite(found.paths.temperature), expected)
+
+
 def test_errors_of_the_weather_forecast_change_a_back_test_and_widen_its_intervals(log, model):
     later, given = log[TRAINED : TRAINED + 4 * DAY], {"quantiles": (0.1, 0.9), "heat_known": False}
     exact = backtest(model, later, later["T_za"], **given)

@@ -326,6 +326,7 @@ class FramesForecastMixin(FramesReadingMixin):
             ``paths.heat`` [kW] (n_origins, n_leads) over the rows ``origin``, ``origin + 1`` ..., ``paths.temperature``
             [degC] at the end of each; ``plant`` has stages [-] and heat [kW] by name, as :meth:`predict_load`, and
             ``measured`` what X has of them; ``heat_bands`` and ``temperature_bands`` (n_origins, n_leads, n_quantiles).
+            All are NaN after the last row of X.
 
         Raises
         ------

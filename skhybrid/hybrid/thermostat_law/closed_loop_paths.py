@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -41,15 +41,26 @@ class ClosedLoopPaths(NamedTuple):
             *({name: np.concatenate([of[name] for of in each]) for name in each[0]} for each in by_name),
         )
 
-    def by_role(self, scheme: Scheme, table: ZoneTable, origins: np.ndarray) -> Self:
-        """With the stages and the heat of each part of the plant, and what a table has of them."""
+    def by_role(self, scheme: Scheme, table: ZoneTable, origins: np.ndarray) -> ClosedLoopPaths:
+        """With the stages and the heat of each part of the plant, and what a table has of them; NaN after its end."""
         shape, flat = self.paths.heat.shape, LoadPaths(*(part.reshape(1, -1) for part in self.paths))
         frame = scheme.heat_frame(pd.RangeIndex(flat.heat.size), flat)
         names = [name for name in map(str, frame) if is_plant(name) and not name.endswith("_unclipped")]
         rows = origins[:, None] + np.arange(shape[1])
         there, at = rows < table.n_rows, np.minimum(rows, table.n_rows - 1)
         measured = {role: np.where(there, v[at], np.nan) for role, v in table.inputs.items() if is_plant(role)}
-        return self._replace(plant={name: frame[name].to_numpy().reshape(shape) for name in names}, measured=measured)
+        plant = {name: np.where(there, frame[name].to_numpy().reshape(shape), np.nan) for name in names}
+        return self._until(there, rows + 1 < table.n_rows)._replace(plant=plant, measured=measured)
+
+    def _until(self, acts: np.ndarray, ends: np.ndarray) -> ClosedLoopPaths:
+        """With NaN where a row of the plant (O, L), or the stamp of a temperature (O, L), is not there."""
+
+        def cut(there: np.ndarray, v: Any) -> Any:
+            return None if v is None else np.where(there.reshape(*there.shape, *[1] * (v.ndim - 2)), v, np.nan)
+
+        heat, T, zeta = self.paths
+        paths = LoadPaths(cut(acts, heat), cut(ends, T), cut(acts, zeta))
+        return ClosedLoopPaths(paths, cut(acts, self.heat_bands), cut(ends, self.temperature_bands))
 
     def after(self, T_za: float) -> ClosedLoopPaths:
         """With the temperature at the origin before those at the ends of its rows."""
