@@ -634,6 +634,19 @@ def test_tables_and_targets_of_no_shape_are_refused(two_stages, later):
         two_stages.predict_load(later.iloc[:, 0], 21.0)
 
 
+@pytest.mark.parametrize("column", ["T_oa", "T_za_hall"])
+def test_a_column_that_comes_twice_is_named(building, later, column):
+    X = pd.concat([later, later[[column]]], axis=1)
+    for call in (
+        lambda: BuildingPredictor().fit(X, later.filter(like="T_za_")),
+        lambda: building.predict(X),
+        lambda: building.predict_load(X, 21.0),
+        lambda: copy.deepcopy(building).update(X),
+    ):
+        with pytest.raises(ValueError, match=f"^column '{column}' appears twice in X; keep one of them"):
+            call()
+
+
 def test_a_failed_update_changes_nothing(building, later):
     model = copy.deepcopy(building)
     before = model.predict(later[:30])

@@ -11,7 +11,16 @@ import pandas as pd
 from sklearn.utils.validation import validate_data
 
 from ..._ranges import is_in_watts
-from ..._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable, as_numbers, as_pandas, checked_columns, read_array
+from ..._table import (
+    HISTORY_ROLES,
+    SETPOINT_ROLES,
+    ZoneTable,
+    as_numbers,
+    as_pandas,
+    checked_columns,
+    read_array,
+    refuse_shape,
+)
 from ..._warnings import raise_warning, warn_once, warnings_of_zone, warnings_to
 from ...exceptions import SkhybridWarning
 from ..base import BaseHybrid
@@ -61,6 +70,7 @@ class BuildingTablesMixin:
     def _read(self, X: Any, *, reset: bool = False) -> Any:
         if not isinstance(X := as_pandas(X), pd.DataFrame):
             return read_array(self, X, reset=reset, ensure_all_finite=False)
+        refuse_shape(X, 0)
         if reset:
             validate_data(self, X, skip_check_array=True)
         return X
