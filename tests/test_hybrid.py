@@ -189,7 +189,9 @@ def test_kw_are_relative_where_nothing_says_how_large_they_are(office):
         SchedulePredictor(known={"Q_c": -6.0}).fit(X, y)
         measured = X.assign(Q_hvac=6.0 * (X["u_heat"] - X["u_cool"])).drop(columns=["u_heat", "u_cool"])
         SchedulePredictor().fit(measured, y)
-        SchedulePredictor().fit(X.drop(columns=["u_heat", "u_cool"]), y)  # no plant, no kW to scale
+        # no stage, no capacity to give
+        SchedulePredictor().fit(X.drop(columns=["u_heat", "u_cool"]), y)
+        SchedulePredictor().fit(measured.assign(Q_hvac=0.0), y)
 
 
 def test_it_forecasts_better_than_without_a_disturbance(hybrid, office):

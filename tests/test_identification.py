@@ -13,7 +13,15 @@ import pytest
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
-from skhybrid import GrayBoxRC, InputDisturbanceID, OutputDisturbanceID, PeriodicDisturbanceID, RCNetwork, _table
+from skhybrid import (
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+    RCNetwork,
+    _table,
+)
 from skhybrid._table import ZoneTable
 from skhybrid.control import make_plant
 from skhybrid.datasets import make_office, make_weather
@@ -354,6 +362,18 @@ def test_the_scale_is_fixed_by_units_not_by_names(office):
         model = PeriodicDisturbanceID(network, known={"Ratio": 0.3}, n_starts=1).fit(X, office.y[:192])
     (flat,) = model.identifiability_.flat_directions
     assert flat.startswith("mass [kWh/K], Quick [kWh/K], A_win [m2], Q_h [kW], Q_c [kW] together, wall [K/kW], window")
+
+
+def test_the_warning_of_the_scale_names_a_capacity_of_the_log(office):
+    """The columns of an array are u_2 and u_3, of which Q_h is no capacity."""
+    X, given = office.X[:192].drop(columns="T_za"), {"known": {"Q_h": 6.0}, "sampling_time": "15min"}
+    for model in (GrayBoxRC(**given, n_starts=1), HybridPredictor(**given)):
+        with pytest.warns(ScaleNotIdentifiableWarning, match=r"such as known={'Q_2': nameplate kW}, or give"):
+            model.fit(X.to_numpy(), office.y[:192].to_numpy())
+    with pytest.warns(ScaleNotIdentifiableWarning, match=r"such as known={'Q_c': -nameplate kW}"):
+        GrayBoxRC(n_starts=1).fit(X.assign(u_heat=0.0), office.y[:192])
+    with pytest.warns(ScaleNotIdentifiableWarning, match=r"fix one of them by known=, or"):
+        GrayBoxRC(n_starts=1).fit(X[["T_oa", "q_sol"]], office.y[:192])
 
 
 def test_a_known_capacity_of_a_plant_that_never_ran_does_not_fix_the_scale(office):

@@ -40,6 +40,12 @@ class Source(NamedTuple):
     parameter: str | None
     shares: Shares
 
+    @property
+    def nameplate(self) -> str:
+        """How ``known=`` gives the capacity of a stage."""
+        sign = "-" if self.role.startswith("u_cool") else ""
+        return f"known={{{self.parameter!r}: {sign}nameplate kW}}"
+
 
 @dataclass(frozen=True)
 class Declaration:

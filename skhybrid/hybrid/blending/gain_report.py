@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from ..._table import ZoneTable, is_plant
+from ..._table import ZoneTable
 from ..._warnings import percent, warn_user
 from ...exceptions import ExcitationWarning, GainWarning, ScaleNotIdentifiableWarning
 from ...schedule import LITTLE_ERROR, LeadFit, days_to_determine, step_gain_error
@@ -82,11 +82,10 @@ def warn_of_gain(
 ) -> None:
     """Warn of plants whose effect the training hardly shows, or shows reversed, and of a plan without jumps of heat."""
     _warn_of_scale(fit, training, known)
-    capacity = {s.role: s.parameter for s in fit.plan.network.sources(training.inputs)}
+    sources = {source.role: source for source in fit.plan.network.sources(training.inputs)}
     for role in fit.undetermined:
-        parameter, sign = capacity[role], "-" if role.startswith("u_cool") else ""
-        free = parameter is not None and parameter not in known
-        remedy = f", or give known={{{parameter!r}: {sign}nameplate kW}}" if free else ""
+        free = sources[role].parameter is not None and sources[role].parameter not in known
+        remedy = f", or give {sources[role].nameplate}" if free else ""
         warn_user(
             f"the training, in which {role} ran for {training.hours_run(role):.2g} h, does not determine its gain, so "
             f"that forecasts with it are a guess; train on a log in which it goes on and off for a few hours{remedy}; "
@@ -123,15 +122,14 @@ def _experiment(fit: LeadFit, role: str) -> str:
 
 def _warn_of_scale(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
     """Warn where neither a capacity nor a measured heat fixes what a kW is."""
-    plants = {role: v for role, v in training.inputs.items() if is_plant(role)}
-    sources = fit.plan.network.sources([role for role in plants if role.startswith("u_")])
-    given = any(source.parameter in known for source in sources)
-    measured = any(np.ptp(v) > 0 for role, v in plants.items() if role.startswith("Q_"))
-    if given or measured or not plants:
+    stages = fit.plan.network.sources([role for role in training.inputs if role.startswith("u_")])
+    given = any(stage.parameter in known for stage in stages)
+    measured = any(np.ptp(v) > 0 for role, v in training.inputs.items() if role.startswith("Q_"))
+    if given or measured or not stages:
         return
     assumed = [f": {role} is taken to give {kw:g} kW at 1" for role, kw in fit.plan.known]
     warn_user(
         f"no capacity is known and no heat is measured, so that kW are relative{''.join(assumed[:1])}; pass one, "
-        "such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
+        f"such as {stages[0].nameplate}, or give a measured Q_hvac.",
         ScaleNotIdentifiableWarning,
     )

@@ -37,9 +37,11 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
     parameters = network.parameters(table.inputs)
     up, down = (", ".join(p.name for p in parameters if scaling_of(p) == way) for way in (1.0, -1.0))
     direction = f"{up} together, {down} inversely"
+    stages = [s for s in network.sources(table.inputs) if s.role.startswith("u_") and np.any(table.inputs[s.role])]
+    remedy = f"fix one parameter, such as {stages[0].nameplate}" if stages else "fix one of them by known="
     warn_user(
-        f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; fix one "
-        "parameter, such as known={'Q_h': nameplate kW}, or give a measured Q_hvac.",
+        f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; {remedy}, "
+        "or give a measured Q_hvac.",
         ScaleNotIdentifiableWarning,
     )
 
