@@ -162,6 +162,19 @@ def test_errors_of_the_weather_forecast_change_a_back_test_and_widen_its_interva
     np.testing.assert_allclose(off["y_pred"][-DAY:], found.paths.temperature[0], atol=1e-9)
 
 
+@pytest.mark.filterwarnings("error::pandas.errors.PerformanceWarning")
+def test_hundreds_of_quantiles_are_columns_like_others(log, model):
+    """They were added one by one, of which pandas warned hundreds of times."""
+    levels, later = np.linspace(0.005, 0.995, 199), log[TRAINED : TRAINED + 2 * DAY]
+    found = model.forecast(None, ahead(log, TRAINED), quantiles=levels)
+    few = model.forecast(None, ahead(log, TRAINED), quantiles=[0.1, 0.9])
+    pd.testing.assert_frame_equal(found[list(few)], few)
+    load = model.predict_load(later, (20.0, 24.0), quantiles=levels)
+    tested = backtest(model, later, later["T_za"], quantiles=levels, heat_known=False)
+    for frame in (found, load, tested):
+        assert len(frame.filter(regex="^(q|Q_hvac)_0").columns) == 2 * len(levels)
+
+
 def test_a_forecast_under_set_points_allows_for_errors_of_the_weather(log, model):
     history, future = log[TRAINED : TRAINED + 2 * DAY], ahead(log, TRAINED + 2 * DAY)
     exact, off = (model.forecast(history, future, quantiles=(0.1, 0.9), weather_error=e) for e in (None, "medium"))

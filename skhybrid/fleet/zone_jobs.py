@@ -201,7 +201,7 @@ def _forecast(
     if quantiles is None or (quantiles is INTERVAL and not hasattr(model, "intervals_")):
         return found
     bands = model.predict_quantiles_from(table, [len(past) - 1], quantiles, **asked)[0]
-    return found.assign(**dict(zip(quantile_columns(quantiles), bands.T, strict=True)))
+    return found.join(pd.DataFrame(bands, found.index, quantile_columns(quantiles)))
 
 
 def _first_forecasts(known: pd.DataFrame, found: pd.DataFrame, now: pd.Timestamp) -> pd.DataFrame:

@@ -176,7 +176,7 @@ class FramesForecastMixin(FramesReadingMixin):
         out = _delivered(scheme.heat_frame(future.index, path))
         if levels is None or found.heat_bands is None or found.temperature_bands is None:
             return out
-        return out.assign(**_bands(levels, found.temperature_bands[0, :n_ahead], found.heat_bands[0, -n_ahead:]))
+        return _with_bands(out, levels, found.temperature_bands[0, :n_ahead], found.heat_bands[0, -n_ahead:])
 
     def _with_earlier(self, table: ZoneTable) -> ZoneTable:
         """The table after all known rows that the law reads."""
@@ -377,7 +377,7 @@ class FramesForecastMixin(FramesReadingMixin):
         if levels is None or found.heat_bands is None or found.temperature_bands is None:
             return load
         bands = np.where(at_origin[:, None], T[:, None], found.temperature_bands[of, before])
-        return load.assign(**_bands(levels, bands, found.heat_bands[of, lead]))
+        return _with_bands(load, levels, bands, found.heat_bands[of, lead])
 
 
 def _delivered(load: pd.DataFrame) -> pd.DataFrame:
@@ -386,7 +386,7 @@ def _delivered(load: pd.DataFrame) -> pd.DataFrame:
     return load[["T_za", *names]]
 
 
-def _bands(levels: np.ndarray, temperature: np.ndarray, heat: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of quantiles (n_rows, n_levels): ``q_0.1`` of a temperature, and ``Q_hvac_0.1`` of a load."""
-    of_T = quantile_columns(levels)
-    return dict(zip((*of_T, *load_quantile_columns(levels)), (*temperature.T, *heat.T), strict=True))
+def _with_bands(load: pd.DataFrame, levels: np.ndarray, temperature: np.ndarray, heat: np.ndarray) -> pd.DataFrame:
+    """A load with quantiles (n_rows, n_levels), which may be hundreds: ``q_0.1`` of T_za, and ``Q_hvac_0.1``."""
+    names = [*quantile_columns(levels), *load_quantile_columns(levels)]
+    return load.join(pd.DataFrame(np.hstack([temperature, heat]), load.index, names))

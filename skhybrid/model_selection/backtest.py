@@ -144,13 +144,17 @@ def _in_rows(
     n_leads = next(iter(columns.values())).shape[1]
     ahead = target_rows(origins, n_leads)
     rows, there = np.minimum(ahead, len(stamps) - 1), (ahead < len(stamps)).ravel()
-    frame = pd.DataFrame({"origin": stamps[np.repeat(origins, n_leads)]})
-    frame["lead"] = pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * (horizon / n_leads))
-    frame["time"] = stamps[rows.ravel()]
+    of_all = {
+        "origin": stamps[np.repeat(origins, n_leads)],
+        "lead": pd.to_timedelta(np.tile(np.arange(1, n_leads + 1), len(origins)) * (horizon / n_leads)),
+        "time": stamps[rows.ravel()],
+    }
     of_zones = {name: np.reshape(v, (rows.size, len(zones))) for name, v in {"y_true": truth[rows], **columns}.items()}
-    made = [frame.assign(**{name: v[:, k] for name, v in of_zones.items()})[there] for k in range(len(zones))]
-    if len(zones) > 1:
-        made = [one.assign(zone=zone) for one, zone in zip(made, zones, strict=True)]
+    named = [{"zone": zone} for zone in zones] if len(zones) > 1 else [{}]
+    made = [
+        pd.DataFrame({**of_all, **{name: v[:, k] for name, v in of_zones.items()}, **zone})[there]
+        for k, zone in enumerate(named)
+    ]
     return pd.concat(made, ignore_index=True)
 
 
