@@ -634,6 +634,22 @@ def test_tables_and_targets_of_no_shape_are_refused(two_stages, later):
         two_stages.predict_load(later.iloc[:, 0], 21.0)
 
 
+def test_set_points_in_a_frame_go_by_the_columns_of_the_zones(building, tomorrow):
+    """``T_heat_set_hall`` and ``T_heat_set_study`` were read as the heating and the cooling set-point of all zones."""
+    rows = tomorrow.drop(columns=[name for name in tomorrow if name.startswith("Q_hvac")])
+    frame = pd.DataFrame({"T_heat_set_hall": 18.0, "T_heat_set_study": 21.0, "T_cool_set_study": 24.0}, rows.index)
+    expected = building.forecast(None, rows, setpoint={"hall": (18.0, None), "study": (21.0, 24.0)})
+    pd.testing.assert_frame_equal(building.forecast(None, rows, setpoint=frame), expected)
+    loads = building.predict_load(rows, {"hall": (18.0, None), "study": (21.0, 24.0)})
+    pd.testing.assert_frame_equal(building.predict_load(rows, frame), loads)
+    for wrong, match in (
+        (frame.rename(columns={"T_heat_set_hall": "T_heat_set_attic"}), "setpoint names 'attic', which is not a zone"),
+        (frame.assign(hall=20.0), r"give T_heat_set_<zone> and T_cool_set_<zone> only, each once"),
+    ):
+        with pytest.raises(ValueError, match=match):
+            building.forecast(None, rows, setpoint=wrong)
+
+
 @pytest.mark.parametrize("column", ["T_oa", "T_za_hall"])
 def test_a_column_that_comes_twice_is_named(building, later, column):
     X = pd.concat([later, later[[column]]], axis=1)

@@ -26,7 +26,7 @@ from .building_tables import (
     with_neighbour_temperatures,
     with_next,
 )
-from .zone_columns import MEASURED, NEXT, held
+from .zone_columns import MEASURED, NEXT, held, setpoints_by_zone
 
 _T = TypeVar("_T")
 #: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
@@ -234,9 +234,9 @@ class BuildingForecastMixin(BuildingTablesMixin):
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
         setpoint : mapping or DataFrame of zone to set-point, or one for all zones, optional
             As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free, and one without a plant is
-            so always.  Without it, or with None for a zone, the columns ``T_heat_set_<zone>`` and
-            ``T_cool_set_<zone>`` of ``future`` count where it has no heat.  Where it has neither, a plant of which no
-            thermostat was learned runs as usual.
+            so always.  Columns of a frame may also be ``T_heat_set_<zone>`` and ``T_cool_set_<zone>``.  Without it, or
+            with None for a zone, these columns of ``future`` count where it has no heat.  Where it has neither, a plant
+            of which no thermostat was learned runs as usual.
         quantiles : sequence of float, optional
             Of each zone's temperature, and of its load under a thermostat; a zone under ``setpoint`` whose thermostat
             was not learned (``thermostat_learned_``) has none.  See also :meth:`sample`.
@@ -355,6 +355,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         """The set-points of each zone, where some are given; a zone that they leave out is free."""
         if setpoint is None:
             return {}
+        setpoint = setpoints_by_zone(setpoint)
         names = setpoint.columns if isinstance(setpoint, pd.DataFrame) else ()
         by_column = {str(name).removeprefix(MEASURED) for name in names}
         if not isinstance(setpoint, Mapping) and not (by_column and by_column <= set(self.zones_)):

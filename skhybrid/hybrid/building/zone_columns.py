@@ -221,6 +221,24 @@ def carried_on(T: np.ndarray, last: float) -> np.ndarray:
     return np.where(seen, known, last if np.isfinite(last) or not seen.any() else known[np.argmax(seen)])
 
 
+def setpoints_by_zone(given: Any) -> Any:
+    """The pair of each zone from columns such as ``T_heat_set_north``; what has none of them as it is."""
+    if not isinstance(given, pd.DataFrame):
+        return given
+    pairs: dict[str, dict[str, Any]] = {}
+    for name, column in given.items():
+        role = next((role for role in SETPOINT_ROLES if str(name).startswith(f"{role}_")), None)
+        if role is not None:
+            pairs.setdefault(str(name).removeprefix(f"{role}_"), dict.fromkeys(SETPOINT_ROLES))[role] = column
+    if not pairs:
+        return given
+    if sum(side is not None for pair in pairs.values() for side in pair.values()) < given.shape[1]:
+        raise ValueError(
+            f"setpoint has the columns {listed(given)}; give T_heat_set_<zone> and T_cool_set_<zone> only, each once."
+        )
+    return {zone: tuple(pair.values()) for zone, pair in pairs.items()}
+
+
 def held(paths: np.ndarray) -> np.ndarray:
     """Paths (n_origins, n_leads) in which a missing value is the last known one, or the first where none came before.
 
