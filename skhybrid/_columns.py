@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -343,6 +343,18 @@ def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
             filled[name] = X[name].where(np.arange(len(X)) < known, 0.0) if known else 0.0
             n_known = min(n_known, known)
     return filled, n_known
+
+
+def by_name(given: Any, names: Sequence[str], what: str) -> Any:
+    """Values of a mapping, a Series or a row of a frame, which have these names, in their order; others as they are."""
+    if isinstance(given, pd.DataFrame) and len(given) == 1:
+        given = given.iloc[0]
+    here = list(given.keys()) if isinstance(given, Mapping | pd.Series) else []
+    if not any(isinstance(name, str) for name in here):
+        return given
+    if sorted(map(str, here)) != sorted(names):
+        raise ValueError(f"{what} has the names {listed(here)}; give a value for each of {listed(names)}.")
+    return [given[name] for name in names]
 
 
 def listed(names: Iterable[object], most: int = 12) -> str:

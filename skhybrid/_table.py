@@ -33,6 +33,7 @@ from ._columns import ROLES as ROLES
 from ._columns import SETPOINT_ROLES as SETPOINT_ROLES
 from ._columns import as_numbers as as_numbers
 from ._columns import as_pandas as as_pandas
+from ._columns import by_name as by_name
 from ._columns import checked_columns as checked_columns
 from ._columns import ending_zone as ending_zone
 from ._columns import fill_ahead as fill_ahead

@@ -235,6 +235,24 @@ def test_the_house_is_its_network():
     assert (house.y.max() > house.setpoints.max().to_numpy() - 1.0).all()
 
 
+def test_states_and_temperatures_go_by_their_names():
+    """A Series was read by position, so that states in another order took each other's places."""
+    house = make_house(2, zones=2, noise_std=0.0, random_state=0)
+    model = GrayBoxRC(house.network, known=house.theta).fit(house.X[:-8], house.y[:-8])
+    state, ahead = house.states.iloc[0], house.X[-8:].filter(regex="^(T_oa|q_sol|u_)")
+    expected = model.simulate(house.X, initial_state=state.to_numpy())
+    for given in (state, state[::-1], state[::-1].to_dict(), house.states.iloc[[0], ::-1]):
+        np.testing.assert_array_equal(model.simulate(house.X, initial_state=given), expected)
+    now = house.y.iloc[-8]
+    path = model.forecast(None, ahead, T_za=list(now))
+    for given in (now[::-1], now.to_dict()):
+        pd.testing.assert_frame_equal(model.forecast(None, ahead, T_za=given), path)
+    with pytest.raises(ValueError, match=r"initial_state has the names 'T_attic', 'T_za_living', .*; give a value for"):
+        model.simulate(house.X, initial_state=state.rename({"T_w_living": "T_attic"}))
+    with pytest.raises(ValueError, match="give those of 'T_za_living', 'T_za_kitchen'"):
+        model.forecast(None, ahead, T_za=20.0)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

@@ -21,7 +21,7 @@ from .._joining import (
     warn_if_unmeasured,
     with_measured,
 )
-from .._table import UNLIMITED, ZoneTable, append_tables, plant_roles, refuse_gap
+from .._table import UNLIMITED, ZoneTable, append_tables, by_name, listed, plant_roles, refuse_gap
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from ..control import (
@@ -121,7 +121,7 @@ class ForecastingNetwork(NetworkModel):
             None: all that is known from :meth:`fit` and :meth:`update`.
         future : DataFrame
             The rows to forecast, with all inputs; it begins one step after the history.
-        T_za : float, or sequence of several measured nodes, optional
+        T_za : float, or several in the order of the measured nodes or by ``T_za_<node>``, optional
             Temperature measured at the first row of ``future``, which then is *now* [degC]: the forecast begins there,
             and the heat of that row is still to be decided.  It is not added to the history.
 
@@ -167,7 +167,7 @@ class ForecastingNetwork(NetworkModel):
             As in :meth:`forecast`; columns of the ``inputs`` may be absent from ``future``.
         inputs : sequence of str, default=("Q_hvac",)
             What is decided: heating and cooling of the training table, kW or stages.
-        T_za : float, or sequence of several measured nodes, optional
+        T_za : float, or several in the order of the measured nodes or by ``T_za_<node>``, optional
             As in :meth:`forecast`.
         member : {"network", "blend"}, default="network"
             The same here: an identification is a network.
@@ -309,8 +309,8 @@ class ForecastingNetwork(NetworkModel):
         """(o,) temperatures measured at the first row ahead [degC]."""
         if T_za is None:
             return None
-        o = len(self.network_.history_roles)
-        values = [T_za] if o == 1 else T_za
-        if not isinstance(values, list | tuple | np.ndarray) or len(values) != o:
-            raise ValueError(f"T_za={T_za!r} is not one temperature [degC] per measured node; give {o} of them.")
+        roles = self.network_.history_roles
+        values = [T_za] if len(roles) == 1 else by_name(T_za, roles, "T_za")
+        if not isinstance(values, list | tuple | np.ndarray | pd.Series) or len(values) != len(roles):
+            raise ValueError(f"T_za is not one temperature [degC] per measured node; give those of {listed(roles)}.")
         return np.array([read_now(value, index) for value in values])

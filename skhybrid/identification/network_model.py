@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._ranges import check_range
 from .._rolling import RollingForecastMixin, checked_origins
-from .._table import ZoneTable, as_numbers, as_pandas, is_plant, listed
+from .._table import ZoneTable, as_numbers, as_pandas, by_name, is_plant, listed
 from .._threads import one_blas_thread
 from .._time import refuse_other_stamps
 from ..control import Plant
@@ -70,9 +70,10 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
         heat_gain : array-like of shape (n_samples,), optional
             Unmeasured heat on the disturbed node [kW]; 0 by default.  One column per node where there are several, of a
             frame by name (``zeta_<node>``, ``heat_gain_<node>`` or ``<node>``), of an array in their order.
-        initial_state : array-like of shape (n_states,), optional
-            Node temperatures at the first row [degC].  By default the fitted state where X begins as the training table
-            did, the filtered state where X follows it, else all nodes at the first ``T_za`` (or the training mean).
+        initial_state : array-like of shape (n_states,), or mapping or Series by ``T_<node>``, optional
+            Node temperatures at the first row [degC], in the order of the nodes or by name.  By default the fitted
+            state where X begins as the training table did, the filtered state where X follows it, else all nodes at the
+            first ``T_za`` (or the training mean).
 
         Returns
         -------
@@ -352,7 +353,8 @@ def _checked_disturbance(disturbance: Any) -> np.ndarray:
 
 def _checked_state(initial_state: Any, network: RCNetwork) -> np.ndarray:
     """(n,) node temperatures [degC]."""
-    state = as_numbers(initial_state, "initial_state").reshape(-1)
+    named = by_name(initial_state, network.states, "initial_state")
+    state = as_numbers(named, "initial_state").reshape(-1)
     if state.shape != (len(network.nodes),):
         raise ValueError(f"initial_state has {len(state)} values, but the states are {network.states}.")
     _refuse_missing("initial_state", state)

@@ -42,7 +42,7 @@ class Source(NamedTuple):
 
     @property
     def nameplate(self) -> str:
-        """How ``known=`` gives the capacity of a stage."""
+        """The argument that gives the capacity of a stage."""
         sign = "-" if self.role.startswith("u_cool") else ""
         return f"known={{{self.parameter!r}: {sign}nameplate kW}}"
 
