@@ -54,8 +54,9 @@ from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
 from ._target import UNLIMITED as UNLIMITED
 from ._target import is_target as is_target
-from ._target import refuse_missing, refuse_other_quantity, refuse_target_among, warn_if_still, warn_if_temperature
+from ._target import refuse_missing, refuse_target_among, warn_if_still, warn_if_temperature
 from ._target import refuse_order as refuse_order
+from ._target import refuse_other_quantity as refuse_other_quantity
 from ._time import read_index, spell
 
 _FEW_HOURS = 1.0  # at full load, below which a plant hardly ran

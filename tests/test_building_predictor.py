@@ -650,6 +650,13 @@ def test_set_points_in_a_frame_go_by_the_columns_of_the_zones(building, tomorrow
             building.forecast(None, rows, setpoint=wrong)
 
 
+def test_a_back_test_refuses_zones_that_are_exchanged(building, later):
+    y = later.filter(like="T_za_")
+    for wrong in (y.to_numpy()[:, ::-1], y.set_axis(y.columns[::-1], axis=1)):
+        with pytest.raises(ValueError, match="which belongs to the zone"):
+            backtest(building, later, wrong)
+
+
 @pytest.mark.parametrize("column", ["T_oa", "T_za_hall"])
 def test_a_column_that_comes_twice_is_named(building, later, column):
     X = pd.concat([later, later[[column]]], axis=1)

@@ -361,9 +361,23 @@ def test_a_backtest_warns_of_measurements_in_another_unit():
     X, y = _room()
     model = ARXRegressor().fit(X, y)
     with pytest.warns(UnitWarning, match="^y ranges from .*: likely degF rather than degC"):
-        backtest(model, X, y * 1.8 + 32.0)
+        backtest(model, X.assign(T_za=np.nan), y * 1.8 + 32.0)
     with pytest.raises(ValueError, match="y holds -999 degC in 1 row"):
         backtest(model, X, y.where(np.arange(len(y)) != 50, -999.0))
+
+
+def test_a_backtest_refuses_measurements_that_are_not_the_past_in_x():
+    """Forecasts begin from T_za of X, so that y of other rows gave errors of nothing; ``score`` refused it."""
+    X, y = _room()
+    model = ARXRegressor().fit(X, y)
+    for wrong, match in (
+        (y * 1.8 + 32.0, "likely y is in degF"),
+        (y.shift(1).bfill(), "role 'T_za' of X is y one row later"),
+        (y.sample(frac=1.0, random_state=0).set_axis(y.index), "they do not move together"),
+    ):
+        for scored in (lambda y: backtest(model, X, y), lambda y: model.score(X, y)):
+            with pytest.raises(ValueError, match=match):
+                scored(wrong)
 
 
 def test_a_backtest_that_cannot_be_made_says_why():

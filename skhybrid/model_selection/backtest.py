@@ -12,7 +12,7 @@ from sklearn.utils.validation import _num_samples, check_is_fitted
 from .._arguments import check_bool
 from .._ranges import check_range
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order
+from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order, refuse_other_quantity
 from .._time import assumed_clock, even_step, positive_duration, read_instant, rows_of, spell, wall_clock
 from .._warnings import several
 from ..forecasting.features import target_rows
@@ -82,10 +82,10 @@ def backtest(
     Raises
     ------
     ValueError
-        If the lengths of X and y differ, y is beyond what a room can have, a duration is not a multiple of the sampling
-        time, ``start`` is not of the kind of the rows, X is too short for a forecast or has no midnight, the estimator
-        forecasts no quantiles, one without ``predict_from`` reads what is measured after an origin, or with
-        ``heat_known=False`` it has learned no thermostat, or set-points are missing.
+        If the lengths of X and y differ, y is beyond what a room can have, or is not ``T_za`` of X, a duration is not a
+        multiple of the sampling time, ``start`` is not of the kind of the rows, X is too short for a forecast or has no
+        midnight, the estimator forecasts no quantiles, one without ``predict_from`` reads what is measured after an
+        origin, or with ``heat_known=False`` it has learned no thermostat, or set-points are missing.
 
     Warns
     -----
@@ -104,6 +104,7 @@ def backtest(
     stamps, wall, sampling = _clock(forecaster, X)
     if isinstance(forecaster, RollingForecastMixin):
         check_range(truth.ravel(), forecaster._target_role, "y", stamps.repeat(len(zones)))
+    _refuse_other_rows(forecaster, X, table, truth)
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
@@ -249,6 +250,18 @@ def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
     if np.isnan(truth).all():
         raise ValueError(f"y has no value in {several(n_rows, 'row')}, so that no forecast can be compared with it.")
     return truth.reshape(n_rows, len(zones))
+
+
+def _refuse_other_rows(forecaster: Any, X: Any, table: Any, truth: np.ndarray) -> None:
+    """Refuse measurements (n_samples, n_zones) that are not the past of the same zone in X, as ``score`` does."""
+    if hasattr(forecaster, "zones_"):
+        forecaster._columns.refuse_exchanged(X, pd.DataFrame(truth, columns=forecaster.zones_))
+    elif takes_tables(forecaster) and (role := forecaster._target_role) == "T_za":
+        column = forecaster._column_of(role)
+        if isinstance(table, ZoneTable) and role in table.history:
+            refuse_other_quantity(table.history[role], truth[:, 0], role)
+        elif isinstance(table, pd.DataFrame) and column in table:
+            refuse_other_quantity(as_numbers(table[column], f"column {column!r}"), truth[:, 0], role)
 
 
 def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timedelta]:
