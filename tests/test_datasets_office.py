@@ -231,9 +231,12 @@ def test_refused_arguments(arguments, message):
 
 
 @pytest.mark.parametrize("make", [make_weather, make_house])
-def test_a_start_with_a_zone_is_refused(make):
+def test_a_start_with_a_zone_or_that_is_no_date_is_refused(make):
     with pytest.raises(ValueError, match=r"has a time zone; the simulation runs on local standard time"):
         make(2, start="2024-01-01T00:00+01:00")
+    for wrong in ("spring", None, [2024]):
+        with pytest.raises(ValueError, match=r"^start=.* is not a date; give one, such as '2023-07-08'"):
+            make(2, start=wrong)
 
 
 # -------------------------------------------------------------------------------------------------------------- PRBS

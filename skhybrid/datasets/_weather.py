@@ -78,7 +78,10 @@ def make_weather(
 
 def first_midnight(start: Any) -> pd.Timestamp:
     """Midnight of the first day of a simulation, which runs on local standard time; a time zone is refused."""
-    first = pd.Timestamp(start).normalize()
+    try:
+        first = pd.Timestamp(start).normalize()
+    except (AttributeError, TypeError, ValueError):  # NaT has no midnight
+        raise ValueError(f"start={start!r} is not a date; give one, such as '2023-07-08'.") from None
     if first.tzinfo is not None:
         raise ValueError(
             f"start={start!r} has a time zone; the simulation runs on local standard time, so give a date without one."
