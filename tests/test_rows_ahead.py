@@ -146,6 +146,22 @@ def test_new_rows_in_watts_are_refused_and_a_spike_is_not(frame, zone):
     assert model.update(frame.assign(Q_hvac=spike)[: N + DAY]) == DAY
 
 
+def test_new_rows_in_fahrenheit_or_on_another_clock_are_refused(frame, zone):
+    """Rows of one day alone show no other unit than the model knows, those that overlap it no other clock."""
+    model, day = deepcopy(zone), frame[N : N + DAY]
+    for role in ("T_za", "T_oa"):
+        with pytest.raises(ValueError, match=r"reaches \d\d\S* degC from .* likely degF rather than degC; correct"):
+            model.update(day.assign(**{role: 1.8 * day[role] + 32.0}))
+    for hours, words in ((-2, "2 h later"), (5, "5 h earlier")):
+        with pytest.raises(ValueError, match=f"T_za of the log is that which the model has {words}: has the clock"):
+            model.update(frame[: N + DAY].shift(freq=f"{hours}h"))
+    with pytest.raises(ValueError, match="K from what the model has of the same rows"):
+        model.update(frame[: N + DAY].assign(T_za=1.8 * frame["T_za"] + 32.0))
+    assert model.known_until == zone.known_until
+    drifted = frame["T_za"].where(np.arange(len(frame)) >= N, frame["T_za"] + 0.3)  # a sensor that was corrected
+    assert model.update(frame.assign(T_za=drifted)[: N + DAY]) == DAY
+
+
 def test_a_model_learns_from_rows_that_it_has_taken_in(frame, zone):
     model = deepcopy(zone)
     assert model.update(frame[: N + DAY]) == DAY
@@ -278,9 +294,12 @@ def test_an_update_goes_on_after_a_short_outage(frame, earlier):
     late = ZoneModel.fit(settings_from(SETTINGS), frame[: N - 110])
     with pytest.raises(ValueError, match=f"after {frame.index[N - 106]}, .*with skhybrid fit, on rows after that"):
         late.update(frame[:N].drop(frame.index[N - 105 : N - 9]))
-    with pytest.raises(ValueError, match=f"after {late.known_until}, to which the log does not reach back"):
-        late.update(frame[N - 105 : N])
+    alone, joined = deepcopy(late), deepcopy(late)
     assert deepcopy(late).update(frame[N - 110 : N]) == 110
+    assert alone.update(frame[N - 105 : N]) == 105  # rows of a day alone, after a short outage
+    assert joined.update(frame[:N].drop(frame.index[N - 110 : N - 105])) == 105
+    ahead = frame[["T_oa", "q_sol", "Q_hvac"]][N : N + DAY]
+    pd.testing.assert_frame_equal(alone.predictor.forecast(None, ahead), joined.predictor.forecast(None, ahead))
 
 
 def test_an_update_goes_on_over_an_outage_of_days(frame, earlier, tmp_path):

@@ -137,6 +137,13 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         return None if latest.utc is None else pd.Timestamp(latest.index[-1])
 
     @property
+    def known_rows_(self) -> pd.DataFrame:
+        """The last rows that the model knows, a day or more, with a column for each role."""
+        check_is_fitted(self)
+        end = self._scheme.rows.end()
+        return pd.DataFrame({**end.inputs, **end.history}, index=end.index)
+
+    @property
     def thermostat_learned_(self) -> bool:
         """Whether the training had set-points, so that a thermostat was learned."""
         check_is_fitted(self)

@@ -1,4 +1,4 @@
-"""Rows of a log that are in other units than those that the zone knows."""
+"""Rows of a log that are in other units, or on another clock, than those that the zone knows."""
 
 from __future__ import annotations
 
@@ -9,27 +9,61 @@ from .._ranges import is_in_watts
 from .._table import is_plant, listed
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
-from .forecast_archive import ForecastArchive
 
 _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor is corrected by [K]
+_SAME, _FEWEST = 0.01, 12  # difference of equal temperatures [K]; rows that tell a clock
+_SHIFTED, _SAME_ELSEWHERE = 0.5, 0.9  # shares of equal temperatures at their stamps, and at shifted ones
+_SHIFTS = [pd.Timedelta(minutes=30 * k) for k in range(-28, 29) if k]  # that time zones and daylight saving make
+_BEYOND = 20.0  # by which degF exceed the highest temperature that is known in degC [K]
 
 
-def refuse_other_temperatures(frame: pd.DataFrame, archive: ForecastArchive, settings: Settings) -> None:
-    """Refuse a log whose temperatures are others than those that the archive, on its clock, has of the same rows."""
-    known = archive.measured(frame.index[0])
-    if known.empty:
-        return
-    for role in settings.roles_of("T_za"):
-        away = float((frame[role] - known[role]).abs().median()) if role in known else 0.0
-        if away > _OTHER:
+def refuse_other_temperatures(frame: pd.DataFrame, known: pd.DataFrame, settings: Settings, whose: str) -> None:
+    """Refuse a log whose temperatures are others than those ``known`` of the same rows, or those of other hours."""
+    known = known.set_axis(_on_clock(pd.DatetimeIndex(known.index), pd.DatetimeIndex(frame.index)))
+    for role in (role for role in settings.roles_of("T_za") if role in frame and role in known):
+        away = (frame[role] - known[role]).abs()
+        if away.median() > _OTHER:
             raise ValueError(
-                f"{role} of the log is {away:.0f} K from what the archive has of the same rows: has its column or its "
-                "unit changed? Correct the log, or say in zone.toml how it is read now."
+                f"{role} of the log is {away.median():.0f} K from what {whose} has of the same rows: has its column or "
+                "its unit changed? Correct the log, or say in the configuration how it is read now."
             )
+        if not _share_same(away) <= _SHIFTED:
+            continue
+        for shift in _SHIFTS:
+            if _share_same((frame[role] - known[role].shift(freq=shift)).abs()) > _SAME_ELSEWHERE:
+                hours = shift / pd.Timedelta("1h")
+                raise ValueError(
+                    f"{role} of the log is that which {whose} has {abs(hours):g} h "
+                    f"{'earlier' if hours > 0 else 'later'}: has the clock or the time zone of its stamps changed? "
+                    "Correct the stamps, or give timezone = in the configuration."
+                )
 
 
-def refuse_watts(new: pd.DataFrame, covered: dict[str, tuple[float, float]], settings: Settings) -> None:
-    """Refuse new rows whose heat is in W beside what the training ``covered``, usually and not at a single spike."""
+def _on_clock(known: pd.DatetimeIndex, index: pd.DatetimeIndex) -> pd.DatetimeIndex:
+    """Stamps in the time zone of an index, or without one."""
+    if known.tz is None or index.tz is None:
+        return known.tz_localize(None) if index.tz is None else known.tz_localize(index.tz)
+    return known.tz_convert(index.tz)
+
+
+def _share_same(away: pd.Series) -> float:
+    """Share of some differences of temperatures that are none; NaN where there are few."""
+    both = away.dropna()
+    return float((both < _SAME).mean()) if len(both) >= _FEWEST else np.nan
+
+
+def refuse_other_units(
+    new: pd.DataFrame, known: pd.DataFrame, covered: dict[str, tuple[float, float]], settings: Settings
+) -> None:
+    """Refuse new rows in degF or W beside what the model learned from, usually and not at a single spike."""
+    for role in (role for role in new if str(role).startswith(("T_za", "T_oa"))):
+        values, most = new[role], max(known[role].max(), covered.get(str(role), (0.0, -np.inf))[1])
+        if values.median() > most + _BEYOND:
+            raise ValueError(
+                f"{listed(log_columns([role], settings)) or role} reaches {values.max():.4g} degC from {new.index[0]} "
+                f"on, and {most:.4g} degC in what the model knows: likely degF rather than degC; correct the rows, or "
+                "give the unit under [units] of the configuration."
+            )
     for role in (role for role in new if is_plant(role) and str(role).startswith("Q_") and role in covered):
         heat = np.abs(new[role].to_numpy(dtype=np.float64))
         running = heat[heat > 0.0]

@@ -158,7 +158,7 @@ class ZoneFolder:
             frame, held = _read_past(log, settings)
             archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
             if _of_model(settings) == _of_model(zone.settings):
-                refuse_other_temperatures(frame, archive, settings)
+                refuse_other_temperatures(frame, archive.measured(frame.index[0]), settings, "the archive")
             corrected = corrected_since(frame, archive, settings)
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
             found = day_ahead(zone, frame, weather, schedule)

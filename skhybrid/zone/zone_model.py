@@ -24,7 +24,7 @@ from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
 from ..study.zone_part import measured_of, predictors_of, read_roles, roles_of, settings_of_zone
 from .dead_meters import not_learned, without_roles
-from .other_units import refuse_watts
+from .other_units import refuse_other_temperatures, refuse_other_units
 from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
 from .training_rows import training_rows
 from .wanted_setpoints import has_plant, wanted_setpoints
@@ -165,9 +165,10 @@ class ZoneModel:
         Raises
         ------
         ValueError
-            If they follow the known rows only after an outage of more than four days, or after any outage where the
-            log does not reach back to the known rows; if the heat of new rows is in W.
+            If they follow the known rows only after an outage of more than four days; if known temperatures are others
+            in the log; if new rows are in another unit.
         """
+        refuse_other_temperatures(frame, self.known_rows(), self.settings, "the model")
         n_new, why = len(self.new_rows(frame)), self.outage(frame, LONGEST_BRIDGE)
         if why:
             raise ValueError(
@@ -178,43 +179,43 @@ class ZoneModel:
         new = self._following(frame) if n_new else self.complete(frame).dropna().iloc[-1:]
         if new.empty:
             raise ValueError(NO_ROWS)
-        refuse_watts(new, self.covered(), self.settings)
+        refuse_other_units(new, self.known_rows(), self.covered(), self.settings)
         if relearn:
             self.predictor.partial_fit(new, measured_of(new, self.settings))
         else:
             self.predictor.update(new)
         return n_new
 
+    def known_rows(self) -> pd.DataFrame:
+        """The last rows that the model knows, a day or more, with the columns of a log by role."""
+        roles, found = read_roles(self.settings), dict[str, pd.Series]()
+        for zone, model in self._of_zones.items():
+            names, rows = roles_of(roles, self.settings, zone), model.known_rows_
+            found |= {names.get(str(role), str(role)): rows[role] for role in rows}
+        return pd.DataFrame(found)
+
     def outage(self, frame: pd.DataFrame, longest: pd.Timedelta) -> str:
-        """The outage before the new rows, if it exceeds ``longest`` or the log does not reach back to it.
+        """The outage before or among the new rows, if it exceeds ``longest``; empty where there is none.
 
         Parameters
         ----------
         frame : DataFrame, one column per role
         longest : Timedelta
-
-        Returns
-        -------
-        str, empty where there is none
         """
-        rows = pd.DatetimeIndex(self.complete(frame).index)
-        until = like_index(self.known_until, rows)
-        if len(rows) and rows[0] > until + pd.Timedelta(self.settings.step):
-            return f"rows are missing after {until}, to which the log does not reach back"
-        stamps = pd.DatetimeIndex([until, *rows[rows > until]])
+        rows = self.new_rows(frame).index
+        stamps = pd.DatetimeIndex([like_index(self.known_until, rows), *rows])
         wide = np.diff(stamps) > longest
         return f"rows are missing after {stamps[int(np.argmax(wide))]}" if wide.any() else ""
 
     def _following(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The new rows of a log, with those of short outages."""
-        rows = self.complete(frame)
-        until = like_index(self.known_until, rows.index)
-        known = rows[rows.index <= until]
-        parts = stretches(rows[rows.index > until], pd.Timedelta(self.settings.step))
-        if len(known):
-            parts = [known.iloc[-1:], *parts]
-        whole = self._joined(parts)
-        return whole[whole.index > until]
+        """The new rows of a log, with those of short outages, also of one after the last row that the model knows."""
+        rows = self.new_rows(frame)
+        last = self.known_rows().iloc[-1:].reindex(columns=rows.columns)
+        last.index = pd.DatetimeIndex([like_index(self.known_until, rows.index)])
+        step = pd.Timedelta(self.settings.step)
+        if (rows.index[0] - last.index[0]) % step:
+            return rows  # the predictor refuses them
+        return self._joined([last, *stretches(rows, step)]).iloc[1:]
 
     def _joined(self, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
         return bridged(parts, pd.Timedelta(self.settings.step), self.settings.roles_of("T_za"), self.settings.setpoints)
