@@ -112,9 +112,10 @@ def _setpoints(
             "will do, in rows of the log after the last measured one, and no set-points."
         )
     if found is None:
+        wanted = log_columns(settings.setpoints, settings) or log_columns(plant, settings)
         raise ValueError(
             f"nothing says what the plant does tomorrow: give --setpoint, such as 21,24, or [thermostat] in the "
-            f"configuration, or fill in {listed(log_columns(plant, settings))} in the rows ahead."
+            f"configuration, or fill in {listed(wanted)} in the rows ahead."
         )
     if isinstance(found, Schedule) and not settings.zones:
         return found.band(index, settings.holidays)
