@@ -676,6 +676,18 @@ def test_a_log_of_another_country_is_proposed_and_read(tmp_path, sep, decimal, d
     np.testing.assert_allclose(frame["T_za"], log["room_temp"])
 
 
+@pytest.mark.parametrize("dates", ["%d/%m/%Y %H:%M", "%m/%d/%y %I:%M %p", "%Y-%m-%d %H:%M", "%d.%m.%Y %H:%M"])
+def test_a_proposal_says_how_dates_are_written_so_that_a_file_of_one_day_is_read(tmp_path, dates):
+    log = _log(40)
+    log.to_csv(tmp_path / "log.csv", date_format=dates)
+    proposed = tomllib.loads(propose_settings(tmp_path / "log.csv"))
+    assert proposed.get("dayfirst") == {"%d/": True, "%m/": False}.get(dates[:3])
+    day = log.loc["2024-02-01"]
+    day.to_csv(tmp_path / "day.csv", date_format=dates)
+    frame, _ = read_log(tmp_path / "day.csv", settings_from(proposed))
+    assert list(frame.index) == list(day.index)
+
+
 @pytest.mark.parametrize(
     ("first", "end", "start", "test"),
     [

@@ -19,7 +19,7 @@ from .naming import unit_in_name
 from .raw_log import RawLog
 from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_parts import joined_cells
-from .stamps import YEARS, as_written, in_zone, line, localize
+from .stamps import YEARS, as_written, in_zone, line, localize, read_day_first
 from .unit_names import is_unit, unit_or_energy, unit_text
 
 _EVEN = 0.5  # share of intervals about as long as the usual one, below which a channel is logged by change
@@ -80,6 +80,7 @@ class Pieces:
     notes: list[str] = field(default_factory=list)
     label: str | None = None  # "right" where stamps show that they end their rows
     first: pd.Timestamp | None = None  # the earliest stamp as it is written
+    day_first: bool | None = None  # whether dates begin with the day, where they tell
 
 
 def assemble_columns(
@@ -230,7 +231,7 @@ def _refuse_other_header(rows: pd.DataFrame, where: str, stamp: str) -> None:
             raise ValueError(
                 f"{anew} {moved[0]!r} at another place; split the file there, or put the columns in one order."
             )
-        new = [cell for cell, name in other.items() if name != stamp and number_in(cell) is None]
+        new = [cell for cell, name in other.items() if name != stamp and number_in(cell) is None and not is_stamp(cell)]
         if new and is_stamp_name(found[names.index(stamp)]):
             raise ValueError(f"{anew} {new[0]!r} in place of {other[new[0]]!r}; split the file there.")
 
@@ -250,6 +251,7 @@ def _read(texts: list[pd.Series], pieces: Pieces, choice: Choice) -> tuple[pd.Se
     pieces.notes.extend(found.notes)
     ends = found.ends_rows or any(map(_ENDS.fullmatch, pieces.stamps))
     pieces.label = "right" if ends else None
+    pieces.day_first = read_day_first(cells, found.stamps)
     earliest = int(found.stamps.argmin())
     pieces.first = as_written(found.stamps[earliest], cells.iloc[earliest])
     return cells, found.stamps
@@ -337,7 +339,8 @@ def _finish(
         frame = frame.groupby(level=0).last()  # of each channel the last value that was written
     switches = frozenset(str(name) for name, channel in channels.items() if channel.n_switches)
     modes = frozenset(str(name) for name, channel in channels.items() if channel.is_mode)
-    return RawLog(frame, pieces.format, units, {}, {}, held, pieces.label, notes, switches, modes, pieces.first)
+    found = pieces.label, notes, switches, modes, pieces.first, pieces.day_first
+    return RawLog(frame, pieces.format, units, {}, {}, held, *found)
 
 
 def _unit_of_cells(channel: NumberColumn, name: str, where: str) -> str:

@@ -40,6 +40,8 @@ class RawLog:
         Channels that say whether a thermostat heats (1), cools (-1), does both (2) or is off (0).
     first : Timestamp, optional
         The earliest stamp in the zone in which the source writes it, where the index may be in another one.
+    day_first : bool, optional
+        Whether dates such as 31/01/2024 begin with the day; None where they are others, or do not tell.
     """
 
     frame: pd.DataFrame
@@ -53,3 +55,4 @@ class RawLog:
     switches: frozenset[str] = frozenset()
     modes: frozenset[str] = frozenset()
     first: pd.Timestamp | None = None
+    day_first: bool | None = None

@@ -14,6 +14,7 @@ from .._arguments import check_bool
 YEARS = (1700, 2250)  # another year is a slip of the pen, and its nanoseconds overflow
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
 _BLOCK = 50_000  # rows
+_TELLING = 2000  # rows of a log that tell how its dates are written
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 _YEAR_FIRST = r"\d{4}[-/.]"
 _ZONE_BY_NAME = "has time stamps with a zone by name; give an offset from UTC, or none."
@@ -67,6 +68,15 @@ def numbered_dates(text: pd.Series) -> pd.DataFrame:
     """First and second number of dates such as 31/01/2024, one row per different pair, in the order of the log."""
     pairs = [text.iloc[rows].str.strip().str.extract(_NUMBERED).drop_duplicates() for rows in blocks(len(text))]
     return pd.concat(pairs).drop_duplicates().astype(np.float64)
+
+
+def read_day_first(cells: pd.Series, stamps: pd.DatetimeIndex) -> bool | None:
+    """Whether dates such as 31/01/2024 were read with the day first; None where they do not tell, or are others."""
+    some = slice(None, None, max(len(cells) // _TELLING, 1))
+    pairs = cells.iloc[some].astype(str).str.strip().str.extract(r"^(\d{1,2})[-/](\d{1,2})[-/]\d").astype(np.float64)
+    dates = np.stack([stamps[some].day, stamps[some].month], axis=1)
+    day, month = (bool((pairs[order].to_numpy() == dates).all(axis=1).mean() > 0.9) for order in ([0, 1], [1, 0]))
+    return None if day == month else day
 
 
 def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:

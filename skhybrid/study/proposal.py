@@ -77,6 +77,9 @@ def _log_lines(report: LogReport, name: str) -> list[str]:
         'origin_step = "1D"  # a forecast from every local midnight of the test span',
         '# weather_error = "medium"  # or "low", "high": intervals allow for errors of the weather forecast',
     ]
+    if (day_first := report.raw.day_first) is not None:  # which a file of one day would not show
+        value, first = ("true", "day") if day_first else ("false", "month")
+        lines.insert(3, f"dayfirst = {value}  # dates begin with the {first}")
     if zones := report.zones:
         pairs = "pairs of rooms that exchange heat, by the floor plan; without it"
         lines.append(f"# {pairs} they are found by likeness of temperatures")
