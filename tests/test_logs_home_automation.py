@@ -290,6 +290,13 @@ def test_the_long_csv_of_a_history():
     assert "names no units" in text
 
 
+def test_histories_one_below_the_other_are_read_as_one(tmp_path):
+    header, *rows = HISTORY.read_text(encoding="utf-8-sig").splitlines()
+    both = [header, *rows[:9], header, *rows[5:]]
+    (tmp_path / "both.csv").write_text("\n".join(both), encoding="utf-8")
+    pd.testing.assert_frame_equal(home_assistant.read(tmp_path / "both.csv").frame, home_assistant.read(HISTORY).frame)
+
+
 def test_a_history_read_in_pieces_is_the_same(monkeypatch):
     whole = home_assistant.read(HISTORY)
     monkeypatch.setattr(home_assistant, "_PIECE", 4)

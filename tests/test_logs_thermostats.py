@@ -95,6 +95,16 @@ def test_the_portal_export():
     assert "'Cool Set Temp (F)' is not in force, because nothing cooled" in text
 
 
+@pytest.mark.parametrize("sample", [PORTAL, DONATED])
+def test_a_header_in_mid_file_is_no_row(sample, tmp_path):
+    head, *lines = sample.read_text(encoding="utf-8").splitlines()
+    at = next((k for k, line in enumerate(lines) if line.startswith("Date,Time")), -1)
+    lines.insert(at + 4, head if at < 0 else lines[at])
+    path = _written(tmp_path, "\n".join([head, *lines]), sample.name)
+    found, whole = (ecobee.read(one, timezone="America/Toronto").frame for one in (path, sample))
+    pd.testing.assert_frame_equal(found, whole)
+
+
 def test_without_a_zone_the_portal_is_local_time_and_says_so():
     log = ecobee.read(PORTAL)
     assert log.frame.index.tz is None

@@ -125,8 +125,9 @@ def test_epochs_count_before_a_local_clock_and_may_have_blanks(write):
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_epochs_in_parts_of_a_second(write, unit):
-    log = read_log(write(f"time,Room\n{rows_of(STAMPS.as_unit(unit).asi8)}"))
-    assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
+    for name in ("time", f"timestamp_{unit}", f"unix {unit}", "unixtime"):
+        log = read_log(write(f"{name},Room\n{rows_of(STAMPS.as_unit(unit).asi8)}"))
+        assert (log.frame.index == STAMPS.tz_localize("UTC")).all()
 
 
 def test_digits_with_the_sign_of_utc(write):
@@ -164,6 +165,7 @@ def test_trends_side_by_side_have_stamps_of_their_own(write, names):
     for k in range(60):
         pairs = [(STAMPS[k] + j * apart, ROOM[k] + j) if k < 60 - j else ("", "") for j in range(n)]
         lines.append(";".join(f"{stamp};{value}" for stamp, value in pairs))
+    lines.insert(40, lines[0])  # of an export that was put below another
     log = read_log(write("\n".join(lines)))
     assert f"{n} columns of stamps" in log.notes[0]
     for j in range(n):
@@ -773,6 +775,7 @@ def test_the_mode_of_a_fan_is_not_that_of_a_thermostat(write):
         ("time,Outdoor,Room", "and 'Outdoor' at another place"),
         ("time,Room,Outdoor", None),
         ("Logger restarted by,Smith,", None),
+        ("Created,31.10.2023,", None),  # above the next table of an export
     ],
 )
 def test_a_header_that_changes_in_mid_file_is_refused(write, header, told):

@@ -44,5 +44,6 @@ def as_long(frames: Iterable[pd.DataFrame], blocks: dict[str, list[str]]) -> Ite
             for name in channels if stamp in piece else ():
                 if name in piece:
                     part = piece[[stamp, name]].set_axis([first, VALUE], axis=1)
-                    parts.append(part[part[first].notna() & (part[first] != "")].assign(**{POINT: name}))
+                    logged = part[first].notna() & (part[first] != "") & (part[VALUE] != name)  # no header again
+                    parts.append(part[logged].assign(**{POINT: name}))
         yield pd.concat(parts, ignore_index=True)

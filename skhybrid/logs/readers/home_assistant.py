@@ -105,7 +105,8 @@ def _pieces(file: Path, where: str) -> Iterator[pd.DataFrame]:
                 piece.columns = [str(c).strip() for c in piece.columns]
                 if list(piece.columns[:3]) != _COLUMNS:
                     raise ValueError(f"{where} has the columns {listed(piece)}; a history has {listed(_COLUMNS)}.")
-                yield piece.set_axis(piece.index + 2, axis=0)  # lines of the file
+                piece = piece.set_axis(piece.index + 2, axis=0)  # lines of the file
+                yield piece[piece["last_changed"] != "last_changed"]  # a history that was put below another
     except pd.errors.EmptyDataError:
         raise ValueError(f"{where} is empty.") from None
     except (UnicodeDecodeError, pd.errors.ParserError) as error:

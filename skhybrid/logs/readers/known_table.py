@@ -26,7 +26,7 @@ def read_text_cells(source: Path | io.StringIO, where: str) -> pd.DataFrame:
             reader = csv.reader(stream, skipinitialspace=True)
             names = [name.strip() for name in next(reader, [])]
             for row in reader:
-                if any(row):
+                if any(row) and [name.strip() for name in row] != names:  # no header again
                     rows.append(_fitted(row, len(names), reader.line_num, where))
                     lines.append(reader.line_num)
     except (UnicodeDecodeError, csv.Error) as error:
