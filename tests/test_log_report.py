@@ -160,6 +160,7 @@ def frame():
         ("Occupied Cooling Setpoint", "T_cool_set", None),  # nothing read it
         ("Boiler setpoint", None, None),  # it was a room's, in degF
         ("Boiler room setpoint", "T_heat_set", None),
+        ("zone outdoor_temp", "T_oa", None),  # it was a room's
     ],
 )
 def test_names_in_the_languages_of_buildings(name, role, unit):

@@ -43,6 +43,7 @@ _OUT = (
     r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
     r"zewnetrzn|venkov|utomhus|utetemp|udetemp"
 )
+_OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
 _SET = (
     r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
     r"consigna|gewenst|streef|setpunt|instel|"
@@ -239,7 +240,8 @@ def _is_of_heat_meter(words: str) -> bool:
 def _temperature(words: str) -> Guess:
     """The role of a temperature that is measured."""
     certainty = 3 - bool(re.search(OTHER_THAN_AIR, words))
-    if re.search(_OUT, words) and not re.search(_ROOM.replace(r"|in|int|", "|"), words):
+    of_room = re.search(_ROOM.replace(r"|in|int|", "|"), words)
+    if re.search(_OUTDOORS, words) or (re.search(_OUT, words) and not of_room):
         return Guess("T_oa", certainty, "its name is that of the outdoor temperature")
     if re.search(_ROOM, words):
         return Guess("T_za", certainty, "its name is that of a room's temperature")

@@ -13,8 +13,9 @@ from .stamp_parts import hour_column, part_columns
 from .stamps import blocks, cell, numbered_dates, parse_stamps
 
 _USUAL_NAMES = re.compile(
-    r"(?:#|<>)?\s*(time ?stamps?|date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|"
-    r"datum[ _/-]*(uhr)?zeit|index|ts|_time|when|epoch|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|"
+    r"(?:#|<>)?\s*((time ?stamps?|ts|epoch|unix([ _-]?time(stamp)?)?)([ _-]?(s|ms|us|ns))?|"
+    r"date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|"
+    r"datum[ _/-]*(uhr)?zeit|index|_time|when|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|"
     r"(created|recorded|last_changed)(_at)?|dt|tijd|tijdstip|heure|date[ _]heure|horodatage|fecha|hora|data|ora|"
     r"(fecha|data)[ _/-]*(y[ _]|e[ _])?h?ora|marca temporal)\s*(\(.*\)|\[.*\])?\s*\Z",
     re.IGNORECASE,
