@@ -227,6 +227,14 @@ def test_update_and_forecast_from_the_command_line(folder, tmp_path, capsys):
     assert len(pd.read_csv(out)) == 96
     assert main(["update", "--model", str(model), "--log", str(folder / "whole.csv")]) == 0
     assert "new rows: 192" in capsys.readouterr().out
+    silent = pd.read_csv(folder / "whole.csv", sep=";", dtype=str)
+    silent.loc[silent.index[-192:], "Raumtemperatur [°C]"] = ""
+    silent.to_csv(tmp_path / "silent.csv", sep=";", index=False)
+    model.write_bytes((folder / "m.skops").read_bytes())
+    assert main(["update", "--model", str(model), "--log", str(tmp_path / "silent.csv")]) == 0
+    assert "no row is new: the log goes on to" in capsys.readouterr().err
+    assert main(["update", "--model", str(model), "--log", str(folder / "whole.csv")]) == 0
+    capsys.readouterr()
     assert main(["forecast", "--model", str(model), "--log", str(folder / "whole.csv"), "--setpoint", "20,25"]) == 1
     assert "T_oa is not known for the rows ahead" in capsys.readouterr().err
     short = pd.read_csv(folder / "weather.csv").iloc[:10]

@@ -232,6 +232,8 @@ def test_one_of_two_set_points_is_refused(frame, zone, tmp_path):
     path = tomorrow(frame, tmp_path / "w.csv")
     with pytest.raises(ValueError, match=r"T_cool_set is not given for the rows ahead, .* such as --setpoint 21,24"):
         day_ahead(zone, frame[:N], path, Schedule.of_text("21"))
+    with pytest.raises(ValueError, match="or fill in 'low', 'high' in the rows ahead"):
+        day_ahead(zone, frame[:N], path)
 
 
 def test_a_log_with_one_set_point_is_forecast_with_it(frame, tmp_path):

@@ -18,12 +18,16 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
     """Add the new rows of a log to a saved model."""
     from ..study import read_log
     from ..zone import ZoneModel
+    from ..zone.outages import like_index
 
     zone = ZoneModel.load(model)
+    known = zone.known_until
     frame, _ = read_log(log, zone.settings)
     n_new = zone.update(frame, relearn=relearn)
     if n_new or relearn:
         zone.save(model)
     if (unread := zone.unread(frame)) and not unread.is_step:
         say.warn(str(unread))
+    elif not (n_new or unread) and frame.index[-1] > like_index(known, frame.index):
+        say.warn(f"no row is new: the log goes on to {frame.index[-1]}, but has no temperature after {known}")
     print_values({"new rows": n_new, "known until": str(zone.known_until)}, as_json)

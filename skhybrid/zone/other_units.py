@@ -56,7 +56,7 @@ def refuse_other_units(
     new: pd.DataFrame, known: pd.DataFrame, covered: dict[str, tuple[float, float]], settings: Settings
 ) -> None:
     """Refuse new rows in degF or W beside what the model learned from, usually and not at a single spike."""
-    for role in (role for role in new if str(role).startswith(("T_za", "T_oa"))):
+    for role in (role for role in new if str(role).startswith(("T_za", "T_oa")) and role in known):
         values, most = new[role], max(known[role].max(), covered.get(str(role), (0.0, -np.inf))[1])
         if values.median() > most + _BEYOND:
             raise ValueError(
