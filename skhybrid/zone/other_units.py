@@ -56,15 +56,16 @@ def refuse_other_units(
     new: pd.DataFrame, known: pd.DataFrame, covered: dict[str, tuple[float, float]], settings: Settings
 ) -> None:
     """Refuse new rows in degF or W beside what the model learned from, usually and not at a single spike."""
-    for role in (role for role in new if str(role).startswith(("T_za", "T_oa")) and role in known):
-        values, most = new[role], max(known[role].max(), covered.get(str(role), (0.0, -np.inf))[1])
+    roles = list(map(str, new))
+    for role in (role for role in roles if role.startswith(("T_za", "T_oa")) and role in known):
+        values, most = new[role], max(known[role].max(), covered.get(role, (0.0, -np.inf))[1])
         if values.median() > most + _BEYOND:
             raise ValueError(
                 f"{listed(log_columns([role], settings)) or role} reaches {values.max():.4g} degC from {new.index[0]} "
                 f"on, and {most:.4g} degC in what the model knows: likely degF rather than degC; correct the rows, or "
                 "give the unit under [units] of the configuration."
             )
-    for role in (role for role in new if is_plant(role) and str(role).startswith("Q_") and role in covered):
+    for role in (role for role in roles if is_plant(role) and role.startswith("Q_") and role in covered):
         heat = np.abs(new[role].to_numpy(dtype=np.float64))
         running = heat[heat > 0.0]
         if len(running) and is_in_watts(np.array([np.median(running)]), covered[role]):
