@@ -10,10 +10,12 @@ from skhybrid import HybridPredictor
 from skhybrid.datasets import make_office
 from skhybrid.identification import OutputDisturbanceID
 from skhybrid.study import Settings, split_log
+from skhybrid.study.compared_models import HYBRID
 from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
 from skhybrid.study.identified_building import describe, identified_only, parameter_table
 from skhybrid.study.judgement import Load, ZoneLoads, load_of, of_whole_plant
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
+from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import is_scaled
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
 from skhybrid.zone.zone_backtest import backtest_zone
@@ -112,11 +114,22 @@ def test_a_load_is_judged_by_its_error_from_the_test_rows_on():
     noise = pd.Series(np.random.default_rng(0).normal(size=len(stamps)), stamps)
     own = (delivered + 0.5 * noise).where(stamps >= pd.Timestamp("2024-01-03"), 1e6)  # no row before counts
     rules = {"twice as wrong": delivered + noise}
-    loads = ZoneLoads(Load(own, "kW"), Load(delivered, "kW"), rules)
+    loads = ZoneLoads({HYBRID: own}, delivered, rules, "kW")
     found = loads.verdict(pd.Timestamp("2024-01-03"), scaled=True)
     assert found.level == USABLE
     assert "0.50 times that of twice as wrong" in str(found)
     assert loads.verdict(pd.Timestamp("2024-01-03"), scaled=False).level == CARE
+
+
+def test_a_load_counts_in_rows_at_whose_ends_the_temperature_is_known():
+    stamps = pd.date_range("2024-01-01", periods=24 * 20, freq="1h")
+    rows = pd.DataFrame({"T_za": 20.0, "T_oa": 5.0, "Q_hvac": 2.0}, stamps)
+    rows.iloc[24 * 15 + 3, 0] = np.nan
+    data = StudyData(rows[: 24 * 10], rows[24 * 10 :], stamps[24 * 10], *[rows[:0]] * 2, rows["T_za"][:0], False)
+    loads = ZoneLoads.of({HYBRID: pd.Series(3.0, stamps)}, Load(rows["Q_hvac"], "kW"), data)
+    errors = loads.errors(stamps[24 * 15])[HYBRID]
+    assert list(errors.index[errors.isna()]) == [*stamps[24 * 15 + 2 : 24 * 15 + 4], stamps[-1]]
+    assert (errors.dropna() == 1.0).all()
 
 
 def test_a_day_beyond_what_training_covered_is_told_with_its_columns():

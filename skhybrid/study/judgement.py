@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -30,28 +30,34 @@ class Load(NamedTuple):
 
 
 class ZoneLoads(NamedTuple):
-    """Loads of a zone over the rows after training."""
+    """Loads of a zone over the rows after training, in one unit."""
 
-    own: Load  # that would have held the measured temperature
-    delivered: Load
-    rules: dict[str, pd.Series]
+    needed: Mapping[str, pd.Series]  # by model: it would have held the measured temperature
+    delivered: pd.Series  # NaN where the temperature is not known at both ends of a row
+    rules: Mapping[str, pd.Series]
+    unit: str  # "kW", or "-" for stages without a known capacity
+
+    @classmethod
+    def of(cls, needed: Mapping[str, pd.Series], delivered: Load, data: StudyData) -> Self:
+        """The loads of models beside what was ``delivered``, and those of rules."""
+        T = data.later["T_za"]
+        known = (T.notna() & T.shift(-1).notna()).reindex(delivered.values.index, fill_value=False)
+        rules = loads_by_rule(data, delivered.values)
+        return cls(needed, delivered.values.where(known), rules, delivered.unit)
 
     def errors(self, start: pd.Timestamp) -> pd.DataFrame:
-        """Errors of the model's load and of those of rules in the test."""
-        loads = pd.DataFrame({HYBRID: self.own.values, **self.rules})
-        return loads.sub(self.delivered.values, axis=0)[start:].dropna()
+        """Errors of models and rules in the test, NaN where unknown."""
+        return pd.DataFrame({**self.needed, **self.rules}).sub(self.delivered, axis=0)[start:]
 
     def verdict(self, start: pd.Timestamp, doubts: Sequence[str] = (), *, scaled: bool) -> Verdict:
-        """The verdict on the load in the test beside those of the rules.
+        """The verdict on the load of the hybrid in the test beside those of the rules.
 
         ``scaled`` tells whether the log fixes what a kW is; ``doubts`` are further reasons to take care.
         """
-        needed, delivered = self.own.values, self.delivered.values
-        at = delivered.index[(delivered.index >= start) & needed.reindex(delivered.index).notna()]
-        days = pd.Series(pd.DatetimeIndex(at).normalize(), index=at)
-        own, *others = (load.reindex(at) - delivered[at] for load in (needed, *self.rules.values()))
-        rules = dict(zip(self.rules, others, strict=True))
-        return judge_load_errors(own, rules, days, scaled=scaled, doubts=doubts)
+        errors = self.errors(start).dropna(subset=HYBRID)
+        days = pd.Series(pd.DatetimeIndex(errors.index).normalize(), index=errors.index)
+        rules = {name: errors[name] for name in self.rules}
+        return judge_load_errors(errors[HYBRID], rules, days, scaled=scaled, doubts=doubts)
 
 
 class Doubts(NamedTuple):
@@ -117,25 +123,29 @@ def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]
     return rule_loads(data.train, data.later, delivered, held)
 
 
-def loads_by_zone(needed: pd.DataFrame | None, study: Study) -> dict[str, ZoneLoads]:
-    """The loads of the zones that something heats or cools; none where the ``needed`` ones are not known."""
-    if needed is None:
-        return {}
+def loads_by_zone(needed: Mapping[str, pd.DataFrame], study: Study) -> dict[str, ZoneLoads]:
+    """The loads of the zones that something heats or cools, ``needed`` by model."""
     loads = {}
     for zone, own in study.by_zone.items():
-        roles, of_zone = plant_roles(own.data.later), forecast_of(needed, study.settings, zone)
-        found, delivered = (load_of(rows, own.settings, roles) for rows in (of_zone, own.past))
-        if found is not None and delivered is not None:
-            loads[zone] = ZoneLoads(found, delivered, loads_by_rule(own.data, delivered.values))
+        roles = plant_roles(own.data.later)
+        delivered = load_of(own.past, own.settings, roles)
+        of_zone = {label: forecast_of(load, study.settings, zone) for label, load in needed.items()}
+        found = {label: load_of(rows, own.settings, roles) for label, rows in of_zone.items()}
+        known = {label: load.values for label, load in found.items() if load is not None}
+        if HYBRID in known and delivered is not None:
+            loads[zone] = ZoneLoads.of(known, delivered, own.data)
     return loads
 
 
 def load_errors(loads: Mapping[str, ZoneLoads], start: pd.Timestamp) -> tuple[pd.Series, str]:
-    """RMSE of the loads of all zones together by model and rule, and their unit; none where they have several units."""
-    units = {one.delivered.unit for one in loads.values()}
+    """RMSE of the loads of all zones together by model and rule, and their unit; none where they have several units.
+
+    All are compared over the same rows.
+    """
+    units = {one.unit for one in loads.values()}
     if len(units) != 1:
         return pd.Series(dtype=float), ""
-    errors = pd.concat([one.errors(start) for one in loads.values()])
+    errors = pd.concat([one.errors(start).dropna() for one in loads.values()])
     return np.sqrt((errors**2).mean()), units.pop()
 
 

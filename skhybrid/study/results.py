@@ -146,8 +146,8 @@ def zone_table(
     coverage = pd.Series({name: coverage_of(own[own["zone"] == name]) for name in verdicts}, dtype=float)
     by_error = table[HYBRID].sort_values(ascending=False, kind="stable").index
     order = worst_first({str(zone): [level[zone]] for zone in by_error})
-    rmse = {zone: np.sqrt((one.errors(test_start) ** 2).mean()) for zone, one in loads.items()}
+    rmse = {zone: np.sqrt((one.errors(test_start).dropna() ** 2).mean()) for zone, one in loads.items()}
     of_loads = pd.DataFrame(rmse, [HYBRID, YESTERDAYS_LOAD], dtype=float).set_axis(["load_rmse", "load_yesterday"])
-    unit = pd.Series({zone: loads[zone].delivered.unit if zone in loads else "" for zone in verdicts})
+    unit = pd.Series({zone: loads[zone].unit if zone in loads else "" for zone in verdicts})
     table = table.assign(level=level, coverage=coverage).join(of_loads.T).assign(unit=unit)
     return table.loc[order].rename_axis("zone")

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from .._table import plant_roles
@@ -16,14 +15,14 @@ from .._warnings import recorded_warnings, without_python
 from .compared_models import HYBRID, YESTERDAY, identified_by, make_models
 from .identified_building import describe, parameter_table
 from .identified_rooms import identify_zones
-from .judgement import Doubts, Load, ZoneLoads, judge_temperature, load_errors, loads_by_rule, loads_by_zone
+from .judgement import Doubts, Load, ZoneLoads, judge_temperature, load_errors, loads_by_zone
 from .log_split import StudyData
 from .next_day import delivered_heat, forecast_next_day, in_kilowatts, is_under_setpoints, refuse_holes
 from .results import BuildingResult, StudyResult, zone_table
 from .scores import coverage_of, error_table, errors_by_model, interval_asked
 from .setpoints_known import SetpointsKnown
 from .settings import Settings, is_scaled
-from .tested_models import Progress, TestedModel, counted, tested_models
+from .tested_models import Progress, TestedModel, counted, needed_loads, tested_models
 from .verdict import Verdict
 from .zone_part import Study, predictors_of, zone_of
 
@@ -61,7 +60,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         say("identification, and forecast of the next day")
         identified = _identified_rooms(study) if settings.zones else _identified_zone(tested, study)
         gray_box = identified.get("identification")
-        loads, errors = _loads(tested, gray_box, study)
+        loads = _loads(tested, gray_box, study)
         of_day = is_under_setpoints(held, study)
         asked = interval_asked(held.frame if held is not None and of_day else frames[HYBRID], settings)
         forecast = forecast_next_day(model, study, asked, gray_box, of_day=of_day)
@@ -71,7 +70,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         "data": data,
         "model": model,
         "frames": frames,
-        "table": _compared(tested, errors),
+        "table": _compared(tested, load_errors(loads, data.test_start)[0]),
         "forecast": forecast,
         "setpoints_known": held,
         "warnings": _each_once(study.remarks, caught),
@@ -105,23 +104,16 @@ def _identified_rooms(study: Study) -> dict[str, Any]:
         return {}
 
 
-def _loads(tested: Mapping[str, TestedModel], gray_box: Any, study: Study) -> tuple[dict[str, ZoneLoads], pd.Series]:
-    """The loads of the hybrid by zone, and errors of loads by model and rule.
-
-    Of one zone in kW by the capacities of an identified ``gray_box``.
-    """
-    data = study.data
+def _loads(tested: Mapping[str, TestedModel], gray_box: Any, study: Study) -> dict[str, ZoneLoads]:
+    """The loads of models by zone; of one zone in kW by the capacities of an identified ``gray_box``."""
+    needed = needed_loads(tested)
     if gray_box is None:
-        loads = loads_by_zone(tested[HYBRID].load, study)
-        return loads, load_errors(loads, data.test_start)[0]
+        return loads_by_zone(needed, study)
     delivered = delivered_heat(gray_box, study.past)
     if delivered is None:
-        return {}, pd.Series(dtype=float)
-    made = {label: one.load for label, one in tested.items() if one.load is not None}
-    own = {label: in_kilowatts(load, gray_box, data.later)["Q_hvac"] for label, load in made.items()}
-    rules = loads_by_rule(data, delivered)
-    errors = pd.Series({name: _load_error(load, delivered, data) for name, load in (own | rules).items()})
-    return {"": ZoneLoads(Load(own[HYBRID], "kW"), Load(delivered, "kW"), rules)}, errors
+        return {}
+    own = {label: in_kilowatts(load, gray_box, study.data.later)["Q_hvac"] for label, load in needed.items()}
+    return {"": ZoneLoads.of(own, Load(delivered, "kW"), study.data)}
 
 
 def verdicts_by_zone(
@@ -160,22 +152,15 @@ def _each_once(remarks: Sequence[str], caught: Sequence[warnings.WarningMessage]
     return list(dict.fromkeys(map(without_python, [*remarks, *said])))
 
 
-def _load_error(load: pd.Series, delivered: pd.Series | None, data: StudyData) -> float:
-    """RMSE [kW] between a load and the delivered heat in the test, where the temperature is known before and after."""
-    rows = data.later
-    known = rows["T_za"].notna() & rows["T_za"].shift(-1).notna() & (rows.index >= data.test_start)
-    return float(np.sqrt(((load - delivered)[known[known].index] ** 2).mean()))
-
-
-def _compared(tested: Mapping[str, TestedModel], load_errors: pd.Series) -> pd.DataFrame:
+def _compared(tested: Mapping[str, TestedModel], of_loads: pd.Series) -> pd.DataFrame:
     """The table of results, over the forecasts that every model made, the best first; then rules for the load alone."""
     table = error_table(errors_by_model({label: one.frame for label, one in tested.items()}))
     table = table.assign(
-        load_rmse=load_errors,
+        load_rmse=of_loads,
         seconds=pd.Series({label: one.seconds for label, one in tested.items()}),
         note=pd.Series({label: one.note for label, one in tested.items()}),
     ).sort_values("rmse")
-    for name, error in load_errors.items():
+    for name, error in of_loads.items():
         if name not in table.index:
             table.loc[name, ["load_rmse", "note"]] = error, "a rule for the load alone"
     return table.rename_axis("model")

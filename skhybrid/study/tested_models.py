@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -83,3 +83,8 @@ def _needed_load(model: Any, study: Study) -> pd.DataFrame | None:
         return None
     held = {zone: own["T_za"].interpolate(limit_direction="both") for zone, own in rows.items()}
     return model.predict_load(study.rows_for(model)[1], held if study.settings.zones else held[""])
+
+
+def needed_loads(tested: Mapping[str, TestedModel]) -> dict[str, pd.DataFrame]:
+    """The loads of the models that have one, by label."""
+    return {label: one.load for label, one in tested.items() if one.load is not None}

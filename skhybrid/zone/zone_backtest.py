@@ -13,7 +13,7 @@ from ..study.run import verdicts_by_zone
 from ..study.scores import coverage_of, error_table, errors_by_model, rmse_by_zone
 from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings
-from ..study.tested_models import Progress, counted, tested_models
+from ..study.tested_models import Progress, counted, needed_loads, tested_models
 from ..study.verdict import Verdict, named_by_zone
 from ..study.zone_part import Study
 
@@ -44,7 +44,7 @@ def backtest_zone(settings: Settings, data: StudyData, progress: Progress | None
     frames = {label: one.frame for label, one in tested.items()}
     say("back-test with only the set-points known")
     held = SetpointsKnown.of(tested[HYBRID].model, study, frames[YESTERDAY])
-    loads = loads_by_zone(tested[HYBRID].load, study)
+    loads = loads_by_zone(needed_loads(tested), study)
     verdicts = verdicts_by_zone(tested, study, held, loads, of_day=held is not None)
     table = error_table(errors_by_model(frames)).sort_values("rmse")
     if settings.zones:
