@@ -233,7 +233,9 @@ def test_another_kind_of_zone_is_refused(arx_prior, prior):
     given = prior.network
     same = SimpleNamespace(step=given.step, names=given.names, network=given.network)
     given.refuse_other(same)
-    same.network = replace(given.network, resistors=dict(list(given.network.resistors.items())[::-1][1:]))
+    same.network = replace(
+        given.network, resistors={name: ends[::-1] for name, ends in given.network.resistors.items()}
+    )
     with pytest.raises(ValueError, match="give a prior of zones with the same network"):
         given.refuse_other(same)
 

@@ -403,7 +403,7 @@ def test_random_heat_of_a_fitted_stage_is_in_its_series_and_in_the_temperature(s
     change = coef[stage] * (excited.channels.series - fit.segment.channels.series)[:, stage]
     T = gain_error._temperature_change(fit, change, delayed=False)
     np.testing.assert_allclose(excited.y, fit.segment.y + T, atol=1e-10)
-    assert 0.5 < np.std(T) < 3.0
+    assert 0.5 < np.std(T) < 4.0  # 1.5 K of random heat, and that of the plant taken out
 
 
 def test_members_that_disagree_are_named(log):

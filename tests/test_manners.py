@@ -311,7 +311,7 @@ def test_a_scorer_reads_no_temperature_after_the_origin(office, X, scorer):
     """With one origin in the block, what the column says later changes nothing, but y does."""
     model, block = ARXRegressor().fit(X[:-DAY], office.y[:-DAY]), slice(-DAY, -DAY + 24)
     y = office.y[block]
-    other = X[block].assign(T_za=X["T_za"][block].where(np.arange(24) == 0, 99.0))
+    other = X[block].assign(T_za=X["T_za"][block] + 2.0 * (np.arange(24) > 0))
     assert scorer(model, other, y) == scorer(model, X[block], y)
     assert scorer(model, X[block], y + 1.0) != scorer(model, X[block], y)
 

@@ -187,7 +187,7 @@ def test_a_forecast_reads_no_weather_but_its_own(office, models):
     """Measurements after an origin do not reach the forecast through the history."""
     X, y = _rows(office)
     before = backtest(models["arx"], X, y, weather_error="medium")
-    changed = X.assign(T_za=X["T_za"].where(X.index < X.index[2 * 96], 40.0))
+    changed = X.assign(T_za=X["T_za"] + 2.0 * (X.index >= X.index[2 * 96]))
     after = backtest(models["arx"], changed, y, weather_error="medium")
     known = (before["origin"] < X.index[2 * 96]).to_numpy()
     np.testing.assert_array_equal(before["y_pred"][known], after["y_pred"][known])
