@@ -9,6 +9,7 @@ from .._ranges import is_in_watts
 from .._table import is_plant, listed
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
+from .outages import like_index
 
 _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor is corrected by [K]
 _SAME, _FEWEST = 0.01, 12  # difference of equal temperatures [K]; rows that tell a clock
@@ -19,7 +20,7 @@ _BEYOND = 20.0  # by which degF exceed the highest temperature that is known in 
 
 def refuse_other_temperatures(frame: pd.DataFrame, known: pd.DataFrame, settings: Settings, whose: str) -> None:
     """Refuse a log whose temperatures are others than those ``known`` of the same rows, or those of other hours."""
-    known = known.set_axis(_on_clock(pd.DatetimeIndex(known.index), pd.DatetimeIndex(frame.index)))
+    known = known.set_axis(like_index(pd.DatetimeIndex(known.index), frame.index))
     for role in (role for role in settings.roles_of("T_za") if role in frame and role in known):
         away = (frame[role] - known[role]).abs()
         if away.median() > _OTHER:
@@ -37,13 +38,6 @@ def refuse_other_temperatures(frame: pd.DataFrame, known: pd.DataFrame, settings
                     f"{'earlier' if hours > 0 else 'later'}: has the clock or the time zone of its stamps changed? "
                     "Correct the stamps, or give timezone = in the configuration."
                 )
-
-
-def _on_clock(known: pd.DatetimeIndex, index: pd.DatetimeIndex) -> pd.DatetimeIndex:
-    """Stamps in the time zone of an index, or without one."""
-    if known.tz is None or index.tz is None:
-        return known.tz_localize(None) if index.tz is None else known.tz_localize(index.tz)
-    return known.tz_convert(index.tz)
 
 
 def _share_same(away: pd.Series) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,8 @@ from ..logs.standstills import room_standstills, without_standstills
 from ..study.log_reading import SETPOINT
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
+
+_Stamps = TypeVar("_Stamps", pd.Timestamp, pd.DatetimeIndex)
 
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
 
@@ -87,8 +89,8 @@ def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timest
             )
 
 
-def like_index(stamp: pd.Timestamp, index: pd.Index) -> pd.Timestamp:
-    """A stamp in the time zone of an index, or without one."""
+def like_index(stamp: _Stamps, index: pd.Index) -> _Stamps:
+    """A stamp, or several, in the time zone of an index, or without one."""
     tz = pd.DatetimeIndex(index).tz
     if tz is None:
         return stamp.tz_localize(None)
