@@ -200,6 +200,8 @@ def test_intervals_of_all_zones_allow_for_errors_of_the_weather(building, later,
         assert (off[high] - off[low]).mean() > 1.05 * (exact[high] - exact[low]).mean()
     whole = building.predict_quantiles_from(later[:DAY], [-1], (0.1, 0.9), weather_error="high")[0]
     np.testing.assert_allclose(off[[f"q_0.9_{zone}" for zone in ZONES]], whole[:, :, 1], atol=1e-9)
+    with pytest.raises(ValueError, match="weather_error= widens quantiles, and none are asked for"):
+        building.forecast(None, tomorrow, weather_error="high")
 
 
 def test_update_and_forecast_are_predict_from(building, later, tomorrow):

@@ -41,6 +41,12 @@ def test_a_fit_replaces_a_model_file_that_cannot_be_read(damage, fleet):
     pd.testing.assert_frame_equal(fleet.predict(ZONES), before, check_exact=True)
 
 
+def test_a_prior_does_without_a_zone_whose_file_is_damaged(fleet):
+    (Path(fleet.store_) / "b.skops").write_bytes(b"half")
+    with pytest.warns(SkhybridWarning, match="left out: 'b', of which a file in .*store is damaged; fit again"):
+        assert fleet.prior().n_zones == 2
+
+
 def test_the_status_lists_zones_also_where_no_model_can_be_read(fleet):
     for zone in ZONES:
         (Path(fleet.store_) / f"{zone}.skops").write_bytes(b"half")

@@ -127,6 +127,11 @@ def test_an_unknown_level_is_refused(office, models):
         models["arx"].predict_quantiles(office.X[-96:], weather_error="huge")
 
 
+def test_an_error_of_the_weather_without_quantiles_is_refused_as_it_would_do_nothing(office, models):
+    with pytest.raises(ValueError, match="weather_error= widens quantiles, and none are asked for"):
+        models["hybrid"].forecast(office.X[:96], office.X[96:192], weather_error="high")
+
+
 @pytest.fixture(scope="module")
 def office():
     return make_office(18, "chicago", random_state=3)

@@ -41,7 +41,12 @@ def decided_on(roles: Iterable[str]) -> tuple[str, ...]:
 def read_inputs(
     inputs: Any, trained: Sequence[str], column_of: Callable[[str], Any], boundaries: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Roles of the inputs of a plan, given by role or column: those of training's plant, and some ``boundaries``."""
+    """Roles of the inputs of a plan, given by role or column: those of training's plant, and some ``boundaries``.
+
+    None: all heating and cooling.
+    """
+    if inputs is None:
+        return decided_on(trained)
     names = [inputs] if isinstance(inputs, str) else inputs
     plant = [role for role in trained if is_plant(role) or role in boundaries]
     if not isinstance(names, list | tuple) or not names or len(set(map(str, names))) < len(names):

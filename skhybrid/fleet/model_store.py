@@ -7,7 +7,7 @@ import shutil
 import sqlite3
 import tempfile
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from os import PathLike
 from pathlib import Path
@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote, unquote
 
+from .._columns import listed
 from .._files import remove_leftovers, write_text
 from .._sqlite import open_database, table_of_others, transaction
 from .._warnings import warn_user
@@ -87,6 +88,17 @@ class ModelStore:
         except (OSError, ValueError):
             return False
         return True
+
+    def whole(self, zones: Iterable[str]) -> list[str]:
+        """Those of some zones whose files can be read; the others are warned of."""
+        asked = list(zones)
+        found = [zone for zone in asked if self.is_whole(zone)]
+        if len(found) < len(asked):
+            damaged = [zone for zone in asked if zone not in found]
+            warn_user(
+                f"left out: {listed(damaged)}, of which a file in {self.path} is damaged; fit again.", SkhybridWarning
+            )
+        return found
 
     def save(self, zone: str, model: Any, journal: Journal) -> None:
         """Keep a model that holds all rows that its zone has taken in."""

@@ -287,6 +287,11 @@ class ZoneFleet(BaseEstimator):
         ------
         ValueError
             If ``sizes`` names a zone without a model, or as :meth:`FleetPrior.learn`.
+
+        Warns
+        -----
+        SkhybridWarning
+            Of zones whose files are damaged; they are left out.
         """
         models = self._models
         given = sizes.to_dict() if isinstance(sizes, pd.Series) else sizes
@@ -296,7 +301,7 @@ class ZoneFleet(BaseEstimator):
         unknown = [zone for zone in zones if not models.has(zone)]
         if unknown:
             raise ValueError(f"sizes names zone {unknown[0]!r}, of which the store has no model; leave it out.")
-        zones = [zone for zone in zones if models.journal(zone).facts["fallback"] is None]
+        zones = [zone for zone in models.whole(zones) if models.journal(zone).facts["fallback"] is None]
         fitted = (models.load(zone)[0] for zone in zones)
         names = [f"zone {zone!r}" for zone in zones]
         return FleetPrior.learn(fitted, None if plates is None else [plates[zone] for zone in zones], names)

@@ -147,6 +147,13 @@ def read_weather_error(given: Any) -> WeatherError | None:
     return given if given is None or isinstance(given, WeatherError) else WeatherError(given)
 
 
+def weather_of_quantiles(given: Any, quantiles: Sequence[float] | None) -> WeatherError | None:
+    """As :func:`read_weather_error`, for a forecast of which it changes nothing but the quantiles."""
+    if given is not None and quantiles is None:
+        raise ValueError("weather_error= widens quantiles, and none are asked for; give quantiles=(0.1, 0.9), say.")
+    return read_weather_error(given)
+
+
 def _autoregressive(model: HourlyErrors, noise: np.ndarray) -> np.ndarray:
     """(n_hours,) errors from standardised draws."""
     errors = model.drift + model.scale * noise

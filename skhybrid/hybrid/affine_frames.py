@@ -40,7 +40,7 @@ class AffineFramesMixin(FramesForecastMixin):
         self,
         history: Any,
         future: Any,
-        inputs: Sequence[str] = ("Q_hvac",),
+        inputs: Sequence[str] | None = None,
         T_za: float | None = None,
         member: str = "blend",
         quantiles: Sequence[float] | None = None,
@@ -59,9 +59,10 @@ class AffineFramesMixin(FramesForecastMixin):
         future : DataFrame
             As in :meth:`forecast`.  Columns of the ``inputs`` may be absent; what they hold is a first plan, at which
             the tangent is taken where a stage's heat bends at part load.
-        inputs : sequence of str, default=("Q_hvac",)
+        inputs : sequence of str, optional
             What is decided: heating and cooling of the training table, kW or stages; of the schedule model also a
-            boundary temperature of its network.  What is not named is read from ``future``.
+            boundary temperature of its network.  What is not named is read from ``future``; default is all heating and
+            cooling.
         T_za : float, optional
             As in :meth:`forecast`: the first row of ``future`` is *now* [degC].
         member : {"blend", "network"}, default="blend"

@@ -17,7 +17,7 @@ from .._time import rows_of
 from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint, refuse_boundary
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import load_quantile_columns, quantile_columns, read_quantiles
-from ..forecasting.weather_error import WeatherError, read_weather_error
+from ..forecasting.weather_error import WeatherError, read_weather_error, weather_of_quantiles
 from .frames_reading import FramesReadingMixin
 from .scheme import Paths, Scheme, read_boundary
 from .setpoint_columns import band_of, setpoints_in, with_band
@@ -67,7 +67,7 @@ class FramesForecastMixin(FramesReadingMixin):
         quantiles : sequence of float, optional
             As in :meth:`predict_quantiles`; the more days of history, the better the intervals know the present.
         weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
-            As in :meth:`predict_quantiles`; under a thermostat the quantiles of its load are wider too.
+            As in :meth:`predict_quantiles`, for ``quantiles``; under a thermostat those of its load are wider too.
         limits : tuple of (lowest, highest), optional
             What the plant can do [kW], cooling negative, under a thermostat only; None as one of the two: as learned.
 
@@ -82,9 +82,9 @@ class FramesForecastMixin(FramesReadingMixin):
         Raises
         ------
         ValueError
-            If the two do not join evenly or a column is missing, or ``T_za`` is no temperature; under a thermostat, if
-            set-points are missing or crossed, the training had no plant, or if quantiles are wanted and it had no
-            set-points.
+            If the two do not join evenly or a column is missing, ``T_za`` is no temperature, or ``weather_error`` comes
+            without ``quantiles``; under a thermostat, if set-points are missing or crossed, the training had no plant,
+            or if quantiles are wanted and it had no set-points.
 
         Warns
         -----
@@ -95,7 +95,7 @@ class FramesForecastMixin(FramesReadingMixin):
         refuse_no_frames(history, future)
         now = None if T_za is None else read_now(T_za, future.index)
         levels = None if quantiles is None else read_quantiles(quantiles)
-        wanted = Wanted(now, levels, read_weather_error(weather_error))
+        wanted = Wanted(now, levels, weather_of_quantiles(weather_error, quantiles))
         if setpoint is None and not self._has_setpoints_only(future):
             self._refuse_without_heat(future)
             if limits is not None:

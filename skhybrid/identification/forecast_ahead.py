@@ -154,7 +154,7 @@ class ForecastingNetwork(NetworkModel):
         self,
         history: Any,
         future: Any,
-        inputs: Sequence[str] = ("Q_hvac",),
+        inputs: Sequence[str] | None = None,
         T_za: float | None = None,
         member: str = "network",
         quantiles: Sequence[float] | None = None,
@@ -165,8 +165,8 @@ class ForecastingNetwork(NetworkModel):
         ----------
         history, future
             As in :meth:`forecast`; columns of the ``inputs`` may be absent from ``future``.
-        inputs : sequence of str, default=("Q_hvac",)
-            What is decided: heating and cooling of the training table, kW or stages.
+        inputs : sequence of str, optional
+            What is decided: heating and cooling of the training table, kW or stages; default is all of it.
         T_za : float, or several in the order of the measured nodes or by ``T_za_<node>``, optional
             As in :meth:`forecast`.
         member : {"network", "blend"}, default="network"

@@ -168,7 +168,8 @@ class ZoneModel:
             If they follow the known rows only after an outage of more than four days; if known temperatures are others
             in the log; if new rows are in another unit.
         """
-        refuse_other_temperatures(frame, self.known_rows(), self.settings, "the model")
+        known = self.known_rows()
+        refuse_other_temperatures(frame, known, self.settings, "the model")
         n_new, why = len(self.new_rows(frame)), self.outage(frame, LONGEST_BRIDGE)
         if why:
             raise ValueError(
@@ -176,10 +177,10 @@ class ZoneModel:
             )
         if not n_new and not relearn:
             return 0
-        new = self._following(frame) if n_new else self.complete(frame).dropna().iloc[-1:]
+        new = self._following(frame, known) if n_new else self.complete(frame).dropna().iloc[-1:]
         if new.empty:
             raise ValueError(NO_ROWS)
-        refuse_other_units(new, self.known_rows(), self.covered(), self.settings)
+        refuse_other_units(new, known, self.covered(), self.settings)
         if relearn:
             self.predictor.partial_fit(new, measured_of(new, self.settings))
         else:
@@ -207,10 +208,10 @@ class ZoneModel:
         wide = np.diff(stamps) > longest
         return f"rows are missing after {stamps[int(np.argmax(wide))]}" if wide.any() else ""
 
-    def _following(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The new rows of a log, with those of short outages, also of one after the last row that the model knows."""
+    def _following(self, frame: pd.DataFrame, known: pd.DataFrame) -> pd.DataFrame:
+        """The new rows of a log, with those of short outages, also of one after the last of the ``known`` rows."""
         rows = self.new_rows(frame)
-        last = self.known_rows().iloc[-1:].reindex(columns=rows.columns)
+        last = known.iloc[-1:].reindex(columns=rows.columns)
         last.index = pd.DatetimeIndex([like_index(self.known_until, rows.index)])
         step = pd.Timedelta(self.settings.step)
         if (rows.index[0] - last.index[0]) % step:
@@ -367,9 +368,10 @@ class ZoneModel:
         wanted: Any = None,
         limits: tuple[float | None, float | None] | None = None,
     ) -> pd.DataFrame:
-        given = {"setpoint": wanted, "limits": limits, "weather_error": self.settings.weather_error}
+        given = {"setpoint": wanted, "limits": limits}
+        bands = {"quantiles": INTERVAL, "weather_error": self.settings.weather_error}
         try:
-            return self.predictor.forecast(history, future, quantiles=INTERVAL, **given)
+            return self.predictor.forecast(history, future, **given, **bands)
         except TooFewDaysError:
             return self.predictor.forecast(history, future, **given)
 

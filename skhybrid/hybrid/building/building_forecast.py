@@ -14,7 +14,7 @@ from ..._table import ZoneTable, as_numbers, is_plant, listed
 from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
-from ...forecasting.weather_error import WeatherError, read_weather_error
+from ...forecasting.weather_error import WeatherError, read_weather_error, weather_of_quantiles
 from ..base import BaseHybrid
 from ..frames_forecast import Wanted
 from .building_tables import (
@@ -268,7 +268,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
         now, wanted = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint)
-        asked = quantiles, read_weather_error(weather_error)
+        asked = quantiles, weather_of_quantiles(weather_error, quantiles)
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:
             self._refuse_shared_plants()
@@ -332,7 +332,9 @@ class BuildingForecastMixin(BuildingTablesMixin):
             without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_
             levels = None if without else quantiles
             given = history, rows, now.get(zone), band, levels
-            return arrays_by_name(model.forecast(*given, weather_error=weather, limits=within))
+            return arrays_by_name(
+                model.forecast(*given, weather_error=None if levels is None else weather, limits=within)
+            )
 
         return of
 

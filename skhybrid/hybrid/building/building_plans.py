@@ -16,7 +16,7 @@ from ..._joining import refuse_no_frames
 from ..._table import ZoneTable, as_numbers
 from ..._time import wall_clock
 from ..._warnings import ignore, warnings_dropped, warnings_to
-from ...control import AffineForecast, Limits, LoadPaths, decided_on, heat_column, read_inputs, read_limits
+from ...control import AffineForecast, Limits, LoadPaths, heat_column, read_inputs, read_limits
 from ...exceptions import PlanWarning, UnitWarning
 from ...forecasting.quantiles import LeftOut, quantile_columns
 from ...forecasting.weather_error import WeatherError, read_weather_error
@@ -236,7 +236,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         check_is_fitted(self)
         refuse_no_frames(history, future)
         columns = self._columns.columns
-        roles = list(decided_on(columns) if inputs is None else read_inputs(inputs, list(columns), columns.__getitem__))
+        roles = list(read_inputs(inputs, list(columns), columns.__getitem__))
         ahead, now = self._prepared(future), self._now_by_zone(T_za)
         known = None if history is None else self._prepared(history)
         plan = np.column_stack([self._planned(ahead, role) for role in roles])
