@@ -15,9 +15,9 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote, unquote
 
-from .._columns import listed
 from .._files import remove_leftovers, write_text
 from .._sqlite import open_database, table_of_others, transaction
+from .._table import listed
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import check_settings
