@@ -415,7 +415,9 @@ def test_a_role_and_its_column_are_one_input(tables, office):
     X = tables["stages"][:N_TRAIN].rename(columns={"u_heat": "boiler"})
     model = GrayBoxRC(known=office.theta, columns={"u_heat": "boiler"}).fit(X, office.y[:N_TRAIN])
     future = tables["stages"][N_TRAIN : N_TRAIN + 4].drop(columns="T_za").rename(columns={"u_heat": "boiler"})
-    assert model.affine_forecast(None, future).inputs == ("u_cool", "u_heat") == model.to_state_space(None, future).inputs
+    assert (
+        model.affine_forecast(None, future).inputs == ("u_cool", "u_heat") == model.to_state_space(None, future).inputs
+    )
     assert model.affine_forecast(None, future, ("boiler",)).inputs == ("u_heat",)
     with pytest.raises(ValueError, match=r"inputs=\('u_heat', 'boiler'\) names a role and its column"):
         model.affine_forecast(None, future, ("u_heat", "boiler"))
