@@ -58,6 +58,12 @@ def test_a_meter_that_was_replaced_is_left_out(plant, rise):
     _check(readings, [300, 600], plant / 0.25, 4)
 
 
+def test_a_meter_that_rises_in_every_row_may_be_replaced():
+    readings = counter(np.ones(N))
+    readings.iloc[300:] += 600.0
+    assert counter_jumps(readings).tolist() == [readings.index[300]]
+
+
 def test_a_standing_meter_with_a_failed_reading_stands_still():
     readings = counter(np.zeros(N), 800.0)
     readings.iloc[50] = 0.0
@@ -158,11 +164,13 @@ def _with_failed():
     [
         (_of_the_day(24), True),
         (_of_the_day(96), True),
+        (_of_the_day(24) + 1.5, True),  # it keeps some of its reading
         (_with_failed(), True),
         (counter(np.ones(N)).where(np.arange(N) < 500, counter(np.ones(N)) - 500.0), True),
         (pd.Series(np.where(np.arange(N) % 200 < 15, 2.5, 0.0), counter(np.ones(N)).index), False),  # kW, few runs
         (pd.Series(np.minimum(np.arange(N) % 120, 15) * (np.arange(N) % 120 < 40), counter(np.ones(N)).index), False),
         (pd.Series((np.arange(N) % 400 < 200) * 1.0, counter(np.ones(N)).index), False),  # a switch
+        (counter(np.where(np.arange(N) % 9 == 8, -2.5, 1.0)), False),  # a level that rises by more than it falls
     ],
 )
 def test_what_is_a_counter(readings, expected):

@@ -88,6 +88,13 @@ def test_byte_order_mark(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------------------- zones
+@pytest.mark.parametrize("newest_first", [False, True])
+def test_rows_of_one_stamp_keep_their_order(write, newest_first):
+    lines = ["2024-01-01 00:00,1", "2024-01-01 01:00,2", "2024-01-01 01:00,3", "2024-01-01 02:00,4"]
+    frame = read_zone_csv(write("\n".join(["time,T_za", *(lines[::-1] if newest_first else lines)])))
+    assert frame["T_za"].tolist() == [1.0, 2.0, 3.0, 4.0]
+
+
 def wall_clock_log(start, end, zone="Europe/Amsterdam", freq="15min"):
     """A log as a local logger writes it, and the true stamps."""
     truth = pd.date_range(start, end, freq=freq, tz=zone)
@@ -131,6 +138,9 @@ def test_hour_that_does_not_exist(write):
     path = write("time,T_za\n2024-03-31 01:45,1\n2024-03-31 02:15,2\n")
     with pytest.raises(ValueError, match=r"row 3 of 'log.csv': '2024-03-31 02:15' does not exist in Europe/Amsterdam"):
         read_zone_csv(path, timezone="Europe/Amsterdam")
+    newest_first = write("time,T_za\n2024-03-31 03:15,3\n2024-03-31 02:15,2\n2024-03-31 01:45,1\n")
+    with pytest.raises(ValueError, match=r"row 3 of 'log.csv': '2024-03-31 02:15' does not exist"):
+        read_zone_csv(newest_first, timezone="Europe/Amsterdam")
 
 
 def test_stamps_with_an_offset(write):

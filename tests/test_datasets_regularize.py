@@ -220,6 +220,14 @@ def test_a_room_is_not_known_while_a_whole_log_of_changes_is_silent():
     assert regularize(rare, "15min", held=["T_za", "u_heat"])["T_za"].notna().all()
 
 
+def test_a_room_is_known_in_the_last_step_of_a_log_after_an_outage():
+    index = pd.date_range("2024-01-01", periods=300, freq="30min").append(pd.DatetimeIndex(["2024-01-07 16:50"]))
+    out = regularize(pd.DataFrame({"T_za": 20.0, "T_oa": 5.0}, index), "1h", held=["T_za"])
+    assert out.index[-1] == pd.Timestamp("2024-01-07 17:00")
+    assert out["T_za"].iloc[-1] == 20.0
+    assert np.isnan(out["T_za"].iloc[-2])
+
+
 def test_a_set_point_holds_over_a_weekend():
     index = pd.date_range("2024-01-05 19:00", "2024-01-15 19:00", freq="1h")  # from a Friday
     log = pd.DataFrame({"T_oa": 5.0, "T_heat_set": np.nan, "T_cool_set": np.nan, "u_heat": np.nan}, index)

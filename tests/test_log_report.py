@@ -22,7 +22,7 @@ from skhybrid.logs.log_findings import (
     sensor_findings,
     unit_switch,
 )
-from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.logs.naming import NAMED_BY_ROLE, guess_role, unit_in_name
 from skhybrid.logs.standstills import standstills, without_standstills
 from skhybrid.logs.zone_names import assign_zone_roles
 from skhybrid.study import propose_settings, read_settings
@@ -232,6 +232,11 @@ def test_a_role_has_one_column():
     assert found["Room B temp"].role is None
     assert "'Room A temp'" in found["Room B temp"].reason
     assert found["heat valve"].role is None  # its heat is measured
+
+
+def test_the_reason_of_a_role_that_was_given():
+    found = assign_zone_roles({"Sensor 3": None, "T_oa": None}, {"T_za": "Sensor 3", "T_oa": "T_oa"})
+    assert [guess.reason for guess in found.values()] == ["it was given", NAMED_BY_ROLE]
 
 
 def test_what_was_read(frame):
@@ -611,6 +616,9 @@ def test_what_a_log_cannot_tell(frame):
     shared = LogReport(rooms, {name: name for name in rooms})
     assert "tomorrow from set-points: the zones share the plant u_heat." in shared.cannot
     assert not any("no set-point is logged" in text for text in shared.cannot)
+    alone = LogReport(frame)
+    assert any("no set-point is logged" in text for text in alone.cannot)
+    assert "a day-ahead forecast of the temperature, from 10 days (two weeks would be better)." in alone.can
     unnamed = LogReport(frame.iloc[:, [0]].set_axis(["Sensor 3"], axis=1))
     assert any("no room temperature" in text for text in unnamed.cannot)
     assert unnamed.roles == {}
@@ -653,6 +661,7 @@ def test_the_report_as_json_has_blanks_and_stamps_that_occur_twice(frame):
     twice = pd.concat([blank.iloc[:2], blank]).sort_index(kind="stable")
     told = json.loads(json.dumps(LogReport(twice).to_dict(), allow_nan=False))
     assert list(told["first_rows"]) == [str(stamp) for stamp in frame.index[:3]]
+    assert told["timezone"] == "Europe/Berlin"
     assert None in next(iter(told["first_rows"].values())).values()
 
 

@@ -157,10 +157,12 @@ def test_rows_between_two_runs_are_missing(tmp_path):
     assert "did not run for 24 of 61 rows" in " ".join(log.notes)
 
 
-def test_the_old_schema_gives_the_same(tmp_path):
+@pytest.mark.parametrize("begun", ["", "CREATE TABLE states_meta (metadata_id INTEGER, entity_id VARCHAR(255));"])
+def test_the_old_schema_gives_the_same(tmp_path, begun):
+    """Also where an upgrade to the new one was stopped at its first table."""
     path = tmp_path / "home-assistant.db"
     with closing(sqlite3.connect(path)) as database, database:
-        database.executescript(OLD)
+        database.executescript(OLD + begun)
         for entity, minute, state, attributes in STATES:
             stamp = f"{START + pd.Timedelta(minutes=minute):%Y-%m-%d %H:%M:%S.%f}"
             row = (entity.split(".")[0], entity, state, json.dumps(attributes), stamp, stamp)
@@ -239,6 +241,8 @@ def test_a_thermostat_with_one_set_point_that_heats_and_cools():
     roles = entity_states.climate_roles(["climate.a"], [f"climate.a.{name}" for name in found])
     assert roles["T_heat_set"] == roles["T_cool_set"] == "climate.a.temperature"
     assert roles["mode"] == "climate.a.mode"
+    untold = entity_states.climate_values([row], ["heat"])  # it does not say when it runs
+    assert not {"heating", "cooling"} & set(untold)
 
 
 @pytest.mark.parametrize(
@@ -301,6 +305,13 @@ def test_a_history_read_in_pieces_is_the_same(monkeypatch):
     whole = home_assistant.read(HISTORY)
     monkeypatch.setattr(home_assistant, "_PIECE", 4)
     pd.testing.assert_frame_equal(home_assistant.read(HISTORY).frame, whole.frame)
+
+
+def test_a_history_with_a_further_column_is_the_same(tmp_path):
+    header, *rows = HISTORY.read_text(encoding="utf-8-sig").splitlines()
+    path = tmp_path / "more.csv"
+    path.write_text("\n".join([f"{header},note", *(f"{row},x" for row in rows)]), encoding="utf-8")
+    pd.testing.assert_frame_equal(home_assistant.read(path).frame, home_assistant.read(HISTORY).frame)
 
 
 def test_what_a_history_does_not_have_is_refused(tmp_path):

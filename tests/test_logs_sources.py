@@ -169,6 +169,13 @@ def test_sqlite(sqlite, tmp_path, monkeypatch):
     assert not list(tmp_path.glob("log.db-*"))
 
 
+def test_the_only_table_of_a_database_needs_no_name(tmp_path):
+    engine = sa.create_engine(f"sqlite:///{tmp_path / 'one.db'}")
+    FRAME.to_sql("wide", engine)
+    engine.dispose()
+    np.testing.assert_array_equal(read_log(f"sqlite:///{tmp_path / 'one.db'}").frame, FRAME.astype(float))
+
+
 def test_postgres(postgres):
     log = read_log(postgres, table="wide", timezone="Europe/Amsterdam")
     assert (log.frame.index == INDEX.tz_localize("UTC")).all()

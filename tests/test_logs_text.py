@@ -46,6 +46,12 @@ def test_separators(write, sep, name):
     assert any("'Text' is left out" in note for note in log.notes)
 
 
+def test_a_line_of_means_leaves_the_separator(write):
+    rows = "".join(f"2024-01-01 0{k}:00,2{k}.5,a;b\n" for k in range(4))
+    log = read_log(write(f"time,Room,Text\n{rows}Mean,22.0,c;d\n"))
+    assert log.frame["Room"].tolist() == [20.5, 21.5, 22.5, 23.5]
+
+
 @pytest.mark.parametrize("line", [1, 2, 40])
 @pytest.mark.parametrize("glued", [True, False])
 def test_zeros_that_a_loss_of_power_left(write, line, glued):
@@ -572,6 +578,8 @@ def test_names_that_occur_twice_follow_those_of_the_rooms_above_them(write):
     assert set(log.units.values()) == {"degC"}
     plain = read_log(write("Site;A;B;C\nTime;Outdoor;Office;Meeting room\n" + rows))
     assert list(plain.frame) == ["Outdoor", "Office", "Meeting room"]  # no name occurs twice
+    alike = read_log(write("Time;Outdoor;Room;Room\n" + rows))
+    assert list(alike.frame) == ["Outdoor", "Room", "Room (2)"]
 
 
 def test_units_of_energy_are_those_of_physics():

@@ -170,6 +170,9 @@ def test_stages_of_which_only_the_highest_is_counted():
     assert "only the highest" in how
     three, _ = full_load(pd.DataFrame([[300.0, 300.0, 300.0], [300.0, 300.0, 0.0], [300.0, 0.0, 0.0]]), 300.0, 0.65)
     np.testing.assert_allclose(three, [300.0, 200.0, 100.0])
+    briefly, how = full_load(pd.DataFrame({"1": [20.0, 10.0, 0.0], "2": [10.0, 5.0, 0.0]}), 300.0, 0.65)
+    np.testing.assert_allclose(briefly, [16.5, 8.25, 0.0])
+    assert "lower stages run on" in how
 
 
 API = "date,time,auxHeat1,compCool1,compCool2,zoneAveTemp,zoneHeatTemp,zoneCoolTemp,outdoorTemp,zoneHvacMode"
@@ -270,6 +273,14 @@ def test_epa_plants_of_two_stages(tmp_path):
     assert log.roles["u_heat"] == "heat_runtime at full load"
     assert log.frame["heat_runtime at full load"].tolist() == pytest.approx([0.65 * 40 + 20, 0.65 * 30])
     assert log.scale["heat_runtime at full load"] == pytest.approx(1 / 60)
+
+
+def test_an_epa_compressor_of_two_stages_and_a_plant_that_hardly_ran(tmp_path):
+    header = "datetime,cool_runtime_stg1,cool_runtime_stg2,heat_runtime_stg1,temp_in"
+    rows = ["2021-01-01 00:00:00,60,20,0.5,66.5", "2021-01-01 01:00:00,30,0,0,67"]
+    log = epa_thermostat.read(_written(tmp_path, "\n".join([header, *rows])))
+    assert log.frame["cool_runtime at full load"].tolist() == pytest.approx([0.72 * 40 + 20, 0.72 * 30])
+    assert log.roles["u_heat"] == "heat_runtime_stg1"
 
 
 def test_the_older_epa_format_of_days(tmp_path):

@@ -12,7 +12,7 @@ from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.blank_setpoints import filled_setpoints
 from skhybrid.logs.log_findings import doubts_on_log
 from skhybrid.logs.naming import guess_role, unit_in_name
-from skhybrid.logs.setpoint_modes import COOLS, HEATS, in_force, mode_of_plant, sides_of_plant
+from skhybrid.logs.setpoint_modes import COOLS, HEATS, in_force, kind_of_words, mode_of_plant, sides_of_plant
 from skhybrid.logs.standstills import without_standstills
 from skhybrid.logs.sun_clock import clock_jumps
 from skhybrid.study import propose_settings, read_settings
@@ -625,6 +625,7 @@ def test_set_points_that_are_not_logged_for_a_week_are_those_of_another_week():
     """In one room of a building: a study was refused, and other commands held the last one, of the night."""
     stamps = pd.date_range("2024-03-04", periods=21 * 24, freq="1h")
     true = np.where((stamps.hour >= 6) & (stamps.day_of_week < 5), 21.0, 17.0)
+    true[15 * 24 :] += 1.0  # so that the week after is not the one before
     log = pd.DataFrame({"T_za_hall": 20.0, "Q_hvac_hall": 1.0, "T_heat_set_hall": true}, stamps)
     log.iloc[8 * 24 : 15 * 24, 2] = np.nan
     found, (remark,) = filled_setpoints(log)
@@ -761,6 +762,20 @@ def test_one_set_point_of_a_plant_that_heats_and_cools_on_the_same_days_is_asked
     assert not [found for found in heats.findings if found.where == "T_set"]
 
 
+@pytest.mark.parametrize(
+    ("name", "words", "kind"),
+    [
+        ("HVAC mode", ("auto", "off"), "mode"),
+        ("HVAC mode", ("heating", "idle"), None),
+        ("Boiler", ("heating", "off"), None),
+        ("HVAC mode", ("heat", "cool", "off"), "mode"),
+        ("HVAC", ("heating", "cooling", "idle"), "action"),
+    ],
+)
+def test_words_of_a_mode_and_of_an_action(name, words, kind):
+    assert kind_of_words(name, words) == kind
+
+
 def test_the_mode_of_a_fan_is_not_that_of_a_thermostat(write):
     frame, *_ = one_set_point(cools_from=90)
     frame["Fan mode"] = np.where(np.arange(len(frame)) % 9, "auto", "off")
@@ -797,6 +812,7 @@ def test_a_header_that_changes_in_mid_file_is_refused(write, header, told):
         ("T_za", slice(100, None), "T_za has no value after 2024-03-05 03:00:00, but Q_heat goes on to 2024-03-10"),
         ("T_za", slice(200, None), None),  # rows ahead with a plan
         ("T_oa", slice(230, None), None),
+        ("T_oa", slice(216, None), None),  # it ends a day before
     ],
 )
 def test_a_column_that_is_lost_in_mid_file_is_named_with_its_stamp(role, rows, told):
@@ -893,6 +909,7 @@ def test_a_meter_that_the_mode_makes_negative_is_no_mistake():
             "could be heat or cold of the plant beside",
         ),
         ({"Heat (kW)": ROOM, "Heating (W)": 1e3 * ROOM}, 1, None),  # the same in other units
+        ({"Radiator heat (kW)": ROOM, "Floor heating (kW)": 0.0}, 1, None),  # it never ran
         (
             {
                 "Radiator (kWh)": np.arange(60) // 2,

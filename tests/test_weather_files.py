@@ -69,8 +69,10 @@ def test_the_csv_of_open_meteo_is_its_json(tmp_path):
     pd.testing.assert_frame_equal(found.tz_convert("Europe/Berlin"), read_weather(SAMPLE))
     with pytest.raises(ValueError, match="it has 2 places; request the forecast of one place"):
         read_weather(_written(tmp_path, _as_csv(ANSWER).replace("X\n", "X\n1.0,2.0,3,0,GMT,X\n"), "two.csv"))
-    with pytest.raises(ValueError, match=r"'none\.csv' is not a forecast of Open-Meteo with hourly values"):
-        read_weather(_written(tmp_path, _as_csv(ANSWER).partition("\n\n")[0], "none.csv"))
+    days = "\n\ntime,temperature_2m_max (°C)\n2024-03-30,14.1\n"
+    for tables in ("", days):
+        with pytest.raises(ValueError, match=r"'none\.csv' is not a forecast of Open-Meteo with hourly values"):
+            read_weather(_written(tmp_path, _as_csv(ANSWER).partition("\n\n")[0] + tables, "none.csv"))
 
 
 def test_units_and_unix_time(tmp_path):
