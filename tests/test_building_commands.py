@@ -134,6 +134,9 @@ ROOMS = {
                                 "Indoor temp of big red attic", "Big red attic valve", "Big red attic set-point"], {
         "T_za_kitchen": "Kitchen temp", "u_heat_kitchen": "Kitchen valve", "T_za_hall": "Hall temp",
         "u_heat_hall": "Hall valve"}),
+    "one sun": (["Kitchen temp (°C)", "Hall temp (°C)", "Solar (W/m²)", "Kitchen valve (%)", "Hall valve (%)"], {
+        "q_sol": "Solar (W/m²)", "T_za_kitchen": "Kitchen temp (°C)", "u_heat_kitchen": "Kitchen valve (%)",
+        "T_za_hall": "Hall temp (°C)", "u_heat_hall": "Hall valve (%)"}),
     "places": (["Room air temp", "Room floor temp", "Heat stage"], {"T_za": "Room air temp", "u_heat": "Heat stage"}),
 }  # fmt: skip
 

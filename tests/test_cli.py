@@ -405,7 +405,9 @@ def test_a_span_that_the_log_cuts_is_told(files):
         f"[test] end = 2024-03-01 is after the last measured row; it ends at {log.index[-1]}.",
     )
     (files / "zone.toml").write_text(CONFIG)
-    assert not split_log(log, read_settings(files / "zone.toml")).remarks
+    whole = split_log(log, read_settings(files / "zone.toml"))
+    assert not whole.remarks
+    assert whole.later.index[0] == log.index[log.index.get_loc(whole.train.index[-1]) + 1]
     utc = log.tz_localize("UTC")
     (files / "zone.toml").write_text(CONFIG.replace("start = 2024-01-11", "start = 2024-01-11T00:00:00Z"))
     assert not split_log(utc, read_settings(files / "zone.toml")).remarks

@@ -514,6 +514,7 @@ def test_rows_ahead_by_a_plan_or_by_the_clock():
     plan = pd.DataFrame({"Q_hvac": 3.0}, found.frame.index)
     planned = rows_ahead(settings, origin, inputs, weather=weather, plan=plan)
     assert planned.planned
+    assert rows_ahead(settings, origin, inputs[:2], weather=weather).planned  # of a room without a plant
     hourly = weather.assign(T_heat_set=[15.0, 16.0, 17.0, 21.0, 22.0, 23.0])  # at 10:00 ... 15:00
     of_weather = rows_ahead(settings, origin, inputs, weather=hourly, plan=plan[[]]).frame["T_heat_set"]
     assert of_weather.tolist() == [17.0] * 3 + [21.0] * 4 + [22.0]

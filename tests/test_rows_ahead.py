@@ -15,7 +15,8 @@ from skhybrid.exceptions import SkhybridWarning
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
-from skhybrid.zone.outages import Unread
+from skhybrid.zone.other_units import refuse_other_units
+from skhybrid.zone.outages import Unread, complete_rows
 from skhybrid.zone.training_rows import training_rows
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
@@ -178,6 +179,26 @@ def test_a_meter_without_values_is_named_by_its_column(frame):
     rows.iloc[-3:, 1:] = np.nan
     found = Unread.of(rows, settings_from({**SETTINGS, "columns": columns, "units": {}}))
     assert found.inputs == ("Heat Meter", "Cold Meter")
+
+
+def test_a_log_without_its_room_is_refused(frame):
+    with pytest.raises(ValueError, match="the log has no room temperature, T_za"):
+        complete_rows(frame.drop(columns="T_za"))
+
+
+@pytest.mark.parametrize("zone", ["", "_hall"])
+def test_set_points_are_held_where_rows_lack_them(frame, zone):
+    rows = frame[:DAY].rename(columns={role: role + zone for role in ("T_za", "T_heat_set", "T_cool_set")})
+    held = rows[f"T_heat_set{zone}"].iloc[[0]].reindex(rows.index)
+    found = complete_rows(rows.assign(**{f"T_heat_set{zone}": held}), [f"T_za{zone}"])
+    assert found[f"T_heat_set{zone}"].tolist() == [held.iloc[0]] * DAY
+
+
+def test_heat_that_a_model_was_learned_without_may_have_any_unit(frame):
+    watts = frame[:DAY].assign(Q_hvac=5000.0)
+    refuse_other_units(watts, frame[:DAY], {}, settings_from(SETTINGS))
+    with pytest.raises(ValueError, match="likely W rather than kW"):
+        refuse_other_units(watts, frame[:DAY], {"Q_hvac": (-6.0, 6.0)}, settings_from(SETTINGS))
 
 
 @pytest.mark.parametrize(("last", "refused"), [(5, False), (9, True)])

@@ -15,7 +15,8 @@ from skhybrid.datasets import make_office
 from skhybrid.study import identified_building, run, scores
 from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import settings_from
-from skhybrid.zone import zone_backtest, zone_search
+from skhybrid.zone import zone_backtest, zone_search, zone_state
+from skhybrid.zone.forecast_archive import open_archive
 from skhybrid.zone.forecast_scores import _verdict, errors_of
 
 KNOWN = {"C_za": 2.0, "R_zo": 5.0, "A_win": 3.0, "Q_h": 6.0, "Q_c": -4.0}
@@ -79,6 +80,29 @@ def test_a_status_tells_one_coverage():
     verdict = _verdict("temperature", rows, values, [])
     assert any("contained 62 %" in reason for reason in verdict.reasons)
     assert "62 % of the measurements" in _errors(errors_of(rows)["temperature [K]"])
+
+
+def test_a_status_counts_the_forecasts_of_four_weeks_and_tells_a_silent_thermometer(monkeypatch, tmp_path):
+    stamps = pd.date_range("2024-01-01", periods=60 * 24, freq="1h")
+    quiet = {"statistic": 0.0, "threshold": 4.0, "drifted": False, "since": pd.NaT, "kind": ""}
+    monkeypatch.setattr(zone_state, "drift_days", lambda model: pd.DataFrame(quiet, stamps[:1]))
+    monkeypatch.setattr(zone_state, "verdicts_of", lambda *given: [SimpleNamespace(_asdict=lambda: given[-1])])
+    model = SimpleNamespace(settings=SETTINGS, predictor=None, zones=(), learned_until=stamps[0])
+    model.parts = lambda: {"": model}
+    rows = pd.DataFrame({"T_za": 20.0, "Q_hvac": 1.0}, stamps)
+    with open_archive(tmp_path / "archive.sqlite") as archive, archive.transaction():
+        assert zone_state.status_of(archive, model)["last four weeks"] is None
+        archive.add_measured(rows)
+        for day in (10, 50):
+            archive.add_forecast(stamps[24 * day], rows.iloc[24 * day + 1 : 24 * day + 25])
+        found = zone_state.status_of(archive, model)
+        assert (found["last measured"], found["drift"]["drifted"], found["verdicts"]) == (None, False, [[]])
+        assert found["last four weeks"]["forecasts"] == 1
+        archive.add_measured(rows.assign(T_za=np.nan).iloc[-100:])
+        found = zone_state.status_of(archive, model)
+    assert found["last measured"] == f"{stamps[-101]} (4 days ago)"
+    assert found["drift"] == {}
+    assert found["verdicts"] == [[f"no temperature was measured since {found['last measured']}"]]
 
 
 def _data():
