@@ -29,6 +29,17 @@ def closed_figures():
     plt.close("all")
 
 
+@pytest.fixture(scope="module")
+def few_trees():
+    """Thermostats are learned in an instant, and less well."""
+    from skhybrid.hybrid.thermostat_law import boosted_trees
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name, few in (("max_iter", 5), ("max_bins", 7)):
+            patch.setitem(boosted_trees.SETTINGS, name, few)
+        yield
+
+
 @pytest.fixture(scope="session")
 def hourly_office():
     """Hourly rows of the small office, from a Monday on."""

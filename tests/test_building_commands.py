@@ -37,7 +37,10 @@ from skhybrid.zone.zone_state import measured_rows
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import make_rooms
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
+    pytest.mark.usefixtures("few_trees"),
+]
 ZONES = ("kitchen", "hall")
 N_KNOWN = 8 * 24
 CONFIG = """

@@ -38,7 +38,10 @@ from skhybrid.preprocessing import GapFiller
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))
 from three_rooms import DOORS, ZONES, make_rooms
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
+    pytest.mark.usefixtures("few_trees"),
+]
 N_TRAIN, DAY = 14 * 24, 24
 T_OF = [f"T_za_{zone}" for zone in ZONES]
 

@@ -12,7 +12,7 @@ from skhybrid import BuildingPredictor, HybridPredictor
 from skhybrid.datasets import make_house
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.forecasting import WeatherError
-from skhybrid.hybrid.thermostat_law import boosted_trees, law_refits
+from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.model_selection import backtest
 from skhybrid.preprocessing import GapFiller
 from skhybrid.schedule import schedule_loads
@@ -29,22 +29,16 @@ from skhybrid.study.setpoints_known import SetpointsKnown
 from skhybrid.study.zone_part import Study, zone_of
 from skhybrid.zone.zone_backtest import backtest_zone
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
+    pytest.mark.usefixtures("few_trees"),
+]
 KNOWN = "the weather and the set-points were known ahead, the heat was not"
 ZONES = ["living", "kitchen", "bedroom"]
 DAY, TRAINED = 24, 14 * 24
 DOORS = [("living", "kitchen"), ("living", "bedroom")]
 T_OF, Q_OF = ([f"{role}_{zone}" for zone in ZONES] for role in ("T_za", "Q_hvac"))
 LEVELS = (0.1, 0.9)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_trees():
-    """The law of a week is learned in an instant."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, few in (("max_iter", 5), ("max_bins", 7)):
-            patch.setitem(boosted_trees.SETTINGS, name, few)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,10 @@ from skhybrid.zone.other_units import refuse_other_units
 from skhybrid.zone.outages import Unread, complete_rows
 from skhybrid.zone.training_rows import training_rows
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
+    pytest.mark.usefixtures("few_trees"),
+]
 DAY, N = 24, 15 * 24  # rows of a day, and of the log
 SETTINGS = {
     "step": "1h",

@@ -37,7 +37,10 @@ from skhybrid.zone import DayAhead, ZoneFolder, zone_folder
 from skhybrid.zone.forecast_archive import EVEN, POSTED, open_archive
 from skhybrid.zone.posted_rows import read_posted
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning")  # few days of heat
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning"),  # few days of heat
+    pytest.mark.usefixtures("few_trees"),
+]
 DAYS = 10  # of the log that the zone has learned from
 SCHEDULE = Schedule.of_text("20,25")
 TOKEN = "0123456789abcdef-token"

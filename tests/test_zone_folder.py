@@ -20,7 +20,10 @@ from skhybrid.exceptions import ModelFileError
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, forecast_archive, zone_folder
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning")  # few days of heat
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning"),  # few days of heat
+    pytest.mark.usefixtures("few_trees"),
+]
 FILES = {"zone.toml", "model.skops", "archive.sqlite"}
 DAYS = 10  # of the log that the zone is made from
 SCHEDULE = Schedule.of_text("20,25")
