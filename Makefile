@@ -10,6 +10,8 @@ PIP := $(BIN)/python -m pip install -c constraints.txt
 BENCHMARKS := $(sort $(filter-out benchmarks/_% benchmarks/make_%,$(wildcard benchmarks/*.py)))
 # the workers of a test or a benchmark share the cores; BLAS must not take them too
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+# where compiled modules are not kept, each of the hundreds of processes of the tests compiles them anew
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test slow fuzz lint docs bench versions clean
