@@ -6,6 +6,7 @@ import errno
 import os
 import resource
 from datetime import timedelta, timezone
+from pathlib import Path
 from typing import NamedTuple
 from zoneinfo import ZoneInfo
 
@@ -17,7 +18,8 @@ from dateutil.tz import gettz, tzoffset, tzutc
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import Ridge
-from sklearn.model_selection import GridSearchCV
+from sklearn.metrics import make_scorer, mean_pinball_loss
+from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import DecisionTreeRegressor
@@ -66,6 +68,28 @@ def test_a_search_with_our_splitter_comes_back(tmp_path):
     assert repr(back.cv) == repr(cv)
 
 
+@pytest.mark.parametrize(
+    ("scoring", "cv"),
+    [
+        ("neg_mean_absolute_error", TimeSeriesSplit(2)),
+        (["r2", "neg_root_mean_squared_error"], [(np.arange(100), np.arange(100, 200))]),
+        (make_scorer(mean_pinball_loss, greater_is_better=False), None),
+    ],
+)
+def test_a_search_with_a_scorer_and_a_splitter_of_scikit_learn_comes_back(tmp_path, scoring, cv):
+    X, y = _data()
+    refit = "r2" if isinstance(scoring, list) else True
+    search = GridSearchCV(Ridge(), {"alpha": [0.1, 1.0]}, scoring=scoring, cv=cv, refit=refit).fit(X, y)
+    save_model(search, tmp_path / "m")
+    assert load_model(tmp_path / "m").score(X, y) == search.score(X, y)
+
+
+def test_a_forecaster_that_has_nothing_to_learn_comes_back(tmp_path):
+    X = pd.DataFrame({"T_oa": 5.0, "q_sol": 0.0}, index=pd.date_range("2024-01-01", periods=48, freq="1h"))
+    save_model(DisturbanceForecaster("none").fit(X, np.ones(48)), tmp_path / "m")
+    assert not load_model(tmp_path / "m").predict_from(X, [20]).any()
+
+
 def test_a_search_over_an_estimator_of_ours_comes_back(tmp_path):
     office = make_office(n_days=6, random_state=0, sampling_time="1h")
     arx = GridSearchCV(
@@ -110,6 +134,8 @@ VALUES = {
     "objects": np.array([(1, 2), None, "x"], dtype=object),
     "mark": {"__skhybrid__": "object"},
     "class": RollingOriginSplit,
+    "path": Path("searches/store.db"),
+    "duration of Python": timedelta(days=-1, hours=3, microseconds=5),
 }
 
 
@@ -143,6 +169,9 @@ def test_what_cannot_be_written_as_data_is_refused(tmp_path):
     with pytest.raises(TypeError, match=r"Tree, which cannot be written as data that is safe to read"):
         save_model(DecisionTreeRegressor(max_depth=2).fit(X, y), tmp_path / "m")
     model = Ridge().fit(X, y)
+    model.held_ = pd.offsets.Hour(1)
+    with pytest.raises(TypeError, match=r"contains a pandas.*Hour, .* fit with text or numbers in its place"):
+        save_model(model, tmp_path / "m")
     model.held_ = Local(1)
     with pytest.raises(TypeError, match=r"Ridge\.held_ is a"):
         save_model(model, tmp_path / "m")

@@ -23,9 +23,21 @@ from .skops_import import import_skops
 
 _LONGEST = 200  # characters of a cause: a forged archive can let Python quote all of a file
 _HEADER = re.compile(rb"skhybrid-model version=([^ \n]{1,60}) sha256=([0-9a-f]{64})\n")
+#: metrics of regressors: a search holds that of its scorer, which is not called when it is read
+_METRICS = (
+    "d2_absolute_error_score", "explained_variance_score", "max_error", "mean_absolute_error",
+    "mean_absolute_percentage_error", "mean_pinball_loss", "mean_squared_error", "mean_squared_log_error",
+    "median_absolute_error", "r2_score", "root_mean_squared_error", "root_mean_squared_log_error",
+)  # fmt: skip
 #: types trusted in addition to those of skops: fitted searches and scikit-learn networks hold them, and they are data.
 _TRUSTED = [
+    *(f"sklearn.metrics._regression.{name}" for name in _METRICS),
+    "sklearn.metrics._scorer._MultimetricScorer",
     "sklearn.metrics._scorer._PassthroughScorer",
+    "sklearn.metrics._scorer._Scorer",
+    "sklearn.model_selection._split.KFold",
+    "sklearn.model_selection._split.TimeSeriesSplit",
+    "sklearn.model_selection._split._CVIterableWrapper",
     "sklearn.neural_network._stochastic_optimizers.AdamOptimizer",
     "sklearn.neural_network._stochastic_optimizers.SGDOptimizer",
     "sklearn.utils._metadata_requests.MetadataRequest",  # of a scorer of scikit-learn 1.6
@@ -71,9 +83,11 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
     except ModelFileError as error:
         unknown = sorted(set(io.get_untrusted_types(data=body)) - set(_TRUSTED))
         if unknown:
+            tree = unknown[0].startswith(("sklearn.tree.", "sklearn.ensemble."))
+            remedy = "use another regressor (not a tree ensemble)" if tree else "fit with text or numbers in its place"
             raise TypeError(
                 f"{type(estimator).__name__} contains a {unknown[0]}, which cannot be written as data that is safe to "
-                "read; use another regressor (not a tree ensemble)."
+                f"read; {remedy}."
             ) from error
         raise TypeError(f"{type(estimator).__name__} cannot be written as data: {error.__cause__}") from error
     version = __version__.encode()

@@ -1,9 +1,10 @@
-"""pandas objects, dates and large arrays as plain data, for model files."""
+"""pandas objects, dates, durations, paths and large arrays as plain data, for model files."""
 
 from __future__ import annotations
 
-from datetime import date, datetime
+from datetime import date, datetime, timedelta
 from math import isqrt
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,12 @@ PANDAS_KINDS: dict[str, tuple[Any, Any, Any]] = {
         lambda v: {"ns": v.as_unit("ns").value, "tz": zone_name(v.tz)},
         lambda ns, tz: pd.Timestamp(ns, unit="ns", tz=tz),
     ),
+    "timedelta": (  # after Timedelta, which is one
+        timedelta,
+        lambda v: {"days": v.days, "seconds": v.seconds, "microseconds": v.microseconds},
+        timedelta,
+    ),
+    "path": (PurePath, lambda v: {"text": str(v)}, lambda text: Path(text)),
     "date": (date, lambda v: {"text": v.isoformat()}, _data_to_date),  # after Timestamp, which is one
     "DatetimeIndex": (pd.DatetimeIndex, _datetimes_to_data, _data_to_datetimes),
     "TimedeltaIndex": (

@@ -72,6 +72,8 @@ def _own_to_data(value: Any, where: str) -> dict[str, Any]:
     if isinstance(value, tuple):
         return {MARK: "tuple", "type": name, "items": [to_data(v, f"{where}[{i}]") for i, v in enumerate(value)]}
     state = value.__getstate__()
+    if state is None and cls.__base__ is object:  # it has no attributes
+        state = {}
     if not isinstance(state, dict):
         raise TypeError(f"{where} is a {cls.__qualname__} without plain attributes, which cannot be written as data.")
     return {MARK: "object", "type": name, "state": {k: to_data(v, f"{where}.{k}") for k, v in state.items()}}
