@@ -234,7 +234,7 @@ def test_refused_arguments(arguments, message):
 def test_a_start_with_a_zone_or_that_is_no_date_is_refused(make):
     with pytest.raises(ValueError, match=r"has a time zone; the simulation runs on local standard time"):
         make(2, start="2024-01-01T00:00+01:00")
-    for wrong in ("spring", None, [2024]):
+    for wrong in ("spring", None, [2024], 2024):  # a number was taken for 1970
         with pytest.raises(ValueError, match=r"^start=.* is not a date; give one, such as '2023-07-08'"):
             make(2, start=wrong)
 
@@ -259,7 +259,12 @@ def test_prbs_levels_step_and_phase():
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [({"order": 1}, "order=1"), ({"scale": "7min"}, "scale='7min'"), ({"duration": "-1D"}, "duration='-1D'")],
+    [
+        ({"order": 1}, "order=1"),
+        ({"scale": "7min"}, "scale='7min'"),
+        ({"duration": "-1D"}, "duration='-1D'"),
+        ({"low": "18"}, "low='18' must be a number"),
+    ],
 )
 def test_prbs_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.datasets import make_office, make_weather, read_epw
+from skhybrid.exceptions import UnitWarning
 
 EPW = {
     "oakland": "USA_CA_Oakland.Intl.AP.724930_TMY3.epw",
@@ -55,7 +56,16 @@ def test_the_window_faces_where_it_is_told():
     np.testing.assert_allclose(flat["q_sol"].resample("1D").sum(), flat["ghi"].resample("1D").sum(), rtol=0.05)
 
 
-@pytest.mark.parametrize(("arguments", "message"), [({"climate": "x"}, "climate='x'"), ({"n_days": 0}, "n_days=0")])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"climate": "x"}, "climate='x'"),
+        ({"n_days": 0}, "n_days=0"),
+        ({"n_days": "7"}, "n_days='7' must be a positive number"),
+        ({"window_azimuth": "south"}, "window_azimuth='south' must be a number of degrees up to 360"),
+        ({"window_tilt": -90.0}, "window_tilt=-90.0 must be a number of degrees from 0 to 180"),
+    ],
+)
 def test_refused_weather_arguments(arguments, message):
     with pytest.raises(ValueError, match=message):
         make_weather(**arguments)
@@ -136,10 +146,10 @@ def test_a_given_table_is_interpolated(table):
 
 def test_a_zoned_table_is_taken_in_standard_time():
     index = pd.date_range("2024-10-26", periods=24 * 4, freq="1h", tz="Europe/Amsterdam")
-    weather = pd.DataFrame({"T_oa": np.arange(96.0), "q_sol": 0.0}, index=index)
+    weather = pd.DataFrame({"T_oa": np.arange(96.0) / 4, "q_sol": 0.0}, index=index)
     log = make_office(2, start="2024-10-26", weather=weather, sampling_time="1h", random_state=0)
     local_standard = log.X.index.tz_localize("Etc/GMT-1")
-    expected = weather["T_oa"].reindex(local_standard.tz_convert(index.tz)) + 11 / 24  # mean of the 5-min values
+    expected = weather["T_oa"].reindex(local_standard.tz_convert(index.tz)) + 11 / 96  # mean of the 5-min values
     np.testing.assert_allclose(log.X["T_oa"], expected)
 
 
@@ -161,6 +171,13 @@ def test_a_zoned_table_is_taken_in_standard_time():
 def test_refused_tables(table, change, message):
     with pytest.raises(ValueError, match=message):
         make_office(3, start="2024-05-01", weather=change(table), random_state=0)
+
+
+@pytest.mark.parametrize(("column", "change"), [("T_oa", lambda v: v + 273.15), ("q_sol", lambda v: v + 200.0)])
+def test_a_table_in_other_units_is_warned_of(table, column, change):
+    """The simulated room had thousands of degrees."""
+    with pytest.warns(UnitWarning, match=f"weather column '{column}' ranges from .*: likely (K|W/m2) rather than"):
+        make_office(3, start="2024-05-01", weather=table.assign(**{column: change(table[column])}), random_state=0)
 
 
 @pytest.mark.parametrize(("value", "words"), [("inf", "contains inf in 1 row"), ("99.9", "holds 99.9 degC in 1 row")])

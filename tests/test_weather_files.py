@@ -242,6 +242,11 @@ def test_steps_that_are_not_even_are_refused(rows, says):
         weather_on_steps(read_weather(SAMPLE), time[rows])
 
 
+def test_a_place_that_is_none_on_earth_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"latitude=5230 must be a number of degrees from -90 to 90"):
+        read_weather(_written(tmp_path, ANSWER), latitude=5230, window_azimuth=180.0)
+
+
 def test_a_place_is_needed_for_a_window(tmp_path):
     answer = {k: v for k, v in ANSWER.items() if k != "latitude"}
     path = _written(tmp_path, answer)

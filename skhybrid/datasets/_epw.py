@@ -133,6 +133,8 @@ def checked_weather(weather: pd.DataFrame) -> pd.DataFrame:
 def resample_weather(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFrame:
     """``T_oa`` (at the stamps) and ``q_sol`` (at the middle of the steps), interpolated linearly to ``time``."""
     frame = checked_weather(weather)
+    for role, values in frame.items():
+        check_range(values.to_numpy(), str(role), f"weather column {role!r}", weather.index)
     frame.index = _standard_time(pd.DatetimeIndex(frame.index))
     frame.attrs |= weather.attrs
     if weather.attrs.get("typical_year"):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._arguments import check_integer
+from .._arguments import check_integer, is_number
 from .._holidays import NO_HOLIDAYS, Holidays
 from .._time import positive_duration, rows_of
 from ._random import spawn_generators
@@ -58,11 +58,15 @@ def make_prbs(
     Raises
     ------
     ValueError
-        If ``order`` is out of its range, or ``scale`` or ``duration`` is not a multiple of ``step``.
+        If ``order`` is out of its range, ``scale`` or ``duration`` is not a multiple of ``step``, or a level is no
+        number.
     """
     from scipy.signal import max_len_seq
 
     check_integer("order", order, 2, 32)
+    for name, level in (("low", low), ("high", high)):
+        if not is_number(level):
+            raise ValueError(f"{name}={level!r} must be a number.")
     delta = positive_duration(step, "step")
     hold = rows_of(scale, delta, "scale")
     n_rows = hold * (2**order - 1) if duration is None else rows_of(duration, delta, "duration")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from functools import cache
 from importlib.resources import files
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import expit
 
+from .._arguments import is_number
 from .._time import positive_duration
 from ._random import ar1, spawn_generators
 
@@ -55,13 +57,14 @@ def make_weather(
     Raises
     ------
     ValueError
-        If ``climate`` is unknown, ``n_days`` or ``step`` is not positive, or ``start`` has a time zone.
+        If ``climate`` is unknown, ``n_days`` or ``step`` is not positive, ``start`` is no date or has a time zone, or
+        an angle is impossible.
     """
     known = climates()
     if climate not in known:
         raise ValueError(f"climate={climate!r} is unknown; choose one of {', '.join(map(repr, known))}.")
-    if not n_days > 0:
-        raise ValueError(f"n_days={n_days!r} must be positive.")
+    if not (is_number(n_days) and n_days > 0):
+        raise ValueError(f"n_days={n_days!r} must be a positive number.")
     site = known[climate]
     delta = positive_duration(step, "step")
     first = first_midnight(start)
@@ -79,6 +82,8 @@ def make_weather(
 def first_midnight(start: Any) -> pd.Timestamp:
     """Midnight of the first day of a simulation, which runs on local standard time; a time zone is refused."""
     try:
+        if isinstance(start, Real):  # pandas counts it as nanoseconds since 1970
+            raise TypeError
         first = pd.Timestamp(start).normalize()
     except (AttributeError, TypeError, ValueError):  # NaT has no midnight
         raise ValueError(f"start={start!r} is not a date; give one, such as '2023-07-08'.") from None
@@ -159,6 +164,10 @@ def tilted_irradiance(
     """(n,) irradiance on a tilted plane under an isotropic sky, by the ``position`` of the sun; not negative."""
     from pvlib.irradiance import get_total_irradiance
 
+    if not is_number(azimuth) or abs(azimuth) > 360.0:
+        raise ValueError(f"window_azimuth={azimuth!r} must be a number of degrees up to 360, such as 180 for south.")
+    if not is_number(tilt) or not 0.0 <= tilt <= 180.0:
+        raise ValueError(f"window_tilt={tilt!r} must be a number of degrees from 0 to 180, such as 90 for a wall.")
     zenith, facing = position["zenith"].to_numpy(), position["azimuth"].to_numpy()
     total = get_total_irradiance(tilt, azimuth, zenith, facing, dni, ghi, dhi, albedo=ALBEDO, model="isotropic")
     return np.asarray(total["poa_global"]).clip(min=0.0)

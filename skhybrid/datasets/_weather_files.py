@@ -257,6 +257,9 @@ def _sun(
     place = [answer.get(n) if of is None else of for n, of in (("latitude", latitude), ("longitude", longitude))]
     if not all(isinstance(of, int | float) for of in place):
         raise ValueError(f"{where} names no place, which its irradiance needs; give latitude= and longitude=.")
+    for name, of, bound in zip(("latitude", "longitude"), place, (90.0, 180.0), strict=True):
+        if not -bound <= of <= bound:
+            raise ValueError(f"{name}={of!r} must be a number of degrees from {-bound:g} to {bound:g}.")
     return get_solarposition(middle, place[0], place[1], method="ephemeris")
 
 
