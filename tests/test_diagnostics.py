@@ -478,6 +478,23 @@ def test_too_little_is_refused(fitted, gappy):
         cross_correlation(np.arange(9.0), np.arange(8.0), [1])
 
 
+@pytest.mark.parametrize("lags", [24, [2.5]])
+def test_lags_that_are_no_list_of_rows_are_refused(lags):
+    z = np.arange(9.0)
+    for test in (lambda: ljung_box(z, lags), lambda: cross_correlation(z, z, lags)):
+        with pytest.raises(ValueError, match=r"lags=.* must be a list of whole numbers of rows, such as"):
+            test()
+
+
+def test_counts_and_shapes_that_cannot_be_are_refused():
+    with pytest.raises(ValueError, match="n_lags=-1 must be an integer of at least 1"):
+        autocorrelation(np.arange(9.0), -1)
+    with pytest.raises(ValueError, match=r"the series has the shape \(5, 2\); give one column"):
+        cumulative_periodogram(np.arange(10.0).reshape(5, 2))  # it was read as ten rows
+    with pytest.raises(ValueError, match="n_fitted=-3 must be an integer of at least 0"):
+        diagnose_residuals(_white(), n_fitted=-3)
+
+
 # ------------------------------------------------------------------------------------------------------------- picture
 def test_the_panels_show_the_tables(fitted, gappy):
     display = ResidualDisplay.from_estimator(fitted["OD"], gappy[0], max_lag="12h")

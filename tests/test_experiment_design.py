@@ -421,6 +421,8 @@ BAD = {
     "fill value of set-points": ({"setpoints": SET_POINTS.replace(15.0, -9999.0)}, "setpoints holds -9999 degC"),
     "fill value of levels": ({"perturbations": {"p": [20.0, -9999.0]}}, "perturbation 'p' holds -1e.04 degC"),
     "negative hours": ({"hours": [12, -5]}, "hours has -5; give 0 or a multiple of the step of weather, 0.5 h"),
+    "hours in words": ({"hours": "24h"}, "hours has '24h'; give 0 or a multiple"),
+    "a duration": ({"hours": pd.Timedelta("24h")}, r"hours has Timedelta\(.*; give 0 or a multiple"),
     "hours off the step": ({"hours": [3.7]}, "hours has 3.7"),
     "all known": ({"known": list(THETA)}, "known= names every parameter"),
     "crossed levels": ({"perturbations": {"p": [[18.0, 25.0], [25.0, 18.0]]}}, "perturbation 'p' has .* in row 1"),

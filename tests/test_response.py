@@ -109,6 +109,8 @@ def test_an_output_that_is_not_measured_is_refused(respond, office):
 
 def test_one_period_needs_no_list(office):
     pd.testing.assert_frame_equal(frequency_response(office, "1D"), frequency_response(office, ["1D"]))
+    with pytest.raises(ValueError, match=r"periods=24 has no unit; give a duration such as"):
+        frequency_response(office, 24)
 
 
 def test_what_has_no_response_is_refused():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm_frechet
 
-from skhybrid.thermal import MatrixBuilder, Parameter, get_network
+from skhybrid.thermal import MatrixBuilder, Parameter, draw, get_network
 from skhybrid.thermal.catalogue import CATALOGUE
 
 OFFICE = {"C_w": 4.0, "C_za": 1.0, "R_zw": 1.2, "R_zo": 9.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
@@ -234,6 +234,7 @@ def test_one_role_is_a_name_and_not_letters():
         assert network.sources(role) == network.sources([role])
         assert network.parameters(role) == network.parameters([role])
         assert network.equations(role) == network.equations([role])
+        assert draw(network, role) == draw(network, [role])
         assert network.matrix_builder(role).columns == (role, "heat_gain")
         assert MatrixBuilder.from_network(network, role).columns == (role, "heat_gain")
         np.testing.assert_array_equal(network.discrete(theta, role, 0.25).B, network.discrete(theta, [role], 0.25).B)

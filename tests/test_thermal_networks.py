@@ -216,6 +216,14 @@ def test_a_missing_value_is_named():
         RCNetwork("lone", *LONE).matrices({"C_za": 1.0}, ["T_oa"])
 
 
+@pytest.mark.parametrize(("value", "above"), [(0.0, " above 0"), (-1.0, ""), (None, ""), (np.nan, ""), ("5", "")])
+def test_an_impossible_value_is_named(value, above):
+    """Matrices of NaN or inf came of it."""
+    for name in ("C_za", "R_zo"):
+        with pytest.raises(ValueError, match=f"theta gives {name} the value {value!r}; it must be a number{above}"):
+            RCNetwork("lone", *LONE).matrices({"C_za": 1.0, "R_zo": 3.0, name: value}, ["T_oa"])
+
+
 def test_one_node_is_named_by_a_name_or_a_tuple():
     one = RCNetwork("one", *LONE, measured=("za",), disturbed=["za"], heated=("za",), solar=("za",))
     assert (one.measured, one.disturbed, one.heated, one.solar) == ("za", "za", "za", "za")

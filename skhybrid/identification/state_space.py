@@ -146,7 +146,7 @@ def _read_periods(periods: Any, step: pd.Timedelta) -> pd.TimedeltaIndex:
         shortest = max(pd.Timedelta("10min"), 2 * step) / pd.Timedelta("1s")
         chosen = pd.to_timedelta(np.ceil(np.geomspace(shortest, 30 * 86400.0, 200)), unit="s")
     else:
-        given = [periods] if isinstance(periods, str | pd.Timedelta) else periods
+        given = [periods] if not isinstance(periods, Iterable) or isinstance(periods, str) else periods
         chosen = pd.TimedeltaIndex([read_duration(p, "periods") for p in given])
     if len(chosen) and chosen.min() < 2 * step:
         raise ValueError(

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from .canvas import ZIGZAG, Canvas, width
 from .catalogue import get_network
 from .circuit import Rail, assign_levels
+from .declaration import as_names
 from .joined_rooms import resistors_of
 from .network import RCNetwork, diagram
 
@@ -34,7 +35,7 @@ def draw(network: str | RCNetwork, roles: Iterable[str] | None = None) -> str:
         Columns whose inputs are drawn; default :attr:`RCNetwork.usual_roles`.
     """
     network = get_network(network)
-    roles = tuple(network.usual_roles if roles is None else roles)
+    roles = network.usual_roles if roles is None else as_names(roles)
     canvas = Canvas()
     if network.zones:
         return _draw_rooms(canvas, network, roles)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._arguments import is_number
 from .declaration import Declaration, as_names
 
 
@@ -90,11 +91,16 @@ class MatrixBuilder:
         Raises
         ------
         ValueError
-            If a parameter has no value.
+            If a parameter has no value, or one that is no number, or a capacitance or a resistance is not above 0.
         """
         missing = [name for name in self.parameters if name not in theta]
         if missing:
             raise ValueError(f"theta has no value for {', '.join(missing)}; give one for each parameter.")
+        divisors = {*np.flatnonzero(self.reciprocal), *self.capacitances}
+        for number, name in enumerate(self.parameters):
+            if not is_number(theta[name]) or (number in divisors and theta[name] <= 0):
+                above = " above 0" if number in divisors else ""
+                raise ValueError(f"theta gives {name} the value {theta[name]!r}; it must be a number{above}.")
         return np.array([theta[name] for name in self.parameters], dtype=np.float64)
 
     def matrices(self, theta: np.ndarray) -> Continuous:

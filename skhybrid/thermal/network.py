@@ -106,7 +106,7 @@ class RCNetwork(Declaration):
         Raises
         ------
         ValueError
-            If a parameter has no value.
+            If a parameter has no value, or an impossible one.
         """
         builder = self.matrix_builder(roles)
         return Continuous(*(batch[0] for batch in builder.matrices(builder.vector(theta)[None])))

@@ -172,6 +172,7 @@ def diagnose_residuals(
         after the first, the inputs lack a row, or fewer than three rows have an error.
     """
     check_level(level)
+    check_integer("n_fitted", n_fitted, 0)
     innovations = float_columns(innovations, ("innovation", "std"), "innovations")
     step = _step_of(innovations.index, sampling_time)
     if isinstance(innovations.index, pd.DatetimeIndex):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy import stats
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
+from ..._arguments import check_integer, is_integer
 from ..._table import as_numbers, refuse_huge
 
 Z95 = 1.959964  # 95 % of a standard normal variable lies within
@@ -33,6 +34,7 @@ def autocorrelation(errors: Any, n_lags: int) -> pd.DataFrame:
     DataFrame
         Index ``lag`` [rows]; ``acf``, the half-width ``band`` of 95 % of white noise and ``n_pairs``, NaN at no pair.
     """
+    check_integer("n_lags", n_lags)
     z, seen = _centred(errors)
     variance = float(np.sum(z**2)) / int(seen.sum())
     lags = np.arange(1, min(n_lags, len(z) - 1) + 1)
@@ -65,8 +67,10 @@ def ljung_box(errors: Any, lags: Sequence[int], n_fitted: int = 0) -> pd.DataFra
     -----
     ``(n + 2) / n * sum_k n_pairs(k) acf(k)^2``: Ljung and Box (1978), with missing rows Stoffer and Toloi (1992).
     """
-    if not len(lags) or min(lags) < 1:
-        raise ValueError(f"lags={list(lags)!r} must be row numbers of at least 1; give one or more.")
+    lags = _read_lags(lags)
+    if not lags or min(lags) < 1:
+        raise ValueError(f"lags={lags!r} must be row numbers of at least 1; give one or more.")
+    check_integer("n_fitted", n_fitted, 0)
     n = int(np.isfinite(as_numbers(errors, "the series")).sum())
     table = autocorrelation(errors, max(lags))
     total = ((n + 2) / n * table["n_pairs"] * table["acf"] ** 2).fillna(0.0).cumsum()
@@ -77,7 +81,7 @@ def ljung_box(errors: Any, lags: Sequence[int], n_fitted: int = 0) -> pd.DataFra
         dof = max(int(counted.loc[last]) - n_fitted, 1)
         statistic = float(total.loc[last])
         rows.append((statistic, dof, float(stats.chi2.sf(statistic, dof))))
-    return pd.DataFrame(rows, columns=["statistic", "dof", "p_value"], index=pd.Index(list(lags), name="lags"))
+    return pd.DataFrame(rows, columns=["statistic", "dof", "p_value"], index=pd.Index(lags, name="lags"))
 
 
 def cumulative_periodogram(errors: Any) -> pd.DataFrame:
@@ -161,6 +165,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
     """
     if np.size(errors) != np.size(series):
         raise ValueError(f"errors has {np.size(errors)} rows and series {np.size(series)}; give the same rows of both.")
+    lags = _read_lags(lags)
     white = prewhiten(errors)
     measured = np.isfinite(as_numbers(errors, "the series")).sum()
     # scattered gaps leave no row whose past is whole: then the errors stay as they are, and the test is weaker
@@ -178,7 +183,7 @@ def cross_correlation(errors: Any, series: Any, lags: Sequence[int]) -> pd.DataF
             rows.append((np.nan, np.nan, np.nan))
         else:
             rows.append((total / n / scale, Z95 * spread / n / scale, total / spread))
-    return pd.DataFrame(rows, columns=["ccf", "band", "t"], index=pd.Index(list(lags), name="lag"))
+    return pd.DataFrame(rows, columns=["ccf", "band", "t"], index=pd.Index(lags, name="lag"))
 
 
 def independence(t: Any) -> float:
@@ -191,9 +196,20 @@ def independence(t: Any) -> float:
     return float(min(1.0, 2.0 * min(largest, stats.chi2.sf(np.sum(known**2), len(known)))))
 
 
+def _read_lags(lags: Any) -> list[int]:
+    """Lags in a list."""
+    found = list(lags) if isinstance(lags, Iterable) else [None]
+    if not all(map(is_integer, found)):
+        raise ValueError(f"lags={lags!r} must be a list of whole numbers of rows, such as [24, 48].")
+    return found
+
+
 def _centred(errors: Any) -> tuple[np.ndarray, np.ndarray]:
     """Errors less their mean, 0 where missing; and which were measured."""
-    values = as_numbers(errors, "the series").reshape(-1)
+    values = as_numbers(errors, "the series")
+    if values.shape != (values.size,) and values.shape != (values.size, 1):
+        raise ValueError(f"the series has the shape {values.shape}; give one column.")
+    values = values.reshape(-1)
     seen = np.isfinite(values)
     refuse_huge(values[seen], "the series")
     if seen.sum() < 3 or np.ptp(values[seen]) == 0.0:

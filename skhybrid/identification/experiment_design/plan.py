@@ -327,7 +327,7 @@ def _levels(name: str, wanted: Any) -> np.ndarray:
 
 
 def _checked_hours(hours: Any, log: _Log) -> list[float]:
-    hours = [hours] if is_number(hours) else list(hours)
+    hours = [hours] if isinstance(hours, str) or not isinstance(hours, Iterable) else list(hours)
     for h in hours:
         if not is_number(h) or h < 0 or abs(h / log.hours - round(h / log.hours)) > 1e-9:
             raise ValueError(f"hours has {h!r}; give 0 or a multiple of the step of weather, {log.hours:g} h.")
