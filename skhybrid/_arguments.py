@@ -90,5 +90,7 @@ def draw_seed(random_state: int | np.random.RandomState | None) -> int:
     if random_state is None:
         return int(np.random.default_rng().integers(2**31 - 1))
     if isinstance(random_state, int | np.integer):
+        if not 0 <= random_state < 2**32:
+            raise ValueError(f"random_state={random_state!r} must be an integer from 0 to {2**32 - 1}.")
         return int(random_state)
     return int(check_random_state(random_state).randint(2**31 - 1))

@@ -61,7 +61,7 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None
     known, wanted = history[both], y[both]
     means = f"role {role!r} of X and y are not the same quantity: {role} is {known.mean():.4g} on average, y "
     means += f"{wanted.mean():.4g}"
-    most = _MOST_APART if role.startswith("T_") else _MOST_APART * max(np.std(wanted), 0.1)
+    most = _MOST_APART if role.startswith("T_") else _MOST_APART * max(min(np.std(known), np.std(wanted)), 0.1)
     if np.median(np.abs(known - wanted)) > most:
         raise ValueError(f"{means}; {_cause(known, wanted, role)}.")
     if len(known) < _ENOUGH_ROWS or np.ptp(wanted) == 0:

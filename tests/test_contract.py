@@ -662,6 +662,8 @@ def test_a_disturbance_in_another_unit_is_refused():
     DisturbanceForecaster("profile").fit(X.assign(zeta=y), y)
     with pytest.raises(ValueError, match="role 'zeta' of X and y are not the same quantity"):
         DisturbanceForecaster("profile").fit(X.assign(zeta=1000 * y), y)
+    with pytest.raises(ValueError, match="role 'zeta' of X and y are not the same quantity"):
+        DisturbanceForecaster("profile").fit(X.assign(zeta=y), 1000 * y)
     with pytest.warns(UnitWarning, match=r"y ranges from .* likely W rather than kW"):
         DisturbanceForecaster("profile").fit(X, 1000 * y)
 

@@ -152,6 +152,9 @@ def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
         ({"size": {"hidden_size": [4, 0]}}, "hidden_size=0 must be an integer of at least 1"),
         ({"frameworks": {"own": "cnn"}, "size": {"own": {"activation": "tanh"}}}, "activation='tanh' is not known"),
         ({"frameworks": []}, "empty"),
+        ({"frameworks": 4}, "frameworks=4 must be a name, or a list of names"),
+        ({"disturbance": None}, "disturbance=None must be a name, or a list"),
+        ({"cases": 1}, "cases=1 must be a case, or a list of them, such as 'case01'"),
     ],
 )
 def test_what_is_not_known_is_named(given, said):

@@ -13,6 +13,7 @@ import pytest
 from joblib import Parallel, delayed
 from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.linear_model import Ridge
+from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skhybrid.forecasting import ARXRegressor, BoostedRegressor, DisturbanceForecaster
@@ -378,6 +379,7 @@ def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once()
     [
         ({"model": "transformer"}, r"model='transformer' is not known; use mlp, cnn, rnn, lstm, profile"),
         ({"model": Ridge}, "nor a regressor instance"),
+        ({"model": StandardScaler()}, r"model=StandardScaler\(\) is neither .* nor a regressor instance"),
         ({"case": "case18"}, r"case='case18' is not known for model='lstm'; use case01"),
         ({"activation": "tanh"}, r"activation='tanh' is not known; use one of 'relu', 'selu', 'gelu'"),
         ({"residual_of": "arima"}, r"residual_of='arima' is not known; use one of None, 'profile'"),
@@ -389,6 +391,7 @@ def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once()
         ({"validation_fraction": 0}, r"validation_fraction=0 leaves no rows .* residual_of='ridge' to use"),
         ({"learning_rate": "fast"}, r"learning_rate='fast' is outside \(0, inf\)"),
         ({"random_state": "a"}, "'a' cannot be used to seed"),
+        ({"random_state": -1}, "random_state=-1 must be an integer from 0 to 4294967295"),
         ({"horizon": "90min"}, "not a positive multiple of the sampling time"),
     ],
 )

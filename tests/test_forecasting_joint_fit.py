@@ -199,5 +199,18 @@ def test_candidates_and_all_that_is_global_are_left_as_they_are():
     np.testing.assert_array_equal(np.random.get_state()[1], numpy_state)  # noqa: NPY002
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (candidate("mlp"), "forecasters is one DisturbanceForecaster; give a list of them"),
+        ([Ridge()], r"forecasters holds Ridge\(\), which is no DisturbanceForecaster"),
+        ({"a": candidate("mlp")}, "forecasters holds 'a', which is no DisturbanceForecaster"),
+    ],
+)
+def test_what_is_no_forecaster_is_named(given, said):
+    with pytest.raises(ValueError, match=said):
+        fit_many(given, *hourly())
+
+
 def test_nothing_to_fit_is_an_empty_list():
     assert fit_many([], *hourly()) == []

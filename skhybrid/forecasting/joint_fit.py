@@ -49,17 +49,19 @@ def fit_many(
     Raises
     ------
     ValueError
-        If ``on_error`` is neither, or ``verbose`` a word.
+        If ``on_error`` is neither, ``verbose`` a word, or a candidate of another kind.
     """
     check_verbose(verbose)
     if on_error not in ("raise", "return"):
         raise ValueError(f"on_error={on_error!r} is not known; use 'raise' or 'return'.")
+    if not isinstance(forecasters, Iterable):
+        raise ValueError(f"forecasters is one {type(forecasters).__name__}; give a list of them.")
     results: list[Any] = []
     jobs: dict[int, TrainingJob] = {}
     shared: dict[Any, Any] = {}
     for i, forecaster in enumerate(forecasters):
         try:
-            one = clone(forecaster)
+            one = clone(_checked(forecaster))
             job = one._begin(X, y, shared)
         except Exception as error:
             if on_error == "raise":
@@ -77,6 +79,13 @@ def fit_many(
             else:
                 results[i]._take(result)
     return results
+
+
+def _checked(forecaster: Any) -> DisturbanceForecaster:
+    """A candidate as it is; another kind is refused."""
+    if not isinstance(forecaster, DisturbanceForecaster):
+        raise ValueError(f"forecasters holds {forecaster!r}, which is no DisturbanceForecaster; give these alone.")
+    return forecaster
 
 
 def fit_each(forecasters: Sequence[Any], X: Any, y: Any) -> list[Any]:

@@ -66,7 +66,7 @@ def fit_baseline(name: str, table: ZoneTable, target: np.ndarray, n_leads: int) 
 def check_parameters(forecaster: Any) -> None:
     """Refuse unknown or impossible parameters of a forecaster, also those that only networks read."""
     model, names = forecaster.model, (*NETWORKS, *BASELINES)
-    if isinstance(model, type) or not (isinstance(model, str) or hasattr(model, "fit")):
+    if isinstance(model, type) or not (isinstance(model, str) or (hasattr(model, "fit") and hasattr(model, "predict"))):
         raise ValueError(f"model={model!r} is neither one of {', '.join(names)} nor a regressor instance.")
     if isinstance(model, str) and model not in names:
         raise ValueError(f"model={model!r} is not known; use {', '.join(names)} or a scikit-learn regressor.")

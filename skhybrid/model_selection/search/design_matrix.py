@@ -154,6 +154,9 @@ def design_matrix(
         If a framework, a case, a kind of disturbance or a size is unknown, a network cannot have a size, two cases that
         differ have one name, or there is no candidate.
     """
+    for name, given in (("frameworks", frameworks), ("disturbance", disturbance)):
+        if not isinstance(given, Iterable):
+            raise ValueError(f"{name}={given!r} must be a name, or a list of names.")
     models = _models(frameworks)
     kinds = [disturbance] if isinstance(disturbance, str) else list(dict.fromkeys(disturbance))
     for kind in kinds:
@@ -210,6 +213,8 @@ def _cases(models: Mapping[str, Any], cases: Any) -> dict[str, list[str | ModelC
             if name not in networks:
                 raise ValueError(f"cases are given for {name!r}, which is not a network among the frameworks.")
         return {name: _cases({name: model}, cases.get(name))[name] for name, model in models.items()}
+    if not isinstance(cases, Iterable | ModelCase):
+        raise ValueError(f"cases={cases!r} must be a case, or a list of them, such as 'case01'; see list_cases().")
     wanted = [cases] if isinstance(cases, str | ModelCase) else list(dict.fromkeys(cases))
     for case, (name, net) in product(wanted, networks.items()):
         if isinstance(case, ModelCase) or case in cases_of(net):
