@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from io import StringIO
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -378,6 +380,62 @@ def test_parts_of_a_comparison_and_of_a_map_must_fit():
             RobustnessDisplay.from_predictions(*given, values, ["a"])
     with pytest.raises(ValueError, match="couplings name 'hall', which is not a pair of zones"):
         RoomMapDisplay.from_predictions({"hall": 1.0}, {"hall": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("couplings", "errors", "words"),
+    [
+        ({}, {}, "errors name no zone"),
+        ({("a", "a"): 1.0}, {"a": 0.3}, "couplings join 'a' with itself"),
+        ({("a", "b"): "x"}, {"a": 0.3, "b": 0.2}, r"couplings give \('a', 'b'\) the value 'x'"),
+        ({("a", "b"): -3.0}, {"a": 0.3, "b": 0.2}, r"couplings give \('a', 'b'\) the value -3.0"),
+        ({("a", "b"): None}, {"a": 0.3, "b": np.inf}, "errors give 'b' the value inf"),
+    ],
+)
+def test_a_map_of_what_cannot_be_is_refused(couplings, errors, words):
+    with pytest.raises(ValueError, match=words):
+        RoomMapDisplay.from_predictions(couplings, errors)
+
+
+def test_a_back_test_whose_times_are_no_times_is_refused(frame):
+    """Read from a CSV, it was drawn with a tick for each row; leads in hours counted as nanoseconds."""
+    read = pd.read_csv(StringIO(frame.to_csv(index=False)))
+    with pytest.raises(
+        ValueError, match=r"column 'origin' of the back-test holds text; convert it with pd.to_datetime"
+    ):
+        ForecastDisplay.from_predictions(read)
+    assert LeadErrorDisplay.from_predictions(read).ax_.get_xlim()[1] == 24.0
+    with pytest.raises(ValueError, match=r"column 'lead' of the back-test holds numbers; convert it with pd.to_timed"):
+        LeadErrorDisplay.from_predictions(frame.assign(lead=frame["lead"] / pd.Timedelta("1h")))
+
+
+def test_back_tests_of_other_zones_are_not_drawn_together(frame):
+    for others in (
+        {"a": frame.assign(zone="x"), "b": frame},
+        {"a": frame.assign(zone="x"), "b": frame.assign(zone="y")},
+    ):
+        with pytest.raises(ValueError, match="the back-tests 'a', 'b' are not of the same zones"):
+            ForecastDisplay.from_predictions(others)
+
+
+def test_axes_that_are_none_are_refused(frame):
+    for wrong in (3, plt.figure()):
+        with pytest.raises(ValueError, match=f"ax is a {type(wrong).__name__}; give axes"):
+            ForecastDisplay.from_predictions(frame, ax=wrong)
+
+
+def test_a_day_without_rows_or_with_a_load_in_words_is_refused():
+    day = pd.DataFrame({"T_za": 20.0}, index=INDEX[:24])
+    with pytest.raises(ValueError, match="the forecast has no rows"):
+        DayAheadDisplay.from_predictions(day[:0])
+    with pytest.raises(ValueError, match="column 'Q_hvac' of the forecast is not numeric"):
+        DayAheadDisplay.from_predictions(day.assign(Q_hvac="much"))
+
+
+def test_one_edge_is_no_interval():
+    day = pd.DataFrame({"T_za": 20.0, "Q_hvac": 1.0, "Q_hvac_0.1": 0.5}, index=INDEX[:24])
+    load = DayAheadDisplay.from_predictions(day).ax_[1]
+    assert "80 % interval" not in [text.get_text() for text in load.get_legend().get_texts()]
 
 
 def test_draws_that_are_all_equal_are_drawn():

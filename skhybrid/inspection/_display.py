@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from inspect import isfunction
 from typing import Any, Self
 
@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._docs import filled
+from .._table import float_columns, listed
 
 _BLOCKS = {
     "attributes": """
@@ -99,6 +100,33 @@ def frames_by_label(given: Any, alone: str, name: str, made_by: str) -> dict[str
     for label, frame in found.items():
         refuse_other(frame, pd.DataFrame, name if frame is given else f"{name}[{label!r}]", made_by)
     return found
+
+
+def refuse_no_times(frame: pd.DataFrame, needed: Sequence[str]) -> None:
+    """Refuse a back-test that lacks a column of times, whose stamps are text, or whose leads are numbers."""
+    for name in needed:
+        if name not in frame:
+            raise ValueError(f"the back-test has no column {name!r}; give one.")
+        kind = pd.api.types.infer_dtype(frame[name])
+        if kind == "string" and name != "lead":  # as a CSV holds them
+            raise ValueError(f"column {name!r} of the back-test holds text; convert it with pd.to_datetime.")
+        if kind in ("integer", "floating") and name == "lead":
+            raise ValueError(f"column {name!r} of the back-test holds numbers; convert it with pd.to_timedelta.")
+
+
+def refuse_other_zones(frames: Mapping[str, pd.DataFrame]) -> None:
+    """Refuse back-tests of which some have zones that others lack."""
+    zones = {label: frozenset(frame["zone"]) if "zone" in frame else frozenset() for label, frame in frames.items()}
+    if len(set(zones.values())) > 1:
+        raise ValueError(f"the back-tests {listed(frames)} are not of the same zones; draw them apart.")
+
+
+def refuse_no_numbers(frame: Any, needed: Sequence[str], others: Sequence[str], what: str) -> None:
+    """Refuse a frame without rows or numbers in the columns that are needed, or in others as far as it has them."""
+    float_columns(frame, needed, what)
+    float_columns(frame, [name for name in others if name in frame], what)
+    if frame.empty:
+        raise ValueError(f"{what} has no rows; give at least one.")
 
 
 class Display:

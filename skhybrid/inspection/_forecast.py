@@ -13,7 +13,7 @@ from .._table import as_numbers, float_columns, listed
 from .._time import read_instant
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
-from ._display import Display, frames_by_label
+from ._display import Display, frames_by_label, refuse_no_numbers, refuse_no_times, refuse_other_zones
 from ._style import (
     COLORS,
     MARKERS,
@@ -250,7 +250,7 @@ class DayAheadDisplay(Display):
             As in the class.
         %(drawing)s
         """
-        float_columns(forecast, ("T_za",), "the forecast")
+        refuse_no_numbers(forecast, ("T_za",), ("Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9"), "the forecast")
         if measured is not None:
             float_columns(measured, ("T_za",), "measured")
             theirs, ours = _clock(measured.index), _clock(forecast.index)
@@ -314,7 +314,7 @@ class DayAheadDisplay(Display):
         ax.step(load.index, load, where="post", label=label, **style)
         edges = [self.forecast.get(f"Q_hvac_{level}", load) for level in (0.1, 0.9)]
         band: dict[str, Any] = {"step": "post", "color": COLORS[1], "linewidth": 0}
-        if edges[0] is load:
+        if any(edge is load for edge in edges):
             ax.fill_between(load.index, load, alpha=0.15, **band)
         else:
             ax.fill_between(load.index, *edges, alpha=0.22, label="80 % interval", **band)
@@ -330,8 +330,9 @@ def _labelled(frames: Mapping[str, pd.DataFrame] | pd.DataFrame, needed: Sequenc
         raise ValueError("there is no back-test to draw; pass at least one, with at least one origin.")
     for frame in found.values():
         float_columns(frame, ("y_true", "y_pred"), "the back-test")
-        if absent := [name for name in needed if name not in frame]:
-            raise ValueError(f"the back-test has no column {absent[0]!r}; give one.")
+        refuse_no_times(frame, needed)
+    if "time" in needed:
+        refuse_other_zones(found)
     if "time" in needed and len(clocks := {_clock(frame["time"]): label for label, frame in found.items()}) > 1:
         raise ValueError(
             f"the back-tests {listed(clocks.values())} have different clocks: {listed(clocks)}; bring X to one "

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse.csgraph import shortest_path
 
-from .._arguments import refuse_without
+from .._arguments import is_number, refuse_without
 from ._display import Display, refuse_other
 from ._style import COLORS, MEASURED, axes_or_new, heading
 
@@ -88,7 +89,7 @@ class RoomMapDisplay(Display):
         Raises
         ------
         ValueError
-            If a coupling names a zone that has no entry in ``errors``.
+            If a coupling names a zone that has no entry in ``errors``, or a value is negative, infinite or no number.
         """
         refuse_other(couplings, Mapping, "couplings", "pairs of zones to W/K")
         refuse_other(errors, Mapping, "errors", "zones to K")
@@ -97,6 +98,12 @@ class RoomMapDisplay(Display):
         unknown = [zone for pair in couplings for zone in pair if zone not in errors]
         if unknown:
             raise ValueError(f"couplings name the zone {unknown[0]!r}, but errors have {', '.join(errors)}.")
+        if same := [a for a, b in couplings if a == b]:
+            raise ValueError(f"couplings join {same[0]!r} with itself; leave the pair out.")
+        if not errors:
+            raise ValueError("errors name no zone; give at least one.")
+        _refuse_impossible("couplings", couplings)
+        _refuse_impossible("errors", errors)
         return cls(couplings, errors).plot(ax, **kwargs)
 
     def size(self, width: float = 9.0) -> tuple[float, float]:
@@ -163,6 +170,14 @@ class RoomMapDisplay(Display):
         share = 0.0 if error is None else 0.5 * error / worst
         shade = {"boxstyle": "round,pad=0.55", "facecolor": COLORS[1], "edgecolor": "none", "alpha": share}
         ax.text(*place, text, bbox=shade, zorder=4, **middle)
+
+
+def _refuse_impossible(name: str, values: Mapping[Any, Any]) -> None:
+    """Refuse values that are neither None, NaN, nor finite numbers from 0 on."""
+    for key, value in values.items():
+        known = not (value is None or (isinstance(value, Real) and np.isnan(float(value))))
+        if known and not (is_number(value) and value >= 0):
+            raise ValueError(f"{name} give {key!r} the value {value!r}; give a number from 0 on, or None.")
 
 
 def _nan_as_none(values: Mapping[Any, float | None]) -> dict[Any, float | None]:

@@ -89,6 +89,8 @@ def grid_or_new(ax: Any, n_axes: int, n_cols: int, size: tuple[float, float], sh
     """(n_axes,) axes: those given, or of a new figure in ``n_cols`` columns, each of the given size [inch]."""
     if ax is not None:
         given = np.ravel(np.asarray(ax, dtype=object))
+        if strange := [one for one in given if not hasattr(one, "plot")]:
+            raise ValueError(f"ax is a {type(strange[0]).__name__}; give axes, such as those of plt.subplots().")
         if len(given) != n_axes:
             raise ValueError(f"ax has {len(given)} axes, but this display needs {n_axes}.")
         return given
