@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.linear_model import Ridge
 
 from skhybrid import (
     GrayBoxRC,
@@ -333,6 +334,8 @@ def test_a_partition_that_no_room_tells_has_no_standard_error():
 
 def test_rooms_that_cannot_be_identified_apart(house):
     X, y = with_heat(house), house.y
+    with pytest.raises(ValueError, match=r"estimator=Ridge\(\) is no identification, such as"):
+        identify_rooms(Ridge(), X, y)
     with pytest.raises(ValueError, match="the network 2R2C has no zones"):
         identify_rooms(InputDisturbanceID(), X, y)
     walls = building_network(list(house.network.zones), house.adjacency, couple=("za", "w"))

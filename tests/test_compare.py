@@ -276,6 +276,8 @@ def test_wrong_settings_are_refused(office):
             compare_models(given, office.X, office.y)
     with pytest.raises(ValueError, match="estimators is one GrayBoxRC; give a list of those to compare"):
         compare_models(GrayBoxRC(), office.X, office.y)
+    with pytest.raises(ValueError, match="estimators is one NoneType; give a list of those to compare"):
+        compare_models(None, office.X, office.y)
     with pytest.raises(ValueError, match="two estimators are called GrayBoxRC 2R2C"):
         compare_models([GrayBoxRC(), GrayBoxRC()], office.X, office.y)
     with pytest.raises(ValueError, match="purpose='fun' is neither"):

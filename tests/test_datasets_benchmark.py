@@ -73,8 +73,14 @@ def test_the_office_of_the_paper_has_four_weeks_and_half_a_year(climate):
 def test_unknown_logs_are_refused():
     with pytest.raises(ValueError, match="names= has 'dutch home 4', but the logs are 'office autumn"):
         load_benchmark(names=["dutch home 4"])
-    with pytest.raises(ValueError, match="number=4 must be 1, 2 or 3"):
-        load_dutch_home(4)
+    for names in ("dutch home 1", 3):  # the letters of a name were looked up
+        with pytest.raises(ValueError, match=f"names={names!r} must be a list of names, such as"):
+            load_benchmark(names)
+    with pytest.raises(ValueError, match="seed='0' must be an integer of at least 0"):
+        load_benchmark(["make_office oakland"], seed="0")
+    for number in (4, 1.0, True):
+        with pytest.raises(ValueError, match=f"number={number} must be 1, 2 or 3"):
+            load_dutch_home(number)
 
 
 class Thief(Ridge):

@@ -601,6 +601,11 @@ def test_a_choice_from_beginning_to_end(results):
     assert "A baseline is sufficient: ridge input, with 0.320 K, is better than the choice" in str(choice)
 
 
+def test_a_case_of_ones_own_is_declared_and_not_named(results):
+    with pytest.raises(ValueError, match="cases= has 'case01'; give cases of your own, as ModelCase"):
+        select_case(results, cases=["case01"])
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [({"case": None}, "nothing but baselines"), ({"only": 1}, "every case of results has one size")],

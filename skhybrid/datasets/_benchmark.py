@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
 import pandas as pd
 
+from .._arguments import check_integer
 from ._office import make_office
 from ._shipped_logs import load_dutch_home, load_small_office
 
@@ -71,8 +72,11 @@ def load_benchmark(names: Sequence[str] | None = None, *, seed: int = 0) -> dict
     Raises
     ------
     ValueError
-        If there is no log of that name.
+        If there is no log of that name, or ``seed`` is no integer from 0 on.
     """
+    check_integer("seed", seed, 0)
+    if isinstance(names, str) or not isinstance(names, Iterable | None):
+        raise ValueError(f"names={names!r} must be a list of names, such as {list(LOGS)[:1]}.")
     unknown = [name for name in names or () if name not in LOGS]
     if unknown:
         raise ValueError(f"names= has {unknown[0]!r}, but the logs are {', '.join(map(repr, LOGS))}.")

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 from sklearn.utils import Bunch
 
+from .._arguments import is_integer
 from ..logs import read_zone_csv
 
 _HOME_COLUMNS = {"T_oa": "T_out_degC", "q_sol": "ghi_kW_m2", "u_heat": "heat_cmd", "T_za": "T_in_degC"}
@@ -86,7 +87,7 @@ def load_dutch_home(number: int) -> Bunch:
     ValueError
         If ``number`` is another.
     """
-    if number not in (1, 2, 3):
+    if not is_integer(number) or number not in (1, 2, 3):
         raise ValueError(f"number={number!r} must be 1, 2 or 3.")
     with _shipped(f"dutch_home_{number}") as path:
         X = read_zone_csv(path, _HOME_COLUMNS, timezone="Europe/Amsterdam")

@@ -190,6 +190,8 @@ def cases_by_name(cases: Iterable[ModelCase], models: Iterable[str] = ()) -> dic
     of_models = {model: cases_of(model) for model in models}
     named: dict[str, ModelCase] = {}
     for case in cases:
+        if not isinstance(case, ModelCase):
+            raise ValueError(f"cases= has {case!r}; give cases of your own, as ModelCase; the paper's are known.")
         others = {"another of your cases": named} | {f"a case of the paper for {m}": of for m, of in of_models.items()}
         for whose, known in others.items():
             if known.get(case.name, case) != case:

@@ -67,6 +67,8 @@ def identify_rooms(estimator: NetworkIdentifier, X: Any, y: Any, n_jobs: int | N
         lacks a zone.
     """
     check_n_jobs(n_jobs)
+    if not isinstance(estimator, NetworkIdentifier):
+        raise ValueError(f"estimator={estimator!r} is no identification, such as InputDisturbanceID; give one.")
     network = get_network(estimator.network)
     if not network.zones:
         raise ValueError(f"the network {network.name} has no zones; make it by thermal.building_network.")

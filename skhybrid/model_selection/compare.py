@@ -184,7 +184,7 @@ def _refuse_disorder(splits: Iterable[tuple[np.ndarray, np.ndarray]], cv: Any) -
 
 def _named(estimators: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
     """Candidates by name: the given one, or class and network."""
-    if hasattr(estimators, "fit"):
+    if hasattr(estimators, "fit") or not isinstance(estimators, Iterable):
         raise ValueError(f"estimators is one {type(estimators).__name__}; give a list of those to compare.")
     estimators = [estimators] if isinstance(estimators, str) else estimators
     given = dict(estimators) if isinstance(estimators, Mapping) else dict(enumerate(estimators))
