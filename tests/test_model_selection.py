@@ -18,7 +18,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
 from skhybrid import ARXRegressor
 from skhybrid.exceptions import SkhybridWarning, UnitWarning
-from skhybrid.model_selection import RollingOriginSplit, backtest, day_ahead_scorer, score_backtest
+from skhybrid.model_selection import DayAheadScorer, RollingOriginSplit, backtest, day_ahead_scorer, score_backtest
 from skhybrid.model_selection.backtest import _origins
 
 PER_DAY = 24
@@ -94,6 +94,12 @@ def test_a_block_that_is_scored_for_an_hour_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         day_ahead_scorer(model, X[22:37], y[22:37])  # half of it
+
+
+def test_a_scorer_of_quantiles_needs_two():
+    X, y = _table(2)
+    with pytest.raises(ValueError, match=r"quantiles=\(0.5,\) must be at least two, such as \(0.1, 0.9\), or None"):
+        DayAheadScorer(quantiles=(0.5,))(None, X, y)
 
 
 def test_an_array_takes_the_given_sampling_time_and_a_table_its_own():

@@ -175,6 +175,8 @@ def test_what_cannot_be_written_as_data_is_refused(tmp_path):
     model.held_ = Local(1)
     with pytest.raises(TypeError, match=r"Ridge\.held_ is a"):
         save_model(model, tmp_path / "m")
+    with pytest.raises(ValueError, match="metadata='hall' must be a mapping of names to texts"):
+        save_model(Ridge().fit(X, y), tmp_path / "m", "hall")
     with pytest.raises(NotFittedError):
         save_model(Ridge(), tmp_path / "m")
     assert list(tmp_path.iterdir()) == []

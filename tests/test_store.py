@@ -232,6 +232,8 @@ def test_a_path_that_is_no_file_is_named(tmp_path, kind):
     place = {"folder": tmp_path, "below a file": tmp_path / "file" / "a.sqlite", "null": "/dev/null"}[kind]
     with pytest.raises(OSError, match=rf"store {place} (is not a file|cannot be created).*give the path of another"):
         ResultStore(place, {})
+    with pytest.raises(OSError, match=r"store=3 is no path; give that of a file, or None"):
+        ResultStore(3, {})
     with pytest.raises(OSError, match=r"store is an empty path, .*; give the path of a file"):
         ResultStore("", {})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from .._time import spell
@@ -50,6 +51,8 @@ class DayAheadScorer:
 
     def __call__(self, estimator: Any, X: Any, y: Any) -> float:
         """Minus the root mean square error, or minus the mean pinball loss [K]."""
+        if self.quantiles is not None and np.size(self.quantiles) < 2:
+            raise ValueError(f"quantiles={self.quantiles!r} must be at least two, such as (0.1, 0.9), or None.")
         spans = {"horizon": self.horizon, "origin_step": self.origin_step}
         frame = backtest(estimator, X, y, **spans, quantiles=self.quantiles, whole=False)
         longest, horizon = frame["lead"].max(), pd.Timedelta(self.horizon)

@@ -13,6 +13,7 @@ from typing import Any
 from sklearn.utils.validation import check_is_fitted
 
 from .. import __version__
+from .._arguments import as_mapping
 from .._files import atomic_path
 from .._warnings import first_sentence
 from ..exceptions import ModelFileError
@@ -63,16 +64,19 @@ def save_model(estimator: Any, path: str | os.PathLike[str], metadata: Mapping[s
         If it is not fitted.
     TypeError
         If it contains an object that cannot be written as data, such as a lambda.
+    ValueError
+        If ``metadata`` is no mapping.
     OSError
         If the file cannot be written.
     """
     if not is_dataclass(estimator):  # a value, such as a FleetPrior, is what it is
         check_is_fitted(estimator)
+    texts = {str(k): str(v) for k, v in as_mapping("metadata", metadata, "names to texts").items()}
     io = import_skops()
     try:
         data = to_data(estimator, type(estimator).__name__)
-        if metadata:
-            data = {"model": data, "metadata": {str(k): str(v) for k, v in metadata.items()}}
+        if texts:
+            data = {"model": data, "metadata": texts}
         body = io.dumps(fold(data))
         if not unpacks_too_large(small := deflated(body)):  # load_model refuses what looks like a bomb
             body = small

@@ -84,6 +84,8 @@ class ResultStore:
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, settings: Mapping[str, str], lease: float = 60.0) -> None:
+        if not isinstance(path, str | os.PathLike | None):
+            raise StoreError(f"store={path!r} is no path; give that of a file, or None.")
         self.path = ":memory:" if path is None else os.fspath(path)
         self.owner = uuid.uuid4().hex
         self.lease = lease
