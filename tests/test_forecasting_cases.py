@@ -84,6 +84,8 @@ def test_a_case_of_the_user():
         ],
         ({"past": (), "future": ()}, "has no feature"),
         ({"past": "zeta"}, "past='zeta' of case 'x' must be a sequence of features"),  # a comma is missing
+        ({"past": ("how", "zeta", "how")}, "past of case 'x' has 'how' twice"),
+        ({"name": None}, "name=None of a case must be text"),
         ({"future": None}, "future=None of case 'x' must be a sequence of features"),
     ]:
         with pytest.raises(ValueError, match=message):

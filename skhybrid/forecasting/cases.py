@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 
@@ -42,6 +43,8 @@ class ModelCase:
     future: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"name={self.name!r} of a case must be text, by which tables tell it from others.")
         for part in ("past", "future"):
             given = getattr(self, part)
             if isinstance(given, str) or not isinstance(given, Iterable):
@@ -54,6 +57,8 @@ class ModelCase:
                     raise ValueError(
                         f"{part} of case {self.name!r} has the unknown feature {feature!r}; use {', '.join(FEATURES)}."
                     )
+            if twice := [feature for feature, count in Counter(getattr(self, part)).items() if count > 1]:
+                raise ValueError(f"{part} of case {self.name!r} has {twice[0]!r} twice; give it once.")
         if "zeta" in self.future:
             raise ValueError(f"future of case {self.name!r} has 'zeta', which is not known ahead; put it in past.")
         if not self.past and not self.future:
