@@ -254,7 +254,9 @@ def _sun(
     """Zenith and azimuth of the sun [degrees] at the place that is given, or else that of the file."""
     from pvlib.solarposition import get_solarposition
 
-    place = [answer.get(n) if of is None else of for n, of in (("latitude", latitude), ("longitude", longitude))]
+    place: list[Any] = [
+        answer.get(n) if of is None else of for n, of in (("latitude", latitude), ("longitude", longitude))
+    ]
     if not all(isinstance(of, int | float) for of in place):
         raise ValueError(f"{where} names no place, which its irradiance needs; give latitude= and longitude=.")
     for name, of, bound in zip(("latitude", "longitude"), place, (90.0, 180.0), strict=True):

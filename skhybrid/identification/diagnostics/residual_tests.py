@@ -198,7 +198,7 @@ def independence(t: Any) -> float:
 
 def _read_lags(lags: Any) -> list[int]:
     """Lags in a list."""
-    found = list(lags) if isinstance(lags, Iterable) else [None]
+    found: list[Any] = list(lags) if isinstance(lags, Iterable) else [None]
     if not all(map(is_integer, found)):
         raise ValueError(f"lags={lags!r} must be a list of whole numbers of rows, such as [24, 48].")
     return found
