@@ -55,6 +55,7 @@ def check_verbose(verbose: Any) -> None:
 def is_number(value: Any) -> bool:
     """Whether a value is a finite number, which a bool is not."""
     number: Any = value if isinstance(value, Real) and not isinstance(value, bool) else np.nan
+    number = float(number) if isinstance(number, np.floating) else number  # of 32 bits, the bound would overflow
     return bool(abs(number) <= _LARGEST)
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
 
-from skhybrid import ARXRegressor
+from skhybrid import ARXRegressor, GrayBoxRC
 from skhybrid.inspection import (
     BodeDisplay,
     DayAheadDisplay,
@@ -239,6 +239,15 @@ def test_the_weeks_have_a_panel_per_zone(n_zones):
     frame = pd.concat([pd.DataFrame({"zone": f"zone {number}", **known}) for number in range(n_zones)])
     figure = weeks_figure({"hybrid": frame}, pd.Timedelta("2D"))
     assert [ax.get_ylabel() for ax in figure.axes if ax.axison] == [f"zone {n} [degC]" for n in range(n_zones)]
+
+
+def test_the_week_is_drawn_where_the_training_table_had_no_temperature(table):
+    rows = table.assign(T_oa=5.0 + np.cos(np.arange(len(table)) / 9.0), q_sol=0.0, u_heat=np.arange(len(table)) % 2)
+    model = GrayBoxRC("1R1C", known={"Q_h": 6.0}, n_starts=1, random_state=0).fit(
+        rows.drop(columns="T_za"), rows["T_za"]
+    )
+    drawn = DisturbanceWeekDisplay.from_estimator(model, rows).week["median"]
+    assert drawn.notna().any()
 
 
 def test_hours_of_the_week_that_were_never_seen_stay_empty():

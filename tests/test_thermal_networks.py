@@ -216,6 +216,14 @@ def test_a_missing_value_is_named():
         RCNetwork("lone", *LONE).matrices({"C_za": 1.0}, ["T_oa"])
 
 
+@pytest.mark.filterwarnings("error")
+def test_numbers_of_32_bits_are_numbers():
+    theta = {"C_za": np.float32(2.0), "R_zo": np.float32(4.0)}
+    np.testing.assert_array_equal(RCNetwork("lone", *LONE).matrices(theta, ["T_oa"]).A, [[-0.125]])
+    with pytest.raises(ValueError, match=r"theta gives R_zo the value .*inf"):
+        RCNetwork("lone", *LONE).matrices(theta | {"R_zo": np.float32(np.inf)}, ["T_oa"])
+
+
 @pytest.mark.parametrize(("value", "above"), [(0.0, " above 0"), (-1.0, ""), (None, ""), (np.nan, ""), ("5", "")])
 def test_an_impossible_value_is_named(value, above):
     """Matrices of NaN or inf came of it."""

@@ -70,7 +70,8 @@ class DisturbanceWeekDisplay(Display):
             )
         names = getattr(gray_box, "feature_names_in_", None)
         if names is not None and isinstance(X, pd.DataFrame) and set(names) <= set(X.columns):
-            X = X[list(names)]  # a predictor may have passed the columns to its gray box in another order
+            others = [column for column in X if column not in set(names)]  # T_za, where y stood in for it in the fit
+            X = X[[*names, *others]]  # a predictor may have passed the columns to its gray box in another order
         refuse_without(gray_box, "estimate_disturbance", "an identification, such as OutputDisturbanceID")
         zeta = gray_box.estimate_disturbance(X, kind=kind, smooth=smooth)
         return cls.from_predictions(zeta, truth=truth, unit="kW" if kind == "input" else "K", ax=ax, **kwargs)
