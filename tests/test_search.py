@@ -138,6 +138,12 @@ def test_a_pipeline_and_any_regressor_equal_too(office, estimator, count):
     assert search.results_["fit_intercept"].isna().tolist() == [True, True, False]
 
 
+def test_folds_that_train_on_later_rows_are_refused(office):
+    search = DesignMatrixSearchCV(ARXRegressor(), {"alpha": [1.0]}, cv=2, verbose=0)
+    with pytest.raises(ValueError, match="cv=2 also trains on rows after those of the test"):
+        search.fit(office.X, office.y)
+
+
 def test_a_forecaster_alone_has_no_kind_of_disturbance(office):
     X, y = office.X.drop(columns="T_za"), office.heat_gain
     matrix = design_matrix({"mlp": "mlp", "lasso": Lasso()}, ["case01"], size={"mlp": SIZE, "lasso": {"alpha": [1, 2]}})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, Self
 
 import numpy as np
@@ -49,7 +49,7 @@ class DesignMatrixSearchCV(BaseSearchCV):
         From :func:`design_matrix`, or parameter grids as ``GridSearchCV`` takes them.
     cv : splitter, iterable or int, optional
         Default: two test blocks at the end, each a sixth of the table in whole days, and all rows before a block as its
-        training (:class:`RollingOriginSplit`).
+        training (:class:`RollingOriginSplit`).  An int, as in ``GridSearchCV``, for plain regressors alone.
     store : path-like, optional
         SQLite file of results on a local disk, created if it does not exist.  None: results are kept in memory.
     n_jobs : int, optional
@@ -124,8 +124,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         Raises
         ------
         ValueError
-            If y is missing, the store was made with other data or settings, a setting is unknown, or every candidate
-            fails on every split.
+            If y is missing, the store was made with other data or settings, a setting is unknown, ``cv`` is an int
+            for a model of rows in time, or every candidate fails on every split.
         """
         if y is None:
             raise ValueError("DesignMatrixSearchCV requires y to be passed, but the target y is None.")
@@ -175,9 +175,14 @@ class DesignMatrixSearchCV(BaseSearchCV):
         return (MeasuredRmse(-1.0), "score") if self.scoring is None else super()._get_scorers()
 
     def _splits(self, X: Any, y: Any) -> list[tuple[np.ndarray, np.ndarray]]:
-        cv = self.cv
+        cv, model = self.cv, last_step(self.estimator)
+        if isinstance(cv, Integral) and hasattr(model, "sampling_time"):  # of rows in time
+            raise ValueError(
+                f"cv={cv!r} also trains on rows after those of the test, which a forecast must not know; give a "
+                "splitter in time order, such as RollingOriginSplit()."
+            )
         if cv is None:
-            cv = default_split(X, getattr(last_step(self.estimator), "horizon", None) or "1D")
+            cv = default_split(X, getattr(model, "horizon", None) or "1D")
             if cv is None:
                 raise ValueError("X is too short for two test blocks of one day and a training of two; pass cv=.")
         splits = list(check_cv(cv, y, classifier=False).split(X, y))
