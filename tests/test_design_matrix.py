@@ -130,6 +130,8 @@ def test_a_framework_without_cases_passes_over_those_that_there_are():
 def test_a_pipeline_has_the_disturbance_beside_the_forecaster():
     grid = design_matrix(["ridge"]).param_grid("hybrid__forecaster__")
     assert grid == [{"hybrid__forecaster__model": ["ridge"], "hybrid__disturbance": ["input", "output"]}]
+    with pytest.raises(ValueError, match="prefix='forecaster' must end with '__'"):
+        design_matrix(["ridge"]).param_grid("forecaster")
 
 
 @pytest.mark.parametrize(

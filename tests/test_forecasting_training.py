@@ -420,6 +420,8 @@ def test_the_published_training():
     params = forecaster.get_params()
     wanted = {"n_repeats": 10, "max_epochs": 1000, "patience": 150, "residual_of": None, "repeats": "best"}
     assert {name: params[name] for name in wanted} == wanted
+    with pytest.raises(ValueError, match="model='ridge' has no cases"):
+        DisturbanceForecaster.published("ridge")
     X, y = hourly(28)
     n_valid = round(params["validation_fraction"] * len(X))
     assert n_valid == 7 * 24  # one week

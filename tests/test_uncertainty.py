@@ -342,6 +342,7 @@ def test_a_profile_that_meets_a_better_minimum_begins_there_anew():
     ("parameter", "settings", "message"),
     [
         ("C_x", {}, "'C_x' is not a parameter of the network, which has C_w"),
+        (["C_w"], {}, r"\['C_w'\] is not a parameter of the network"),
         ("Q_h", {}, "Q_h is given by known="),
         ("C_w", {"level": 2}, "level=2 is not between"),
         ("C_w", {"level": 0.0}, "level=0.0 is not between"),

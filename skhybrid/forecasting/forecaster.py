@@ -21,7 +21,7 @@ from .._transaction import unchanged_on_failure
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
 from .baselines import SAME_KIND_DAYS
-from .cases import ModelCase, resolve_case
+from .cases import ModelCase, cases_of, resolve_case
 from .features import mode_roles
 from .named_models import check_parameters, fit_baseline, is_network, require_networks
 from .reading import read_case_inputs
@@ -154,6 +154,11 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         **changes : dict
             Other parameters, such as ``random_state`` or those of the model size (:func:`list_sizes`).
 
+        Raises
+        ------
+        ValueError
+            If ``model`` is no network.
+
         Examples
         --------
         >>> from skhybrid import DisturbanceForecaster
@@ -161,6 +166,7 @@ class DisturbanceForecaster(RollingForecastMixin, RegressorMixin, BaseEstimator)
         >>> forecaster.n_repeats, forecaster.residual_of
         (10, None)
         """
+        cases_of(model)  # networks alone have some
         settings = {"residual_of": None, "n_repeats": 10, "repeats": "best", "validation_fraction": 0.25}
         settings |= {"max_epochs": 1000, "patience": 150}
         return cls(model, case, **settings | changes)

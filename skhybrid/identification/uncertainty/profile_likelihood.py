@@ -182,7 +182,7 @@ def profile_likelihood(
 
 def _checked(fitted: Any, parameter: str, values: Sequence[float]) -> Parameter:
     """The parameter to hold, which the data must have decided."""
-    if parameter not in fitted.theta_.index:
+    if not isinstance(parameter, str) or parameter not in fitted.theta_.index:
         names = ", ".join(fitted.theta_.index)
         raise ValueError(f"{parameter!r} is not a parameter of the network, which has {names}.")
     if parameter in (fitted.known or {}):

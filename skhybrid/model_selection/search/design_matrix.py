@@ -76,7 +76,14 @@ class DesignMatrix:
         prefix : str, default ``"forecaster__"``
             Prefix of the forecaster's parameters: the default for :class:`~skhybrid.hybrid.HybridPredictor`;
             ``"hybrid__forecaster__"`` for a step ``hybrid`` of a Pipeline; ``""`` for a forecaster alone.
+
+        Raises
+        ------
+        ValueError
+            If ``prefix`` is another.
         """
+        if not isinstance(prefix, str) or (prefix and not prefix.endswith("__")):
+            raise ValueError(f"prefix={prefix!r} must end with '__', or be empty for a forecaster alone.")
         outside = None if not prefix else prefix.rstrip("_").rpartition("__")[0]
         grids = []
         for block in self._blocks:
