@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import tomllib
+from importlib.metadata import PackageNotFoundError, metadata
 from itertools import chain
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from packaging.specifiers import SpecifierSet
 
 import skhybrid
 from skhybrid.cli import _group
@@ -54,3 +57,14 @@ def test_constraints_name_every_requirement():
     lines = [*PROJECT["dependencies"], *chain.from_iterable(PROJECT["optional-dependencies"].values())]
     needed = {re.split(r"[^\w-]", line)[0].lower() for line in lines} - {"skhybrid"}
     assert needed <= pinned
+
+
+def test_constraints_install_on_the_oldest_python_of_the_package():
+    """A pin that needs a later patch release of Python stops every installation of it."""
+    oldest = PROJECT["requires-python"].removeprefix(">=") + ".0"
+    wanted = {}
+    for name in (line.partition("==")[0] for line in (ROOT / "constraints.txt").open() if "==" in line):
+        with contextlib.suppress(PackageNotFoundError):
+            wanted[name] = metadata(name).get("Requires-Python", "")
+    assert len(wanted) > 20
+    assert {name: python for name, python in wanted.items() if oldest not in SpecifierSet(python)} == {}
