@@ -27,7 +27,7 @@ from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
-from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop, _Errors
+from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop, PlantCapacity, _Errors
 from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
 from skhybrid.hybrid.thermostat_law.plant_law import LawPairs, make_pairs
 from skhybrid.model_selection import backtest
@@ -408,6 +408,27 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
     for most in (5000.0, 6000.0):
         with pytest.warns(UnitWarning, match=f"the upper limit is {most:.0f}: likely W"):
             model.forecast(None, future, limits=(0.0, most))
+
+
+def test_a_plant_may_give_more_than_was_measured_unless_its_most_left_a_set_point_missed():
+    heat = np.tile([0.0, 6.0, 2.0, 0.0, -3.0, 0.0], 2)
+    low, high = np.full(12, 20.0), np.full(12, 25.0)
+
+    def capacity(T, is_usual=False):
+        rows = LawRows(T, heat, Band(low, high), np.empty((12, 0)), np.empty((12, 3)), 6)
+        stageless = SimpleNamespace(stages=dict), SimpleNamespace(inputs={"Q_hvac": heat})
+        found = PlantCapacity.of(*stageless, rows, is_usual)
+        np.testing.assert_allclose(found.after(2.0 * heat), 2.0 * np.array(found.range))
+        return found.range
+
+    met = np.full(12, 22.0)
+    cold, hot, other = met.copy(), met.copy(), met.copy()
+    cold[8], hot[5], other[4] = 19.5, 25.5, 19.5  # after 6 kW, after -3 kW, and after a row without heat
+    np.testing.assert_allclose(capacity(met), (-9.0, 18.0))
+    np.testing.assert_allclose(capacity(other), (-9.0, 18.0))
+    np.testing.assert_allclose(capacity(cold), (-9.0, 6.6))
+    np.testing.assert_allclose(capacity(hot), (-3.3, 18.0))
+    np.testing.assert_allclose(capacity(met, is_usual=True), (-3.3, 6.6))
 
 
 def test_limits_of_an_ideal_plant_are_reached(log):

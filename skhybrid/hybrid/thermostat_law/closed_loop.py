@@ -34,7 +34,9 @@ _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at l
 _EVERY = 3  # hours between the origins that are learned from
 _FIT_SHARE = 2.0 / 3.0  # the law is fitted on this first share of the training and judged on the rest
 _DAYS_BACK = 21  # days whose errors count
-_WIDER = 1.1  # loads may be so much larger than the largest known
+_WIDER = 1.1  # loads may be so much larger than the largest known of a plant that was at its limit
+_UNSEEN = 3.0  # and of one that was not
+_FULL, _MISSED = 0.9, 0.1  # share of the largest heat, and distance from the set-point [K], that show a limit
 _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
 _INDEPENDENT_PER_DAY = (24.0, 2.0)  # independent errors of the load, which starts and stops, and of temperature
 _LEADS = 18  # leads at which errors are evaluated
@@ -71,19 +73,22 @@ class PlantCapacity(NamedTuple):
 
     lowest: float
     highest: float
-    is_known: bool  # by the stages, so that it stays; measured heat may grow
+    growth: tuple[float, float] | None  # least and most heat by the least and most measured; None: known by the stages
 
     @classmethod
-    def of(cls, scheme: Scheme, training: ZoneTable, heat: np.ndarray) -> Self:
-        """By full stages, or by the measured heat (n_rows,) [kW] of a training."""
+    def of(cls, scheme: Scheme, training: ZoneTable, rows: LawRows, is_usual: bool = False) -> Self:
+        """By full stages, or by the measured heat of a training, of whose set-points some may be usual temperatures."""
         stages, roles = scheme.stages(), plant_roles(training.inputs)
         if set(roles) - set(stages):
-            return cls(*cls(0.0, 0.0, False).after(heat), False)
+            missed = rows.T[1:] - rows.band.cooling[:-1], rows.band.heating[:-1] - rows.T[1:]
+            found = [is_usual or _gives_all(heat, by) for heat, by in zip((-rows.heat, rows.heat), missed, strict=True)]
+            lower, upper = (_WIDER if is_limit else _UNSEEN for is_limit in found)
+            return cls(*cls(0.0, 0.0, (lower, upper)).after(rows.heat), (lower, upper))
         off = training.rows(slice(0, 1))
         off = off.replace(inputs={**off.inputs, **dict.fromkeys(roles, np.zeros(1))})
         full = [off.replace(inputs={**off.inputs, role: np.array([stages[role]])}) for role in roles]
         each = [float(scheme.plant_heat(one)[0]) for one in full]
-        return cls(sum(min(h, 0.0) for h in each), sum(max(h, 0.0) for h in each), True)
+        return cls(sum(min(h, 0.0) for h in each), sum(max(h, 0.0) for h in each), None)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -91,10 +96,18 @@ class PlantCapacity(NamedTuple):
 
     def after(self, heat: np.ndarray) -> tuple[float, float]:
         """The range after a heat [kW] was measured."""
-        if self.is_known:
+        if self.growth is None:
             return self.range
-        lowest, highest = (_WIDER * float(end) for end in (heat.min(initial=0.0), heat.max(initial=0.0)))
+        lowest, highest = self.growth[0] * float(heat.min(initial=0.0)), self.growth[1] * float(heat.max(initial=0.0))
         return min(self.lowest, lowest), max(self.highest, highest)
+
+
+def _gives_all(heat: np.ndarray, missed: np.ndarray) -> bool:
+    """Whether a plant was at its limit: near its largest heat (n,) [kW] in a row after which the set-point was missed.
+
+    Else a deeper set-back or a colder day may ask for more heat than was ever measured, and get it.
+    """
+    return bool(((heat[:-1] >= _FULL * heat.max(initial=0.0)) & (missed > _MISSED)).any())
 
 
 class ClosedLoop:
@@ -129,7 +142,7 @@ class ClosedLoop:
         if not moved or training.n_rows < _LEAST_DAYS * rows.per_day:
             return None
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
-        capacity = PlantCapacity.of(scheme, training, heat)
+        capacity = PlantCapacity.of(scheme, training, rows, usual is not None)
         loads_from = scheme.adapting(None).load_paths_from(training, origins)
         ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range, unforeseen=scheme.unforeseen))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
