@@ -18,7 +18,7 @@ from .._time import even_step
 from ..logs.open_meteo import answer_of, is_open_meteo_csv
 from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
-from ..preprocessing._sun import split
+from ..preprocessing._sun import check_place, split
 from ..preprocessing._units import conversion_of, convert
 from ._epw import checked_weather, read_epw, refuse_uncovered
 from ._weather import clear_sky, tilted_irradiance
@@ -254,14 +254,10 @@ def _sun(
     """Zenith and azimuth of the sun [degrees] at the place that is given, or else that of the file."""
     from pvlib.solarposition import get_solarposition
 
-    place: list[Any] = [
-        answer.get(n) if of is None else of for n, of in (("latitude", latitude), ("longitude", longitude))
-    ]
+    place = [answer.get(n) if of is None else of for n, of in (("latitude", latitude), ("longitude", longitude))]
     if not all(isinstance(of, int | float) for of in place):
         raise ValueError(f"{where} names no place, which its irradiance needs; give latitude= and longitude=.")
-    for name, of, bound in zip(("latitude", "longitude"), place, (90.0, 180.0), strict=True):
-        if not -bound <= of <= bound:
-            raise ValueError(f"{name}={of!r} must be a number of degrees from {-bound:g} to {bound:g}.")
+    check_place(*place)
     return get_solarposition(middle, place[0], place[1], method="ephemeris")
 
 

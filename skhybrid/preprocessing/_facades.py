@@ -15,7 +15,7 @@ from .._ranges import check_range
 from .._table import listed, numeric, role_of
 from .._time import first_row_number, read_index
 from ._frames import TableTransformer, position_of, roles_by_position
-from ._sun import Place, on_planes
+from ._sun import Place, check_place, on_planes
 
 #: azimuths of the default facades, degrees clockwise from north.
 COMPASS = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}
@@ -133,9 +133,7 @@ class FacadeIrradiance(TableTransformer):
         return {str(name): float(azimuth) for name, azimuth in facades.items()}
 
     def _check_place(self) -> None:
-        for name, value, bound in (("latitude", self.latitude, 90.0), ("longitude", self.longitude, 180.0)):
-            if not isinstance(value, Real) or not -bound <= float(value) <= bound:
-                raise ValueError(f"{name}={value!r} must be a number of degrees from {-bound:g} to {bound:g}.")
+        check_place(self.latitude, self.longitude)
         if not isinstance(self.albedo, Real) or not 0.0 <= float(self.albedo) <= 1.0:
             raise ValueError(f"albedo={self.albedo!r} must be a number from 0 to 1.")
         check_bool("glazing", self.glazing)
