@@ -17,7 +17,7 @@ from ..._time import rows_per_day, rows_per_hour
 from ..._warnings import warn_user
 from ...control import FREE, Band, LoadPaths, WantedPaths
 from ...exceptions import PlanWarning, TooFewDaysError
-from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
+from ...forecasting.intervals import PathClock
 from ...forecasting.quantiles import path_clock
 from ...forecasting.weather_error import WeatherError, weather_spreads
 from ..blending.blend import blend_weights, by_lead, faded, lead_groups, moments
@@ -27,6 +27,7 @@ from ..setpoint_columns import UsualTemperature, band_of
 from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
+from .member_intervals import MemberValues, MemberIntervals
 from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
@@ -65,7 +66,7 @@ class _TrainingTail(NamedTuple):
     """Errors and weights of the members on the last part of the training."""
 
     products: np.ndarray  # (2, n_groups, M, M) moments of their errors of load and temperature
-    intervals: tuple[LeadIntervals, ...]  # of load and temperature; empty after a short training
+    intervals: tuple[MemberIntervals, ...]  # of load and temperature; empty after a short training
 
 
 class PlantCapacity(NamedTuple):
@@ -292,8 +293,8 @@ class ClosedLoop:
                 path = np.sum(members[i, :, quantity] * weights, axis=-1) + wanted.shift[quantity, i]
                 out[quantity, i] = path[:, None]
                 if levels is not None:
-                    missed = self._missed(known, shares, quantity)
-                    out[quantity, i, :, 1:] += self._offsets(table, wanted, i, quantity, missed, levels)
+                    recent = self._recent(table, known, shares, quantity)
+                    out[quantity, i, :, 1:] += self._offsets(table, wanted, i, quantity, weights, recent, levels)
             plausible = ranges.of_row(i).around(rows.band.rows(slice(origin, origin + n_leads)))
             lowest, highest = _within(self._capacity.after(rows.heat[:origin]), wanted.limits)
             heats, cools = self._acting(rows.band, np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
@@ -316,21 +317,30 @@ class ClosedLoop:
             found.append(blend_weights(products * faded(np.array(days)) + since, PRIOR))
         return np.array(found)
 
-    def _missed(self, known: _Errors, shares: np.ndarray, quantity: int) -> _Errors:
-        """Errors of the blend with these shares, in forecasts whole days apart."""
+    def _recent(self, table: ZoneTable, known: _Errors, shares: np.ndarray, quantity: int) -> MemberValues | None:
+        """Errors of forecasts whole days apart, with these shares; None where there are none."""
+        if not len(known.origins):
+            return None
         daily = slice(None, None, -max(1, 24 // _EVERY))
         weights = shares[quantity][lead_groups(known.leads + 1, self.n_leads)]
-        values = np.sum(known.values[daily, :, quantity] * weights, axis=-1)
-        return _Errors(known.origins[daily], known.leads, values)
+        clock = _clock(table, known.origins[daily], known.leads)
+        return MemberValues(known.values[daily, :, quantity], weights, clock)
 
     def _offsets(
-        self, table: ZoneTable, wanted: _Wanted, i: int, quantity: int, missed: _Errors, levels: np.ndarray
+        self,
+        table: ZoneTable,
+        wanted: _Wanted,
+        i: int,
+        quantity: int,
+        weights: np.ndarray,
+        recent: MemberValues | None,
+        levels: np.ndarray,
     ) -> np.ndarray:
         """(n_leads, n_levels) quantiles of the error of the path from the ``i``-th origin."""
         origin, spread = wanted.origins[i], None if wanted.spread is None else wanted.spread[i, quantity]
-        clock, now = path_clock(table, origin[None], wanted.members.shape[1]), origin * table.step_hours / 24.0
-        recent = (missed.values, _clock(table, missed.origins, missed.leads)) if len(missed.origins) else None
-        return self._tail.intervals[quantity].offsets(clock, levels, recent, now, spread)
+        clock, now = path_clock(table, origin[None], len(weights)), origin * table.step_hours / 24.0
+        paths = MemberValues(wanted.members[i, None, :, quantity], weights, clock)
+        return self._tail.intervals[quantity].offsets(paths, levels, recent, now, spread)
 
 
 class _Wanted(NamedTuple):
@@ -374,9 +384,10 @@ def _learn_tail(training: ZoneTable, errors: _Errors, n_leads: int) -> _Training
     products = np.stack([moments(errors.values[:, :, q], groups, share) for q in range(2)])
     clock, intervals = _clock(training, errors.origins, errors.leads), []
     for quantity in range(2):
-        shares = blend_weights(products[quantity], PRIOR)[groups]
-        missed = np.sum(errors.values[:, :, quantity] * shares, axis=-1)
-        if np.isfinite(missed).sum() < LEAST_ERRORS:
+        weights = blend_weights(products[quantity], PRIOR)[groups]
+        of_members = MemberValues(errors.values[:, :, quantity], weights, clock)
+        learned = MemberIntervals.learn(of_members, _INDEPENDENT_PER_DAY[quantity])
+        if learned is None:
             return _TrainingTail(products, ())
-        intervals.append(LeadIntervals(independent_per_day=_INDEPENDENT_PER_DAY[quantity]).fit(missed, clock))
+        intervals.append(learned)
     return _TrainingTail(products, tuple(intervals))

@@ -1,0 +1,63 @@
+"""Intervals around a blend of members, which are wider where the members disagree."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
+
+#: weight of the usual disagreement beside that of a row, as members that agree may all be wrong (five EnergyPlus
+#: buildings; 1 to 3 did about as well)
+_USUAL = 2.0
+_LEAST = 1e-12  # variance of members that always agree
+
+
+class MemberValues(NamedTuple):
+    """What the members of a blend forecast, or missed: they differ alike in both."""
+
+    values: np.ndarray  # (n_origins, n_leads, M), NaN where unknown
+    weights: np.ndarray  # (n_leads, M) of the blend
+    clock: PathClock  # of the targets
+
+    def of_blend(self) -> np.ndarray:
+        """(n_origins, n_leads) by the blend."""
+        return np.asarray(np.sum(self.values * self.weights, axis=-1))
+
+    def variance(self) -> np.ndarray:
+        """(n_origins, n_leads) weighted variance of the members about the blend."""
+        return np.asarray(np.sum(self.weights * (self.values - self.of_blend()[..., None]) ** 2, axis=-1))
+
+
+class MemberIntervals(NamedTuple):
+    """Intervals whose width follows, beside lead, hour and recent errors, how much the members differ."""
+
+    intervals: LeadIntervals
+    usual: float  # mean variance of the members about the blend in training
+
+    @classmethod
+    def learn(cls, errors: MemberValues, independent_per_day: float) -> Self | None:
+        """Learn from errors on data that the members were not fitted on; None where there are too few."""
+        missed = errors.of_blend()
+        if np.isfinite(missed).sum() < LEAST_ERRORS:
+            return None
+        made = cls(LeadIntervals(independent_per_day=independent_per_day), float(np.nanmean(errors.variance())))
+        made.intervals.fit(missed, made._clock(errors))
+        return made
+
+    def offsets(
+        self,
+        paths: MemberValues,
+        levels: np.ndarray,
+        recent: MemberValues | None,
+        now: float,
+        further: np.ndarray | None,
+    ) -> np.ndarray:
+        """(n_leads, n_levels) quantiles of the error of one path, as those of :meth:`LeadIntervals.offsets`."""
+        known = None if recent is None else (recent.of_blend(), self._clock(recent))
+        return self.intervals.offsets(self._clock(paths), levels, known, now, further)
+
+    def _clock(self, members: MemberValues) -> PathClock:
+        """Their clock, with the spread of the members."""
+        return members.clock._replace(spread=np.sqrt(members.variance() + _USUAL * self.usual + _LEAST))
