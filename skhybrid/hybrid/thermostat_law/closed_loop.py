@@ -27,7 +27,7 @@ from ..setpoint_columns import UsualTemperature, band_of
 from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
-from .member_intervals import MemberValues, MemberIntervals
+from .member_intervals import MemberIntervals, MemberValues
 from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
