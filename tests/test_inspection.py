@@ -198,6 +198,8 @@ def test_each_zone_of_a_building_has_a_panel(table):
     assert list(_lines(ForecastDisplay.from_predictions(both).ax_[0])) == ["house", "other"]
     with pytest.raises(ValueError, match="ax has 1 axes, but this display needs 2"):
         display.plot(plt.gca())
+    with pytest.raises(ValueError, match="y is a ndarray; give the DataFrame of the rows ahead"):
+        ForecastDisplay.from_estimator(TwoRooms(), table[:24], future.to_numpy())
 
 
 def test_a_display_can_be_drawn_again_on_given_axes(frame):
@@ -275,7 +277,7 @@ def test_the_week_of_an_estimator_reads_its_gray_box(table):
     with pytest.raises(ValueError, match="Scheduled learned schedules and estimates no disturbance; draw a Schedule"):
         DisturbanceWeekDisplay.from_estimator(Scheduled(), table)
     display = DisturbanceWeekDisplay.from_estimator(Hybrid(), table, kind="output")
-    assert display.ax_.get_ylabel() == "unmeasured heat [K]"
+    assert display.ax_.get_ylabel() == "temperature disturbance [K]"
     assert display.week["median"].dropna().eq(2.0).all()
     with pytest.raises(ValueError, match="truth has the shape"):
         DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=INDEX), truth=[1.0])

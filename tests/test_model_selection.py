@@ -105,8 +105,10 @@ def test_a_scorer_of_quantiles_needs_two():
 def test_an_array_takes_the_given_sampling_time_and_a_table_its_own():
     X, _ = _table(4)
     by_index = list(RollingOriginSplit(train="2D", test="1D", sampling_time="15min").split(X))
-    with pytest.raises(ValueError, match=r"no time stamps, by which test='1D' would be rows; .*sampling_time="):
+    with pytest.raises(ValueError, match=r"no two time stamps, by which test='1D' would be rows; .*sampling_time="):
         list(RollingOriginSplit(train="2D", test="1D").split(X.to_numpy()))
+    with pytest.raises(ValueError, match="give it a DatetimeIndex and more rows"):
+        list(RollingOriginSplit(train="2D", test="1D").split(X[:1]))
     by_argument = list(RollingOriginSplit(train="2D", test="1D", sampling_time="1h").split(X.to_numpy()))
     for (a, b), (c, d) in zip(by_index, by_argument, strict=True):
         np.testing.assert_array_equal(a, c)

@@ -109,7 +109,8 @@ class DisturbanceWeekDisplay(Display):
             line = {"color": MEASURED, "linestyle": "--", "linewidth": 1.2}
             ax.step(hours, self.week["truth"], where="post", label="truth (mean)", **line)
         ax.axhline(0.0, color="#888888", linewidth=0.8)
-        tidy(ax, ylabel=f"unmeasured heat [{self.unit}]", xlabel="day of the week (local time)")
+        what = "temperature disturbance" if self.unit == "K" else "unmeasured heat"
+        tidy(ax, ylabel=f"{what} [{self.unit}]", xlabel="day of the week (local time)")
         ax.set_xlim(0, 168)
         ax.set_xticks(np.arange(0, 169, 24), minor=True)
         ax.set_xticks(np.arange(12, 168, 24), WEEKDAYS)

@@ -13,7 +13,7 @@ from .._table import as_numbers, float_columns, listed
 from .._time import read_instant
 from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
-from ._display import Display, frames_by_label, refuse_no_numbers, refuse_no_times, refuse_other_zones
+from ._display import Display, frames_by_label, refuse_no_numbers, refuse_no_times, refuse_other, refuse_other_zones
 from ._style import (
     COLORS,
     MARKERS,
@@ -364,9 +364,9 @@ def _forecast_of_zones(
 ) -> pd.DataFrame:
     """The forecast of a building in the form of a back-test, with a column ``zone``."""
     measured = {zone: f"T_za_{zone}" for zone in building.zones_}
-    found = building.forecast(
-        history, future.drop(columns=list(measured.values()), errors="ignore"), quantiles=quantiles
-    )
+    refuse_other(future, pd.DataFrame, "y", "the rows ahead, whose T_za_<zone> are drawn as measured")
+    ahead = future.drop(columns=list(measured.values()), errors="ignore")
+    found = building.forecast(history, ahead, quantiles=quantiles)
     step = next(iter(building.own_.values())).sampling_time_
     parts = []
     for zone, name in measured.items():

@@ -147,8 +147,8 @@ def _length(length: Any, sampling: pd.Timedelta | None, name: str, least: int = 
         return np.array([0, 0])
     if sampling is None:
         raise ValueError(
-            f"X has no time stamps, by which {name}={length!r} would be rows; give it a DatetimeIndex, or pass "
-            "sampling_time= or numbers of rows."
+            f"X has no two time stamps, by which {name}={length!r} would be rows; give it a DatetimeIndex and more "
+            "rows, or pass sampling_time= or numbers of rows."
         )
     n = rows_of(length, sampling, name)
     return np.array([0, n] if n * sampling >= _DAY else [n, 0])  # an hour may be missing on the clock, a day is not
