@@ -183,6 +183,17 @@ def test_the_network_of_other_zones_counts_for_less_than_a_week(prior, n_days, c
     assert forecasts[0].equals(forecasts[1]) is not counts
 
 
+def test_with_a_fleet_the_daily_profile_hands_over_within_a_week(prior):
+    """After 4 of 7 days it is halfway from 0.75 to 0.1; without a fleet the way takes two weeks."""
+    rows = zone(7, n_days=4)
+    of_rule = [
+        fitted(clone(SCHEDULE).set_params(prior=given), rows)._scheme._record.caution(more)[0][-1]
+        for given in (prior, None)
+        for more in (0.0, 3.0)
+    ]
+    np.testing.assert_allclose(of_rule, [0.425, 0.1, 0.6, 0.45])
+
+
 def test_the_front_takes_the_same_prior(prior):
     rows = zone(13, n_days=3)
     front = HybridPredictor(network="2R2C", intervals=False, prior=prior)

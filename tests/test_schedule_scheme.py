@@ -187,9 +187,8 @@ def test_the_rolling_blend_by_plain_loops(joined):
     products = moments(own, groups, np.ones((len(trained), 3)))
     plausible = PlausibleRange(10.0, 30.0)
     sample = ForecastSample(trained, leads)
-    record = BlendRecord(
-        sample, own, np.arange(2), products, groups, np.array([prior, prior]), 30.0, 24, per_day, every, plausible
-    )
+    priors = np.array([prior, prior]), 14.0
+    record = BlendRecord(sample, own, np.arange(2), products, groups, *priors, 30.0, 24, per_day, every, plausible)
     members = [GivenMember(e, origins[:, None] + leads, path) for e, path in zip(errors, paths, strict=True)]
     blend = RollingBlend(members, record, NumberedTable(None, None, begin, joined), "linear")
     for row in (begin - 1, begin, begin + 3, begin + 40, begin + 41, begin + 17 * per_day):

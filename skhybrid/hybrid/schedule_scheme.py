@@ -33,7 +33,7 @@ from .blending.gain_report import determined_plant, disagreement, gain_errors, g
 from .blending.kept_blends import KeptBlends
 from .blending.members import Member, ScheduleMember
 from .blending.numbered_table import NumberedTable
-from .blending.rolling_blend import BlendRecord, RollingBlend
+from .blending.rolling_blend import SETTLED_DAYS, SETTLED_DAYS_OF_FLEET, BlendRecord, RollingBlend
 from .drift import DriftMonitor
 from .known_rows import KnownRows
 from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
@@ -104,11 +104,11 @@ class ScheduleScheme(Scheme):
         member_of = np.repeat(np.arange(len(self._members)), [len(m.names) for m in self._members])
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
-        priors = first_shares(self._members)
-        every = rows_per_hour(training.step)
+        settled = SETTLED_DAYS if network_prior is None else SETTLED_DAYS_OF_FLEET
+        priors, every = (first_shares(self._members), settled), rows_per_hour(training.step)
         n_days, plausible = training.n_rows / per_day, self.rows.plausible
         self._record = BlendRecord(
-            sample, left_out, member_of, products, groups, priors, n_days, n_leads, per_day, every, plausible
+            sample, left_out, member_of, products, groups, *priors, n_days, n_leads, per_day, every, plausible
         )
         if plant := determined_plant(fit, training):
             self.gain_doubt = disagreement(fit, self._members, self.gain_, plant)

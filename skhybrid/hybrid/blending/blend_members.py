@@ -19,7 +19,7 @@ _LAGS, _FEW_LAGS, _TWO_DAYS = 24, 4, pd.Timedelta("2D")
 #: least training, hours of a plant at full load, and spread of what it did to the room by the network [K], from which
 #: ARX learns a gain: a trace of heat runs for hours too
 _A_WEEK, _MANY_HOURS, _MOVES = pd.Timedelta("7D"), 10.0, 0.03
-_RULE_SHARES = (0.75, 0.1)  # of the simple rule where no error is known, after a day of training and from two weeks on
+_RULE_SHARES = (0.75, 0.1)  # of the simple rule where no error is known, after a day of training, and settled
 
 
 def members_beside_network(
@@ -65,7 +65,7 @@ def evidence_of(fit: LeadFit, others: Sequence[Member]) -> ZoneEvidence:
 
 
 def first_shares(members: Sequence[Member]) -> np.ndarray:
-    """Shares (2, K) where no error is known, after a day and from two weeks on."""
+    """Shares (2, K) where no error is known, after a day and settled."""
     is_rule, needs_days = np.array([(m.is_rule, m.needs_days) for m in members]).T
     n_ways, found = np.array([len(m.names) for m in members]), []
     for of_rules, learned in zip(_RULE_SHARES, (~is_rule & ~needs_days, ~is_rule), strict=True):

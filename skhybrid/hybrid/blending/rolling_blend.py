@@ -24,6 +24,9 @@ from .without_response import RollingWithoutResponse
 _DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
 #: days known between which the weights become those of errors, and the pull toward the prior at either end
 _DAYS, _PULLS = (1.0, 14.0), (4.0, PULL)
+#: days known at which the prior is the settled one; sooner where a fleet speaks for all members (EnergyPlus rooms on
+#: dates that are not in benchmarks/fleet_prior.py)
+SETTLED_DAYS, SETTLED_DAYS_OF_FLEET = 14.0, 7.0
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class BlendRecord:
     member_of: np.ndarray  # (K,) int, the member of each way to forecast
     products: np.ndarray  # (n_groups, K, K) moments of these errors, faded up to the last row of the training
     groups: np.ndarray  # (L,) group of each lead
-    priors: np.ndarray  # (2, K) weights where nothing is known of errors, after a day and from two weeks on
+    priors: np.ndarray  # (2, K) weights where nothing is known of errors, after a day and from ``settled_days`` on
+    settled_days: float
     n_days: float  # of the training
     n_leads: int
     rows_per_day: int
@@ -53,7 +57,7 @@ class BlendRecord:
     def caution(self, n_more: float) -> tuple[np.ndarray, float]:
         """Prior weights (K,), and the pull toward them, so many days after the training."""
         days, (first, settled) = self.n_days + n_more, self.priors
-        share = np.interp(days, _DAYS, (0.0, 1.0))
+        share = np.interp(days, (_DAYS[0], self.settled_days), (0.0, 1.0))
         return first + share * (settled - first), float(np.interp(days, _DAYS, _PULLS))
 
 
