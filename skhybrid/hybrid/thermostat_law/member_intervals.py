@@ -15,7 +15,7 @@ _LEAST = 1e-12  # variance of members that always agree
 
 
 class MemberValues(NamedTuple):
-    """What the members of a blend forecast, or missed: they differ alike in both."""
+    """Forecasts of the members of a blend, or their errors: they differ alike in both."""
 
     values: np.ndarray  # (n_origins, n_leads, M), NaN where unknown
     weights: np.ndarray  # (n_leads, M) of the blend
