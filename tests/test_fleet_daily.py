@@ -61,6 +61,16 @@ def test_a_tick_names_the_zones_without_new_rows_and_those_without_a_forecast(fl
     }
 
 
+def test_temperatures_as_text_are_read_by_a_tick_as_by_a_fit(fleet):
+    """As a dataset holds them that was written from texts; a word is refused with its column."""
+    X = upto(8 * DAY, DAY)
+    text = X["T_za"].astype(object).where(X["T_za"].isna(), X["T_za"].astype(str))
+    with pytest.raises(ValueError, match="column 'T_za' is not numeric"):
+        fleet.tick({"a": X.assign(T_za=text.where(X.index != X.index[7 * DAY], "bad"))})
+    assert len(fleet.tick({"a": X.assign(T_za=text)})) == DAY
+    assert fleet.errors_ == {}
+
+
 def test_a_short_gap_of_an_input_is_filled_as_readers_of_logs_do(tmp_path):
     """Linearly for the weather, with its last value for a set-point, and never for what is measured."""
     columns = {"T_oa": "outdoor", "T_za": "room", "T_heat_set": "wanted"}

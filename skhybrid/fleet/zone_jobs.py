@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._clock import in_time_zone, refuse_one_zone
-from .._table import is_set_point, listed, role_of
+from .._table import is_set_point, listed, numeric, role_of
 from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
@@ -298,7 +298,7 @@ def _with_target(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, pd.Serie
             f"the rows have no column {column!r}, the measured temperature, among {listed(rows.columns)}; name it by "
             "the estimator's columns={'T_za': ...}, or give y."
         )
-    return rows, rows[column]
+    return rows, pd.Series(numeric(rows[column]), rows.index, name=column)
 
 
 def _measured_column(model: Any) -> Any:
