@@ -150,6 +150,21 @@ def test_new_rows_in_watts_are_refused_and_a_spike_is_not(frame, zone):
     assert model.update(frame.assign(Q_hvac=spike)[: N + DAY]) == DAY
 
 
+def test_a_last_temperature_that_leaps_is_refused_and_an_earlier_one_is_not(frame, zone):
+    """A file that is read while it is written may end within a number: 2 for 21.3 would be the origin of a forecast."""
+    model, day = deepcopy(zone), frame[N : N + DAY]
+    cut = day["T_za"].where(np.arange(DAY) < DAY - 1, 2.0)
+    for rows in (day.assign(T_za=cut), frame.assign(T_za=cut.combine_first(frame["T_za"]))[: N + DAY]):
+        with pytest.raises(ValueError, match=f"'room' leaps from 17.97 to 2 degC in the last row, {day.index[-1]}"):
+            model.update(rows)
+        with pytest.raises(ValueError, match="'room' leaps"):
+            day_ahead(zone, rows, schedule=SCHEDULE)
+    assert model.known_until == zone.known_until
+    assert model.update(frame.assign(T_za=cut.combine_first(frame["T_za"]))[: N + DAY + 1]) == DAY + 1
+    after = deepcopy(zone)  # an outage, after which a room may be cold
+    assert after.update(day.assign(T_za=cut.where(np.arange(DAY) != DAY - 2))) == DAY
+
+
 def test_new_rows_in_fahrenheit_or_on_another_clock_are_refused(frame, zone):
     """Rows of one day alone show no other unit than the model knows, those that overlap it no other clock."""
     model, day = deepcopy(zone), frame[N : N + DAY]

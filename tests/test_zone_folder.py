@@ -184,9 +184,13 @@ def test_a_row_that_is_measured_in_the_future_is_refused_with_its_stamp(log, zon
             lambda T: T.where(np.arange(len(T)) < 24 * (DAYS - 1), T.iloc[24 * (DAYS - 1) - 1]),
             "T_za stays at .* from 2018-09-25 23:00:00-06:00 to 2018-09-27 23:00:00-06:00, .* is the sensor stuck",
         ),
+        (
+            lambda T: T.where(np.arange(len(T)) != 24 * (DAYS + 1) - 1, T // 10.0),
+            r"'T_za' leaps from 2\d\S* to 2 degC in the last row, 2018-09-27 23:00:00-06:00, .* is the log still being",
+        ),
     ],
 )
-def test_a_log_in_another_unit_or_of_a_stuck_sensor_is_refused(change, words, log, zone, tmp_path):
+def test_a_log_in_another_unit_of_a_stuck_sensor_or_half_written_is_refused(change, words, log, zone, tmp_path):
     before = tables(zone), zone.model.read_bytes()
     with pytest.raises(ValueError, match=words):
         zone.tick(write(log.assign(T_za=change(log["T_za"])), tmp_path / "log.csv", DAYS + 1), schedule=SCHEDULE)

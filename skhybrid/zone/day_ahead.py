@@ -25,7 +25,7 @@ from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from ..study.zone_part import each_zone, log_columns
-from .outages import BRIDGED, like_index, refuse_stuck
+from .outages import BRIDGED, like_index, refuse_cut_value, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
 from .zone_model import ZoneModel
 
@@ -92,6 +92,7 @@ def day_ahead(
         raise ValueError(f"{unread}; see that they are logged again, or fit a model without them.")
     measured = settings.roles_of("T_za")
     refuse_stuck(frame, measured, origin)
+    refuse_cut_value(frame, settings, origin)
     later = _not_past(frame[frame.index > origin], measured)
     end = origin + pd.Timedelta(settings.horizon)
     given = later if weather is None else read_ahead(weather, settings, origin.tz, range(origin.year, end.year + 1))

@@ -16,6 +16,7 @@ from ..study.zone_part import log_columns
 
 _Stamps = TypeVar("_Stamps", pd.Timestamp, pd.DatetimeIndex)
 
+_LEAP, _USUAL = 8.0, 2.0  # between two rows: what no room does [K], also where it often moves; times its largest move
 BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
 
 
@@ -86,6 +87,19 @@ def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timest
             raise ValueError(
                 f"{role} stays at {value:.4g} degC from {begin} to {last}, which no room does: is the sensor stuck? "
                 f"A forecast can start from {origin} only; mend the sensor, or leave its rows out."
+            )
+
+
+def refuse_cut_value(frame: pd.DataFrame, settings: Settings, origin: pd.Timestamp) -> None:
+    """Refuse a last temperature that leaps from the row before, such as that of a file that is being written."""
+    for role in settings.roles_of("T_za"):
+        rows = frame[role].loc[:origin].iloc[-2:]
+        leap = rows.diff().abs()
+        if leap.iloc[-1] > max(_LEAP, _USUAL * frame[role].diff().abs().loc[: rows.index[0]].max()):
+            raise ValueError(
+                f"{listed(log_columns([role], settings)) or role} leaps from {rows.iloc[0]:.4g} to {rows.iloc[-1]:.4g} "
+                f"degC in the last row, {origin}, which no room does: is the log still being written? Try again when "
+                "it is complete, or leave that value out."
             )
 
 

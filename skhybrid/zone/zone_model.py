@@ -25,7 +25,7 @@ from ..study.spans import NO_ROWS, TRAINING_DAYS
 from ..study.zone_part import measured_of, predictors_of, read_roles, roles_of, settings_of_zone
 from .dead_meters import not_learned, without_roles
 from .other_units import refuse_other_temperatures, refuse_other_units
-from .outages import BRIDGED, Unread, complete_rows, like_index, up_to_measured
+from .outages import BRIDGED, Unread, complete_rows, like_index, refuse_cut_value, up_to_measured
 from .training_rows import training_rows
 from .wanted_setpoints import has_plant, wanted_setpoints
 
@@ -166,7 +166,7 @@ class ZoneModel:
         ------
         ValueError
             If they follow the known rows only after an outage of more than four days; if known temperatures are others
-            in the log; if new rows are in another unit.
+            in the log; if new rows are in another unit, or the last temperature leaps.
         """
         known = self.known_rows()
         refuse_other_temperatures(frame, known, self.settings, "the model")
@@ -181,6 +181,7 @@ class ZoneModel:
         if new.empty:
             raise ValueError(NO_ROWS)
         refuse_other_units(new, known, self.covered(), self.settings)
+        refuse_cut_value(frame, self.settings, new.index[-1])
         if relearn:
             self.predictor.partial_fit(new, measured_of(new, self.settings))
         else:
