@@ -33,6 +33,7 @@ from .zone_state import measured_rows, status_of
 
 _REFIT_AFTER = pd.Timedelta(days=28)
 _REFIT_DAYS = pd.Timedelta(days=14)  # after a long outage, that a new fit needs; fewer where the model knows fewer
+_DEAD = pd.Timedelta(days=1)  # age of the last temperature, from which on that of a repeated forecast is told
 #: settings that a model does not depend on
 _FREE = ("name", "thermostat", "tariff", "train", "test", "load", "origin_step")
 
@@ -163,6 +164,8 @@ class ZoneFolder:
             zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
+            if not n_new and zone.unread(frame) is None:
+                remarks += _repeated(archive, frame, origin)
             keep_log(archive, frame, origin, held)
             self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
         return Tick(found, n_new, why, (*remarks, *found.remarks))
@@ -281,6 +284,16 @@ def _read_past(log: str | PathLike[str], settings: Settings) -> tuple[pd.DataFra
     frame, _, held = read_even_log(log, settings)
     refuse_future(up_to_measured(frame, settings.roles_of("T_za")), "the stamps at the end of the log")
     return frame, held
+
+
+def _repeated(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestamp) -> list[str]:
+    """A remark where the last forecast began at the same row: the logger or the room's sensor may be dead."""
+    last = archive.last_origin()
+    late = pd.Timestamp.now(origin.tz) - origin > _DEAD
+    if not late or last is None or like_index(last, pd.DatetimeIndex([origin])) != origin:
+        return []
+    end = f", although the log goes on to {frame.index[-1]}" if frame.index[-1] > origin else ""
+    return [f"no room temperature was measured after {origin}{end}: the last forecast, from there, is made again"]
 
 
 def _take_in(
