@@ -157,7 +157,7 @@ def test_steps_keep_the_energy_of_each_hour_and_interpolate_temperature():
             "2024-03-29 23:00",
             10,
             "Europe/Berlin",
-            r"reaches from 2024-03-30 00:00:00.*a log that ends no earlier",
+            r"reaches from 2024-03-30 00:00:00.*a log whose last complete row is no earlier",
         ),
         ("2024-03-31 20:00", 5, "Europe/Berlin", r"give weather for all of it\."),
         ("2024-03-30 00:00", 1, "Europe/Berlin", "at least two stamps"),

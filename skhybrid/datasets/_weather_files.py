@@ -148,7 +148,7 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     if (pd.DatetimeIndex(known.index).tz is None) != (time.tz is None):
         lacks, other = ("forecast", "weather") if time.tz is None else ("weather", "forecast")
         raise ValueError(f"the {lacks} has no time zone, but the {other} has one; give timezone= when reading it.")
-    refuse_uncovered(pd.DatetimeIndex(known.index), time, "forecast", "a log that ends")
+    refuse_uncovered(pd.DatetimeIndex(known.index), time, "forecast", "a log whose last complete row is")
     hours, wanted = (np.asarray((pd.DatetimeIndex(i) - time[0]) / _HOUR, np.float64) for i in (known.index, time))
     # a value at the last stamp holds to the end of its row; nothing is known beyond it
     edges = np.append(hours, hours[-1] + float(np.median(np.diff(hours))))

@@ -258,7 +258,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
     known = like_index(zone.known_until, history.index)
     if history.index[-1] < known:
         out.append(
-            f"the log ends at {history.index[-1]}, before the last row that the model has seen ({known}): it has "
+            f"the last complete row of the log is {history.index[-1]}, and the model has seen rows to {known}: it has "
             "learned from what it forecasts"
         )
     out += _weather_remarks(history, ahead)
