@@ -147,6 +147,27 @@ def test_a_tick_of_a_log_without_a_new_temperature_says_so(log, zone, cheap, tmp
     assert zone.tick(write(log, tmp_path / "log.csv", DAYS + 1)).remarks == ()
 
 
+@pytest.mark.parametrize("right", [0, 1])
+def test_a_step_under_way_is_forecast_from_and_taken_in_when_it_is_over(right, log, zone, cheap, tmp_path):
+    """The mean over its beginning would stay in the model."""
+    config, source = tmp_path / "zone.toml", tmp_path / "log.csv"
+    text = zone.config.read_text().replace('step = "60min"', 'step = "2h"')
+    config.write_text(text.replace('label = "left"', 'label = "right"') if right else text)
+    begin = 24 * DAYS + 6
+    assert abs(log["Q_hvac"].iloc[begin] - log["Q_hvac"].iloc[begin + 1]) > 0.1
+    rows = log.assign(**{role: log[role].shift(right) for role in ("q_sol", "Q_hvac", "T_heat_set", "T_cool_set")})
+    rows.iloc[right : 24 * DAYS].to_csv(source)
+    hall, found = ZoneFolder.init(tmp_path / "hall", source, config), []
+    for n_rows in (begin + 1 + right, begin + 2 + right, begin + 2 + right):
+        rows.iloc[right:n_rows].to_csv(source)
+        done = hall.tick(source)
+        found.append((done.n_new, done.forecast.frame.index[0] - pd.Timedelta("1h")))
+    assert [n for n, _ in found][1:] == [1, 0]
+    assert {first for _, first in found} == {log.index[begin]}
+    known = hall.load().known_rows().iloc[-1]
+    assert known["Q_hvac"] == pytest.approx(log["Q_hvac"].iloc[begin : begin + 2].mean())
+
+
 def test_a_status_says_that_other_set_points_were_in_force(log, zone, cheap, monkeypatch, tmp_path):
     """Errors of a forecast under other set-points are none of the model."""
     told = []

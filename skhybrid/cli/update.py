@@ -16,13 +16,13 @@ from ._output import Progress
 @click.option("--relearn", is_flag=True, help="Also learn from them: the model is fitted on the last eight weeks.")
 def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> None:
     """Add the new rows of a log to a saved model."""
-    from ..study import read_log
+    from ..study.log_reading import read_even_log
     from ..zone import ZoneModel
     from ..zone.outages import like_index
 
     zone = ZoneModel.load(model)
     known = zone.known_until
-    frame, _ = read_log(log, zone.settings)
+    frame = read_even_log(log, zone.settings).finished
     n_new = zone.update(frame, relearn=relearn)
     if n_new or relearn:
         zone.save(model)

@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_instant
 from .._time import SHORTEST_GAP, spell
 from .._warnings import warn_user
 from ..exceptions import UnitWarning
@@ -46,22 +46,48 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     return read_even_log(path, settings)[:2]
 
 
-def read_even_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str, list[str]]:
-    """As :func:`read_log`, and the roles that are logged by change."""
+class EvenLog(NamedTuple):
+    """A log with one column per role at an even step."""
+
+    frame: pd.DataFrame
+    report: str
+    held: list[str]  # roles that were logged by change
+    finished: pd.DataFrame  # its steps that are over by the last measured row; all where none is
+
+
+def read_even_log(path: str | PathLike[str], settings: Settings) -> EvenLog:
+    """As :func:`read_log`, with the roles that are logged by change and the steps that are over."""
     log = by_role(read_raw_log(path, settings), settings)
     frame = log.frame
     if (text := clash(frame)) is not None:
         raise ValueError(text)
     if settings.label == "right":
         frame = to_left_label(frame, log.without_label)
-    frame, report = on_even_steps(frame, settings, log.held)
+    raw, (frame, report) = frame, on_even_steps(frame, settings, log.held)
     if 2 * report.step < report.source_step:  # then T_za is missing in most rows
         given, logged = spell(report.step), spell(report.source_step)
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
     frame, remarks = filled_setpoints(metered_heat(frame, settings))
-    return frame, "\n".join([str(report), *log.remarks, *remarks]), log.held
+    text = "\n".join([str(report), *log.remarks, *remarks])
+    return EvenLog(frame, text, log.held, _finished(frame, raw, settings, log.held, report))
+
+
+def _finished(
+    frame: pd.DataFrame, raw: pd.DataFrame, settings: Settings, held: Sequence[str], report: RegularizeReport
+) -> pd.DataFrame:
+    """The even rows of a ``raw`` log but those of a longer step that is under way: means of a part of it."""
+    past, rooms = raw.sort_index(), [role for role in settings.roles_of("T_za") if role in raw]
+    if set(rooms).isdisjoint(held):  # else a temperature holds, and all rows up to the last are past
+        past = past.loc[: past[rooms].dropna(how="all").index.max()]
+    means = [role for role in past if role not in held and not is_instant(role)]
+    ends = past[means].dropna(how="all").index if means else past.index
+    row = report.source_step if means else pd.Timedelta(0)
+    if row >= report.step or ends.empty:
+        return frame
+    over = frame[pd.DatetimeIndex(frame.index) + report.step <= ends[-1] + 1.5 * row]
+    return frame if over.empty else over
 
 
 class LogByRole(NamedTuple):

@@ -18,7 +18,7 @@ from ..exceptions import ModelFileError
 from ..logs.bridges import stretches
 from ..study import propose_settings, read_settings
 from ..study.doubts import beyond_training, drift_days, drifted
-from ..study.log_reading import read_even_log
+from ..study.log_reading import EvenLog, read_even_log
 from ..study.settings import Settings
 from .corrected_rows import corrected_since
 from .day_ahead import DayAhead, day_ahead
@@ -104,10 +104,10 @@ class ZoneFolder:
                 text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
                 write_text(folder.config, text)
             settings = read_settings(folder.config)
-            frame, held = _read_past(log, settings)
-            zone = ZoneModel.fit(settings, frame)
+            frame, _, held, finished = _read_past(log, settings)
+            zone = ZoneModel.fit(settings, finished)
             origin = zone.history(frame).index[-1]
-            archive.add_measured(measured_rows(frame, settings, origin), settings.zones)
+            archive.add_measured(measured_rows(finished, settings, origin), settings.zones)
             keep_log(archive, frame, origin, held)
             zone.save(folder.model)
         return folder
@@ -140,7 +140,8 @@ class ZoneFolder:
 
         The model is fitted again where its errors have drifted, where it is old, where an outage of more than twelve
         hours follows what it knows (once there are two weeks of rows after one of more than four days), where three
-        hours or more of its last week were corrected in the log, and where the configuration has changed.
+        hours or more of its last week were corrected in the log, and where the configuration has changed.  A step that
+        is under way is forecast from, and taken in when it is over.
 
         Parameters
         ----------
@@ -156,18 +157,18 @@ class ZoneFolder:
             If there is no model, or the log or the weather cannot be used.
         """
         with self._at_work() as (archive, zone, settings):
-            frame, held = _read_past(log, settings)
+            frame, _, held, finished = _read_past(log, settings)
             archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
             if _of_model(settings) == _of_model(zone.settings):
                 refuse_other_temperatures(frame, archive.measured(frame.index[0]), settings, "the archive")
-            corrected = corrected_since(frame, archive, settings)
-            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
+            corrected = corrected_since(finished, archive, settings)
+            zone, n_new, why, remarks = _learn(zone, settings, finished, refit_after, corrected)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
             if not n_new and zone.unread(frame) is None:
                 remarks += _repeated(archive, frame, origin)
             keep_log(archive, frame, origin, held)
-            self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
+            self._keep(archive, zone, finished, origin, found, changed=bool(n_new or why))
         return Tick(found, n_new, why, (*remarks, *found.remarks))
 
     def post(
@@ -279,11 +280,11 @@ class ZoneFolder:
         remove_leftovers(self.path, self.config.name, self.model.name)
 
 
-def _read_past(log: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, list[str]]:
-    """The rows of a log, in which nothing may be measured in the future, and the roles that are logged by change."""
-    frame, _, held = read_even_log(log, settings)
-    refuse_future(up_to_measured(frame, settings.roles_of("T_za")), "the stamps at the end of the log")
-    return frame, held
+def _read_past(log: str | PathLike[str], settings: Settings) -> EvenLog:
+    """A log, in which nothing may be measured in the future."""
+    found = read_even_log(log, settings)
+    refuse_future(up_to_measured(found.frame, settings.roles_of("T_za")), "the stamps at the end of the log")
+    return found
 
 
 def _repeated(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestamp) -> list[str]:
