@@ -150,6 +150,15 @@ def test_new_rows_in_watts_are_refused_and_a_spike_is_not(frame, zone):
     assert model.update(frame.assign(Q_hvac=spike)[: N + DAY]) == DAY
 
 
+def test_new_sun_in_watts_is_refused(frame, zone):
+    """A model that took it in would keep it after the log is mended."""
+    model = deepcopy(zone)
+    with pytest.raises(ValueError, match=r"'AI02' reaches \d\S* kW/m2 from .*: likely W/m2 rather than kW/m2; correct"):
+        model.update(frame.assign(q_sol=1000.0 * frame["q_sol"])[: N + DAY])
+    assert model.known_until == zone.known_until
+    assert model.update(frame.assign(q_sol=8.0 * frame["q_sol"].clip(upper=0.12))[: N + DAY]) == DAY  # a bright month
+
+
 def test_a_last_temperature_that_leaps_is_refused_and_an_earlier_one_is_not(frame, zone):
     """A file that is read while it is written may end within a number: 2 for 21.3 would be the origin of a forecast."""
     model, day = deepcopy(zone), frame[N : N + DAY]

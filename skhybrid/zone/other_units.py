@@ -15,6 +15,7 @@ _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor
 _SAME, _FEWEST = 0.01, 12  # difference of equal temperatures [K]; rows that tell a clock
 _SHIFTED, _SAME_ELSEWHERE = 0.5, 0.9  # shares of equal temperatures at their stamps, and at shifted ones
 _SHIFTS = [pd.Timedelta(minutes=30 * k) for k in range(-28, 29) if k]  # that time zones and daylight saving make
+_BRIGHTER = 20.0  # times the highest sun that is known, which sun in W/m2 usually exceeds, and no summer does
 _BEYOND = 20.0  # by which degF exceed the highest temperature that is known in degC [K]
 
 
@@ -49,7 +50,7 @@ def _share_same(away: pd.Series) -> float:
 def refuse_other_units(
     new: pd.DataFrame, known: pd.DataFrame, covered: dict[str, tuple[float, float]], settings: Settings
 ) -> None:
-    """Refuse new rows in degF or W beside what the model learned from, usually and not at a single spike."""
+    """Refuse new rows in degF, W/m2 or W beside what the model learned from, usually and not at a single spike."""
     roles = list(map(str, new))
     for role in (role for role in roles if role.startswith(("T_za", "T_oa")) and role in known):
         values, most = new[role], max(known[role].max(), covered.get(role, (0.0, -np.inf))[1])
@@ -58,6 +59,14 @@ def refuse_other_units(
                 f"{listed(log_columns([role], settings)) or role} reaches {values.max():.4g} degC from {new.index[0]} "
                 f"on, and {most:.4g} degC in what the model knows: likely degF rather than degC; correct the rows, or "
                 "give the unit under [units] of the configuration."
+            )
+    for role in (role for role in roles if role.startswith("q_sol") and role in covered):
+        sun, most = new[role][new[role] > 0.0], covered[role][1]
+        if sun.median() > _BRIGHTER * most > 0.0:
+            raise ValueError(
+                f"{listed(log_columns([role], settings)) or role} reaches {sun.max():.4g} kW/m2 from {new.index[0]} "
+                f"on, and {most:.4g} kW/m2 in what the model learned from: likely W/m2 rather than kW/m2; correct the "
+                "rows, or give the unit under [units] of the configuration."
             )
     for role in (role for role in roles if is_plant(role) and role.startswith("Q_") and role in covered):
         heat = np.abs(new[role].to_numpy(dtype=np.float64))
