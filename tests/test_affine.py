@@ -207,6 +207,8 @@ def test_a_plan_of_pandas_goes_by_its_names_and_stamps(fitted, tables):
         np.testing.assert_array_equal(respond(plan), respond(plan[list(inputs)].to_numpy()))
         with pytest.raises(ValueError, match="the plan has other time stamps than future"):
             respond(plan.shift(freq="30min"))
+        with pytest.raises(ValueError, match="the plan has the columns 'cool', 'heat'; give it those of the inputs"):
+            respond(plan.set_axis(["cool", "heat"], axis=1))  # by place they would be exchanged
 
 
 def test_the_tangent_at_full_stage_is_that_of_smaller_stages(bent, tables):

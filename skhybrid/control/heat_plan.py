@@ -138,6 +138,8 @@ def as_plan(q: Any, inputs: Sequence[str], index: pd.Index) -> np.ndarray:
         refuse_other_stamps(q, index, "the plan", "future")
     if isinstance(q, pd.DataFrame) and set(q) == set(inputs):
         q = q[list(inputs)]
+    elif isinstance(q, pd.DataFrame) and shape[1] > 1 and any(isinstance(name, str) for name in q):
+        raise ValueError(f"the plan has the columns {listed(q)}; give it those of the inputs, {listed(inputs)}.")
     values = np.asarray(q, dtype=np.float64)
     if values.shape != shape and (values.ndim != 1 or shape[1] != 1 or len(values) != shape[0]):
         raise ValueError(
