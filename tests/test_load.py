@@ -7,7 +7,14 @@ import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from skhybrid import DisturbanceForecaster, GrayBoxRC, HybridPredictor, InputDisturbanceID, PeriodicDisturbanceID
+from skhybrid import (
+    DisturbanceForecaster,
+    GrayBoxRC,
+    HybridPredictor,
+    InputDisturbanceID,
+    OutputDisturbanceID,
+    PeriodicDisturbanceID,
+)
 from skhybrid.control import load_frame, make_plant, steps_ahead
 from skhybrid.datasets import make_office
 from skhybrid.datasets._office import TRUE_THETA as TRUE
@@ -252,6 +259,17 @@ def test_every_day_starts_from_its_own_measurements(plain, office):
     other = plain.predict_load(X, np.where(np.arange(len(X)) < DAY, 17.0, 21.0))
     np.testing.assert_array_equal(whole["Q_hvac"][DAY:], other["Q_hvac"][DAY:])
     assert not np.allclose(whole["Q_hvac"][:DAY], other["Q_hvac"][:DAY])
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_an_output_disturbance_stands_in_the_row_to_whose_temperature_it_is_added(measured, office):
+    model = OutputDisturbanceID(known={**TRUE, "rho_1": 0.9}, n_starts=1)
+    model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
+    X = office.X[14 * DAY : 15 * DAY]
+    load = model.predict_load(X if measured else X.drop(columns="T_za"), (21.0, 23.0))
+    now = float(X["T_za"].iloc[0]) if measured else None
+    under = model.forecast(None, X.assign(u_heat=load["u_heat"], u_cool=load["u_cool"]), now)
+    np.testing.assert_allclose(load[["T_za", "zeta"]], under, atol=1e-9)
 
 
 def test_a_heater_of_its_own_does_not_make_the_load_ring(office):

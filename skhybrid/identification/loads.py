@@ -68,7 +68,9 @@ def network_load(
     )
     measured = np.ravel(filtered.measurements(here))[:1]
     first = np.where(np.isfinite(measured), measured, zone.output @ start.states[0] + start.offset_now[0])
-    zeta = heat[:, 0] + offset  # a disturbance is the one or the other
+    zeta = heat[:, 0]
+    if offset.any():  # of an output disturbance, which is added to the temperature at the end of a row
+        zeta = np.append(first - zone.output @ start.states[0], offset[:-1])
     return load_frame(plant, here.index, clipped, unclipped, np.append(first, path[:-1]), zeta)
 
 
