@@ -384,6 +384,20 @@ def test_a_gray_box_follows_new_rows(name, fitted, tables):
     np.testing.assert_allclose(model.predict(future.assign(T_za=np.nan)), along["T_za"], rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize("share", [-0.3, 0.97])  # of what the predictor knew that a measured row leaves
+@pytest.mark.parametrize("missing", [slice(N_TRAIN + 2, NOW), slice(N_TRAIN - DAY - 5, N_TRAIN)])
+def test_an_output_disturbance_is_not_forgotten_in_an_outage(missing, share, tables, office):
+    """Of more than a day, after the training or at its end; nor does a slow predictor forget what it knew."""
+    X, future, _ = _rows(tables, "output")
+    X = X.copy()
+    X.iloc[missing, X.columns.get_loc("T_za")] = np.nan
+    model = OutputDisturbanceID(known={"rho_1": 0.99, "rho_gap": share}, **QUICK).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    along = model.forecast(X[:NOW], future)
+    for begin in range(N_TRAIN, NOW):
+        model.update(X[begin : begin + 1])
+    np.testing.assert_allclose(model.forecast(None, future), along, rtol=0, atol=1e-8)
+
+
 # ----------------------------------------------------------------------------------------------------------- refused
 @pytest.mark.parametrize(
     ("given", "message"),

@@ -169,7 +169,8 @@ class NetworkIdentifier(ForecastingNetwork):
 
     def _know(self, kalman: GainFilter, table: ZoneTable, experiment: Experiment, first_state: FirstState) -> None:
         """Take a table as the known rows, from which forecasts go on."""
-        self.filtered_network_ = filter_training(kalman, table, experiment, first_state, self._warmup_rows)
+        keep = max(self._warmup_rows, self._rows_remembered(experiment.segments[-1].outputs))
+        self.filtered_network_ = filter_training(kalman, table, experiment, first_state, keep)
         self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
 
     def _prepare(self, X: Any, y: Any) -> tuple[RCNetwork, ZoneTable, Experiment, tuple[Parameter, ...]]:
