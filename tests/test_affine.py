@@ -384,6 +384,13 @@ def test_a_gray_box_follows_new_rows(name, fitted, tables):
     np.testing.assert_allclose(model.predict(future.assign(T_za=np.nan)), along["T_za"], rtol=0, atol=1e-8)
 
 
+def test_a_short_warm_up_is_the_same_after_the_training_and_in_a_history(tables):
+    X, future = tables["stages"], tables["stages"][N_TRAIN : N_TRAIN + DAY]
+    model = GrayBoxRC("3R3C", known=KNOWN, warmup="3h", **QUICK).fit(X[:N_TRAIN], X["T_za"][:N_TRAIN])
+    along = model.forecast(X[:N_TRAIN], future)
+    np.testing.assert_allclose(model.forecast(None, future), along, rtol=0, atol=1e-8)
+
+
 @pytest.mark.parametrize("share", [-0.3, 0.97])  # of what the predictor knew that a measured row leaves
 @pytest.mark.parametrize("missing", [slice(N_TRAIN + 2, NOW), slice(N_TRAIN - DAY - 5, N_TRAIN)])
 def test_an_output_disturbance_is_not_forgotten_in_an_outage(missing, share, tables, office):

@@ -169,7 +169,7 @@ class NetworkIdentifier(ForecastingNetwork):
 
     def _know(self, kalman: GainFilter, table: ZoneTable, experiment: Experiment, first_state: FirstState) -> None:
         """Take a table as the known rows, from which forecasts go on."""
-        keep = max(self._warmup_rows, self._rows_remembered(experiment.segments[-1].outputs))
+        keep = self._rows_remembered(experiment.segments[-1].outputs)
         self.filtered_network_ = filter_training(kalman, table, experiment, first_state, keep)
         self.initial_state_ = self.filtered_network_.training_start.mean[: kalman.n].copy()
 

@@ -67,8 +67,8 @@ class ForecastingNetwork(NetworkModel):
         return read_outputs(y, table, self.network_, max_missing=UNLIMITED)
 
     def _rows_remembered(self, outputs: np.ndarray) -> int:
-        """How many of the last rows of ``outputs`` (N, o) a forecast needs, beside those of a warm-up."""
-        return 0
+        """Number of the last rows of ``outputs`` (N, o) that forecasts need: those of a warm-up, and the one before."""
+        return self._warmup_rows + 1
 
     @property
     def known_until_(self) -> pd.Timestamp | None:
@@ -109,7 +109,7 @@ class ForecastingNetwork(NetworkModel):
         experiment, now = known.experiment(whole), known.rolling
         states = known.kalman.run(experiment, now.tail_start)
         path = known.open_loop(experiment, now.tail_open)
-        keep = min(whole.n_rows, max(self._warmup_rows + 1, self._rows_remembered(experiment.outputs)))
+        keep = min(whole.n_rows, self._rows_remembered(experiment.outputs))
         rolling = kept_end(self.network_, whole, experiment, states, path, keep)
         self.filtered_network_ = replace(known, rolling=rolling)
         return self

@@ -101,7 +101,8 @@ class OutputDisturbanceID(LeastSquaresIdentifier):
         """As many as leave nothing of what the ARMA predictor knew before: a measured row leaves ``rho_1 - rho_2``."""
         share = min(abs(float(self.disturbance_["rho_1"] - self.disturbance_["rho_2"])), 1.0)
         left = np.cumprod(np.where(np.isfinite(outputs[::-1]), share, 1.0), axis=0).max(axis=1)
-        return int(np.argmax(np.append(left, 0.0) < np.finfo(np.float64).eps)) + 1
+        enough = int(np.argmax(np.append(left, 0.0) < np.finfo(np.float64).eps)) + 1
+        return max(enough, super()._rows_remembered(outputs))
 
     def _innovations(self, table: ZoneTable, segment: int | None) -> Innovations:
         return arma_innovations(self.filtered_network_, table, segment, dict(self.disturbance_), self.noise_std_)
