@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.exceptions import NotFittedError
 
 from skhybrid import (
     DisturbanceForecaster,
@@ -477,6 +478,11 @@ def test_a_plan_beyond_training_is_warned_of(name, fitted, tables, recwarn):
     for call in (model.forecast, model.affine_forecast, model.to_state_space):
         with pytest.warns(PlanWarning, match="Q_hvac outside of .* in 25 % of the rows ahead"):
             call(None, wild)
+
+
+def test_a_state_at_an_origin_needs_a_fit(tables):
+    with pytest.raises(NotFittedError):
+        GrayBoxRC().origin_state(tables["stages"], 0, "input")
 
 
 def test_a_gray_box_says_what_its_new_methods_need(fitted, tables):

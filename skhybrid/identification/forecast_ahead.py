@@ -250,6 +250,7 @@ class ForecastingNetwork(NetworkModel):
         origin : int; row number of X, negative for a known row before it
         kind : {"input", "output"}; of the disturbance, for ``"output"`` the nodes follow the inputs alone
         """
+        check_is_fitted(self)
         table, n_tail = self._with_history(X)
         known, row = self.filtered_network_, np.array([origin + n_tail])
         nothing = np.zeros((1, 1, known.kalman.n_gains if kind == "input" else len(known.kalman.measured)))
