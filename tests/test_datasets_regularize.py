@@ -161,7 +161,7 @@ def test_missing_cells_of_an_input():
     ("make", "options", "message"),
     [
         (lambda f: f.reset_index(drop=True), {}, "needs a DataFrame with a DatetimeIndex"),
-        (lambda f: f.iloc[:1], {}, "a log of 1 row has no step; two rows are the least"),
+        (lambda f: f.iloc[:1], {}, "a log of 1 row has no step; give two rows or more"),
         (lambda f: f.iloc[[0, 0]], {}, "two distinct stamps"),
         (lambda f: f.set_axis(f.index.where(f.index != f.index[3]), axis=0), {}, "NaT at row 3"),
         (lambda f: f, {"step": "0min"}, "step='0min'"),

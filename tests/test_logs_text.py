@@ -516,7 +516,7 @@ HEAD = "time,T,x\n"
         (
             HEAD + 3 * "2024-01-01,1,2\n" + "2024-01-01,1,2,9\n",
             {},
-            r"cannot be read as CSV \(Expected 3 fields in line 5, saw 4\); correct that line\.",
+            r"cannot be read as CSV \(Expected 3 fields in line 5, saw 4\); correct that line, or name an added column",
         ),
         (
             HEAD + 3 * "2024-01-01 00:00,20,5,21,5\n",

@@ -161,7 +161,7 @@ def _check(frame: pd.DataFrame, held: Collection[str]) -> None:
     if not isinstance(frame, pd.DataFrame) or not isinstance(frame.index, pd.DatetimeIndex):
         raise ValueError("regularize needs a DataFrame with a DatetimeIndex; read_zone_csv returns one.")
     if len(frame) < 2:
-        raise ValueError(f"a log of {several(len(frame), 'row')} has no step; two rows are the least.")
+        raise ValueError(f"a log of {several(len(frame), 'row')} has no step; give two rows or more.")
     if frame.index.hasnans:
         raise ValueError(
             f"the index contains NaT at row {int(np.argmax(frame.index.isna()))}; every row needs a time stamp."

@@ -64,7 +64,9 @@ class TextTable(NamedTuple):
         except (pd.errors.ParserError, pd.errors.ParserWarning, IndexError) as error:
             # IndexError where the first row is too wide
             cause = str(error).strip().rpartition("error: ")[2]  # without the words of the parser
-            raise ValueError(f"{where} cannot be read as CSV ({cause}); correct that line.") from error
+            raise ValueError(
+                f"{where} cannot be read as CSV ({cause}); correct that line, or name an added column in the header."
+            ) from error
 
 
 def _refuse_shifted(rows: Sequence[Sequence[str]], layout: Layout, where: str) -> None:
