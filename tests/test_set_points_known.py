@@ -411,10 +411,11 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
 
 
 def test_a_plant_may_give_more_than_was_measured_unless_its_most_left_a_set_point_missed():
-    heat = np.tile([0.0, 6.0, 2.0, 0.0, -3.0, 0.0], 2)
+    """After one day near the largest heat three times that heat, after two twice; at a limit a tenth more."""
+    two_days = np.tile([0.0, 6.0, 2.0, 0.0, -3.0, 0.0], 2)
     low, high = np.full(12, 20.0), np.full(12, 25.0)
 
-    def capacity(T, is_usual=False):
+    def capacity(T, is_usual=False, heat=two_days):
         rows = LawRows(T, heat, Band(low, high), np.empty((12, 0)), np.empty((12, 3)), 6)
         stageless = SimpleNamespace(stages=dict), SimpleNamespace(inputs={"Q_hvac": heat})
         found = PlantCapacity.of(*stageless, rows, is_usual)
@@ -424,10 +425,12 @@ def test_a_plant_may_give_more_than_was_measured_unless_its_most_left_a_set_poin
     met = np.full(12, 22.0)
     cold, hot, other = met.copy(), met.copy(), met.copy()
     cold[8], hot[5], other[4] = 19.5, 25.5, 19.5  # after 6 kW, after -3 kW, and after a row without heat
-    np.testing.assert_allclose(capacity(met), (-9.0, 18.0))
-    np.testing.assert_allclose(capacity(other), (-9.0, 18.0))
-    np.testing.assert_allclose(capacity(cold), (-9.0, 6.6))
-    np.testing.assert_allclose(capacity(hot), (-3.3, 18.0))
+    np.testing.assert_allclose(capacity(met), (-6.0, 12.0))
+    np.testing.assert_allclose(capacity(other), (-6.0, 12.0))
+    np.testing.assert_allclose(capacity(cold), (-6.0, 6.6))
+    np.testing.assert_allclose(capacity(hot), (-3.3, 12.0))
+    one_day = np.append(0.8 * two_days[:6], two_days[6:])
+    np.testing.assert_allclose(capacity(met, heat=one_day), (-9.0, 18.0))
     np.testing.assert_allclose(capacity(met, is_usual=True), (-3.3, 6.6))
 
 

@@ -36,7 +36,7 @@ _EVERY = 3  # hours between the origins that are learned from
 _FIT_SHARE = 2.0 / 3.0  # the law is fitted on this first share of the training and judged on the rest
 _DAYS_BACK = 21  # days whose errors count
 _WIDER = 1.1  # loads may be so much larger than the largest known of a plant that was at its limit
-_UNSEEN = 3.0  # and of one that was not
+_UNSEEN = 2.0  # of one that was not, by how many times it may grow, over the number of days on which it was so large
 _FULL, _MISSED = 0.9, 0.1  # share of the largest heat, and distance from the set-point [K], that show a limit
 _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
 _INDEPENDENT_PER_DAY = (24.0, 2.0)  # independent errors of the load, which starts and stops, and of temperature
@@ -82,8 +82,8 @@ class PlantCapacity(NamedTuple):
         stages, roles = scheme.stages(), plant_roles(training.inputs)
         if set(roles) - set(stages):
             missed = rows.T[1:] - rows.band.cooling[:-1], rows.band.heating[:-1] - rows.T[1:]
-            found = [is_usual or _gives_all(heat, by) for heat, by in zip((-rows.heat, rows.heat), missed, strict=True)]
-            lower, upper = (_WIDER if is_limit else _UNSEEN for is_limit in found)
+            sides = zip((-rows.heat, rows.heat), missed, strict=True)
+            lower, upper = (_WIDER if is_usual else _growth(heat, by, rows.per_day) for heat, by in sides)
             return cls(*cls(0.0, 0.0, (lower, upper)).after(rows.heat), (lower, upper))
         off = training.rows(slice(0, 1))
         off = off.replace(inputs={**off.inputs, **dict.fromkeys(roles, np.zeros(1))})
@@ -103,12 +103,16 @@ class PlantCapacity(NamedTuple):
         return min(self.lowest, lowest), max(self.highest, highest)
 
 
-def _gives_all(heat: np.ndarray, missed: np.ndarray) -> bool:
-    """Whether a plant was at its limit: near its largest heat (n,) [kW] in a row after which the set-point was missed.
+def _growth(heat: np.ndarray, missed: np.ndarray, per_day: int) -> float:
+    """Most heat of a plant, relative to the largest (n,) [kW] of a training, after which the set-point was ``missed``.
 
-    Else a deeper set-back or a colder day may ask for more heat than was ever measured, and get it.
+    Little more where it was missed after such a heat, as then the plant was at its limit.  Else a deeper set-back or a
+    colder day may ask for more than was ever measured, and get it; less so the more days came near the largest.
     """
-    return bool(((heat[:-1] >= _FULL * heat.max(initial=0.0)) & (missed > _MISSED)).any())
+    large = heat >= _FULL * heat.max(initial=0.0)
+    if (large[:-1] & (missed > _MISSED)).any():
+        return _WIDER
+    return max(_WIDER, 1.0 + _UNSEEN / len(np.unique(np.flatnonzero(large) // per_day)))
 
 
 class ClosedLoop:
