@@ -55,25 +55,23 @@ def refuse_other_units(
     for role in (role for role in roles if role.startswith(("T_za", "T_oa")) and role in known):
         values, most = new[role], max(known[role].max(), covered.get(role, (0.0, -np.inf))[1])
         if values.median() > most + _BEYOND:
-            raise ValueError(
-                f"{listed(log_columns([role], settings)) or role} reaches {values.max():.4g} degC from {new.index[0]} "
-                f"on, and {most:.4g} degC in what the model knows: likely degF rather than degC; correct the rows, or "
-                "give the unit under [units] of the configuration."
-            )
+            raise _other_unit(values, settings, "degC", f"{most:.4g} degC in what the model knows", "degF")
     for role in (role for role in roles if role.startswith("q_sol") and role in covered):
         sun, most = new[role][new[role] > 0.0], covered[role][1]
         if sun.median() > _BRIGHTER * most > 0.0:
-            raise ValueError(
-                f"{listed(log_columns([role], settings)) or role} reaches {sun.max():.4g} kW/m2 from {new.index[0]} "
-                f"on, and {most:.4g} kW/m2 in what the model learned from: likely W/m2 rather than kW/m2; correct the "
-                "rows, or give the unit under [units] of the configuration."
-            )
+            raise _other_unit(new[role], settings, "kW/m2", f"{most:.4g} kW/m2 in what the model learned from", "W/m2")
     for role in (role for role in roles if is_plant(role) and role.startswith("Q_") and role in covered):
-        heat = np.abs(new[role].to_numpy(dtype=np.float64))
+        heat = new[role].abs()
         running = heat[heat > 0.0]
-        if len(running) and is_in_watts(np.array([np.median(running)]), covered[role]):
-            raise ValueError(
-                f"{listed(log_columns([role], settings)) or role} reaches {heat.max():.4g} kW from {new.index[0]} on, "
-                f"and {max(map(abs, covered[role])):.4g} kW in what the model learned from: likely W rather than kW; "
-                "correct the rows, or give the unit under [units] of the configuration."
-            )
+        if len(running) and is_in_watts(np.array([running.median()]), covered[role]):
+            most = max(map(abs, covered[role]))
+            raise _other_unit(heat, settings, "kW", f"{most:.4g} kW in what the model learned from", "W")
+
+
+def _other_unit(new: pd.Series, settings: Settings, unit: str, known: str, likely: str) -> ValueError:
+    """The refusal of new values of a role, which are to be in a unit, beside those that are ``known``."""
+    return ValueError(
+        f"{listed(log_columns([str(new.name)], settings)) or new.name} reaches {new.max():.4g} {unit} from "
+        f"{new.index[0]} on, and {known}: likely {likely} rather than {unit}; correct the rows, or give the unit under "
+        "[units] of the configuration."
+    )

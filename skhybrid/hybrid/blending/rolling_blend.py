@@ -22,11 +22,11 @@ from .without_response import RollingWithoutResponse
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'
 #: training weeks and the paper's office; shares regressed on each building's own errors did worse
 _DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
-#: days known between which the weights become those of errors, and the pull toward the prior at either end
-_DAYS, _PULLS = (1.0, 14.0), (4.0, PULL)
 #: days known at which the prior is the settled one; sooner where a fleet speaks for all members (EnergyPlus rooms on
 #: dates that are not in benchmarks/fleet_prior.py)
 SETTLED_DAYS, SETTLED_DAYS_OF_FLEET = 14.0, 7.0
+#: days known between which the weights become those of errors, and the pull toward the prior at either end
+_DAYS, _PULLS = (1.0, SETTLED_DAYS), (4.0, PULL)
 
 
 @dataclass(frozen=True)
