@@ -20,15 +20,16 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid._table import read_table
-from skhybrid.control import Band, LoadPaths, WantedPaths
+from skhybrid.control import Band, Limits, LoadPaths, WantedPaths
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import MeasurementWarning, PlanWarning, UnitWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
-from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop, PlantCapacity, _Errors
+from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop, _Errors
 from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
+from skhybrid.hybrid.thermostat_law.plant_capacity import PlantCapacity
 from skhybrid.hybrid.thermostat_law.plant_law import LawPairs, make_pairs
 from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model, save_model
@@ -231,7 +232,7 @@ def test_nothing_after_an_origin_changes_a_forecast(log, model):
 def test_a_path_under_a_thermostat_reads_nothing_after_its_origin(log, two_stages, n_leads):
     """The origin lies anywhere between those of the paths that only divide the rows."""
     table = two_stages._read_X(log[14 * DAY :])
-    wanted = WantedPaths(band_of(table), (-6.0, 6.0))
+    wanted = WantedPaths(band_of(table), Limits.constant(-6.0, 6.0, 1))
     for origin in range(30, 31 + n_leads):
         at = np.array([origin])
         T = table.history["T_za"] + 4.0 * (np.arange(table.n_rows) > origin)
@@ -411,27 +412,44 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
 
 
 def test_a_plant_may_give_more_than_was_measured_unless_its_most_left_a_set_point_missed():
-    """After one day near the largest heat three times that heat, after two twice; at a limit a tenth more."""
+    """After one day near the largest heat three times that heat, after two twice; at a limit 3 % more."""
     two_days = np.tile([0.0, 6.0, 2.0, 0.0, -3.0, 0.0], 2)
-    low, high = np.full(12, 20.0), np.full(12, 25.0)
 
     def capacity(T, is_usual=False, heat=two_days):
-        rows = LawRows(T, heat, Band(low, high), np.empty((12, 0)), np.empty((12, 3)), 6)
-        stageless = SimpleNamespace(stages=dict), SimpleNamespace(inputs={"Q_hvac": heat})
-        found = PlantCapacity.of(*stageless, rows, is_usual)
-        np.testing.assert_allclose(found.after(2.0 * heat), 2.0 * np.array(found.range))
-        return found.range
+        return plant_limits(heat, T, 12, [12], is_usual)[0]
 
-    met = np.full(12, 22.0)
+    met = np.full(13, 22.0)
     cold, hot, other = met.copy(), met.copy(), met.copy()
     cold[8], hot[5], other[4] = 19.5, 25.5, 19.5  # after 6 kW, after -3 kW, and after a row without heat
     np.testing.assert_allclose(capacity(met), (-6.0, 12.0))
     np.testing.assert_allclose(capacity(other), (-6.0, 12.0))
-    np.testing.assert_allclose(capacity(cold), (-6.0, 6.6))
-    np.testing.assert_allclose(capacity(hot), (-3.3, 12.0))
+    np.testing.assert_allclose(capacity(cold), (-6.0, 6.18))
+    np.testing.assert_allclose(capacity(hot), (-3.09, 12.0))
     one_day = np.append(0.8 * two_days[:6], two_days[6:])
     np.testing.assert_allclose(capacity(met, heat=one_day), (-9.0, 18.0))
-    np.testing.assert_allclose(capacity(met, is_usual=True), (-3.3, 6.6))
+    np.testing.assert_allclose(capacity(met, is_usual=True), (-3.09, 6.18))
+
+
+def test_a_limit_of_a_plant_is_known_from_the_row_after_which_it_left_a_set_point_missed():
+    """A training of a day with 4 kW; then 6 kW on two days, the last of them too little."""
+    heat = np.array([0.0, 4.0, 2.0, 0.0, 0.0, 0.0, 0.0, 6.0, 2.0, 0.0, 0.0, 0.0, 0.0, 6.0, 5.9, 0.0, 0.0, 0.0])
+    T = np.append(np.full(18, 22.0), 22.0)
+    T[14] = 18.0
+    found = plant_limits(heat, T, 6, [6, 7, 8, 12, 13, 14, 15, 18])
+    np.testing.assert_allclose(found[:, 1], [12.0, 12.0, 18.0, 18.0, 18.0, 6.18, 6.18, 6.18])
+    np.testing.assert_allclose(plant_limits(heat, np.full(19, 22.0), 6, [14, 18])[:, 1], 12.0)  # met on two days
+    np.testing.assert_allclose(found[:, 0], 0.0)
+
+
+def plant_limits(heat, T, n_trained, origins, is_usual=False):
+    """Least and most heat (O, 2) of a plant whose heat is measured, with set-points of 20 and 25 degC."""
+    n = len(T)
+    heat = np.append(heat, 0.0)
+    rows = LawRows(T, heat, Band(np.full(n, 20.0), np.full(n, 25.0)), np.empty((n, 0)), np.empty((n, 3)), 6)
+    seen = LawRows(*(part[:n_trained] for part in rows[:2]), rows.band.rows(slice(n_trained)), *rows[3:])
+    training = SimpleNamespace(inputs={"Q_hvac": heat}, n_rows=n_trained)
+    found = PlantCapacity.of(SimpleNamespace(stages=dict), training, seen, is_usual)
+    return np.column_stack(found.at(rows, n_trained, np.array(origins)))
 
 
 def test_limits_of_an_ideal_plant_are_reached(log):

@@ -29,7 +29,7 @@ class WantedPaths(NamedTuple):
     """Set-points that a plant shall keep from some origins on."""
 
     band: Band  # (N,) of the rows of a table [degC]
-    limits: tuple[float, float]  # of the plant [kW]
+    limits: Limits  # (O,) of the plant, from each origin on
     delivered: np.ndarray | None = None  # (O,) heat of the origins' own rows [kW], where the plant begins after them
     #: boundary temperatures that heat is sought without knowing ahead, such as those of neighbours
     unforeseen: tuple[str, ...] = ()

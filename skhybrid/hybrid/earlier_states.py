@@ -103,9 +103,11 @@ class EarlierStates(Scheme):
         between = np.arange(begin, n, n_leads + 1)
         since = between[:, None] - own
         starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
-        band, within = wanted.band.rows(slice(begin, None)), Limits.constant(*wanted.limits, n - begin)
-        if wanted.delivered is not None:
-            for side in within:
+        band, within = wanted.band.rows(slice(begin, None)), Limits.constant(-np.inf, np.inf, n - begin)
+        for side, limit in zip(within, wanted.limits, strict=True):
+            for i in group:
+                side[origins[i] - begin :][:n_leads] = limit[i]
+            if wanted.delivered is not None:
                 side[own - begin] = wanted.delivered[group]
         found = self.required_heat(table, starts, band, within)
         load = found[[heat_column(found), "T_za", "zeta"]].to_numpy().T

@@ -72,7 +72,7 @@ def load_paths(
         foreseen, unforeseen = _without_unforeseen(fit, state, ahead, wanted, i)
         system, begin = _system(fit, state, foreseen, zeta), np.append(state.nodes, state.emitter)
         band = [side[rows] - fit.reference for side in wanted.band]
-        within = [np.full(n, limit) for limit in wanted.limits]
+        within = [np.full(n, side[i]) for side in wanted.limits]
         if wanted.delivered is not None:
             within[0][0] = within[1][0] = wanted.delivered[i]
         hold = steps_ahead(system.A, system.effect, system.c)

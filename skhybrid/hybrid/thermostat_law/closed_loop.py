@@ -6,16 +6,16 @@ week; the blend has the weights of their errors so far, and its intervals are le
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
 
-from ..._table import SETPOINT_ROLES, ZoneTable, plant_roles
+from ..._table import SETPOINT_ROLES, ZoneTable
 from ..._time import rows_per_day, rows_per_hour
 from ..._warnings import warn_user
-from ...control import FREE, Band, LoadPaths, WantedPaths
+from ...control import FREE, Band, Limits, LoadPaths, WantedPaths
 from ...exceptions import PlanWarning, TooFewDaysError
 from ...forecasting.intervals import PathClock
 from ...forecasting.quantiles import path_clock
@@ -28,16 +28,14 @@ from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
 from .member_intervals import MemberIntervals, MemberValues
-from .plant_law import MEMBERS, PRIOR, learn, make_pairs, member_errors, member_paths
+from .plant_capacity import PlantCapacity
+from .plant_law import MEMBERS, PRIOR, PlantLaw, learn, make_pairs, member_errors, member_paths
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
 _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least
 _EVERY = 3  # hours between the origins that are learned from
 _FIT_SHARE = 2.0 / 3.0  # the law is fitted on this first share of the training and judged on the rest
 _DAYS_BACK = 21  # days whose errors count
-_WIDER = 1.1  # loads may be so much larger than the largest known of a plant that was at its limit
-_UNSEEN = 2.0  # of one that was not, by how many times it may grow, over the number of days on which it was so large
-_FULL, _MISSED = 0.9, 0.1  # share of the largest heat, and distance from the set-point [K], that show a limit
 _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
 _INDEPENDENT_PER_DAY = (24.0, 2.0)  # independent errors of the load, which starts and stops, and of temperature
 _LEADS = 18  # leads at which errors are evaluated
@@ -67,52 +65,6 @@ class _TrainingTail(NamedTuple):
 
     products: np.ndarray  # (2, n_groups, M, M) moments of their errors of load and temperature
     intervals: tuple[MemberIntervals, ...]  # of load and temperature; empty after a short training
-
-
-class PlantCapacity(NamedTuple):
-    """The least and most heat of a plant [kW]."""
-
-    lowest: float
-    highest: float
-    growth: tuple[float, float] | None  # least and most heat by the least and most measured; None: known by the stages
-
-    @classmethod
-    def of(cls, scheme: Scheme, training: ZoneTable, rows: LawRows, is_usual: bool = False) -> Self:
-        """By full stages, or by the measured heat of a training, of whose set-points some may be usual temperatures."""
-        stages, roles = scheme.stages(), plant_roles(training.inputs)
-        if set(roles) - set(stages):
-            missed = rows.T[1:] - rows.band.cooling[:-1], rows.band.heating[:-1] - rows.T[1:]
-            sides = zip((-rows.heat, rows.heat), missed, strict=True)
-            lower, upper = (_WIDER if is_usual else _growth(heat, by, rows.per_day) for heat, by in sides)
-            return cls(*cls(0.0, 0.0, (lower, upper)).after(rows.heat), (lower, upper))
-        off = training.rows(slice(0, 1))
-        off = off.replace(inputs={**off.inputs, **dict.fromkeys(roles, np.zeros(1))})
-        full = [off.replace(inputs={**off.inputs, role: np.array([stages[role]])}) for role in roles]
-        each = [float(scheme.plant_heat(one)[0]) for one in full]
-        return cls(sum(min(h, 0.0) for h in each), sum(max(h, 0.0) for h in each), None)
-
-    @property
-    def range(self) -> tuple[float, float]:
-        return self.lowest, self.highest
-
-    def after(self, heat: np.ndarray) -> tuple[float, float]:
-        """The range after a heat [kW] was measured."""
-        if self.growth is None:
-            return self.range
-        lowest, highest = self.growth[0] * float(heat.min(initial=0.0)), self.growth[1] * float(heat.max(initial=0.0))
-        return min(self.lowest, lowest), max(self.highest, highest)
-
-
-def _growth(heat: np.ndarray, missed: np.ndarray, per_day: int) -> float:
-    """Most heat of a plant, relative to the largest (n,) [kW] of a training, after which the set-point was ``missed``.
-
-    Little more where it was missed after such a heat, as then the plant was at its limit.  Else a deeper set-back or a
-    colder day may ask for more than was ever measured, and get it; less so the more days came near the largest.
-    """
-    large = heat >= _FULL * heat.max(initial=0.0)
-    if (large[:-1] & (missed > _MISSED)).any():
-        return _WIDER
-    return max(_WIDER, 1.0 + _UNSEEN / len(np.unique(np.flatnonzero(large) // per_day)))
 
 
 class ClosedLoop:
@@ -149,7 +101,8 @@ class ClosedLoop:
         origins = np.arange(rows.per_day, training.n_rows - 1, _EVERY * rows_per_hour(training.step))
         capacity = PlantCapacity.of(scheme, training, rows, usual is not None)
         loads_from = scheme.adapting(None).load_paths_from(training, origins)
-        ideal = loads_from(origins, n_leads, WantedPaths(band, capacity.range, unforeseen=scheme.unforeseen))
+        within = capacity.at(rows, training.n_rows, origins)
+        ideal = loads_from(origins, n_leads, WantedPaths(band, within, unforeseen=scheme.unforeseen))
         pairs = make_pairs(rows, origins, ideal, training.n_rows)
         begin = int(_FIT_SHARE * training.n_rows)
         if len(pairs.before(begin).ends) < _LEAST_PAIRS:
@@ -194,23 +147,21 @@ class ClosedLoop:
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
         loads_from, n_ideal = scheme.load_paths_from(table, every), max(n_leads, self.n_leads)
-        asked = WantedPaths(rows.band, self._capacity.range, unforeseen=scheme.unforeseen)
+        within = self._capacity.at(rows, weeks.begin, every)
+        asked = WantedPaths(rows.band, within, unforeseen=scheme.unforeseen)
         ideal = IdealPaths(every, loads_from(every, n_ideal, asked))  # the past knows what was measured
-        asked = asked._replace(boundary=boundary or {})
+        within = self._capacity.at(rows, weeks.begin, origins)
+        asked = asked._replace(limits=within, boundary=boundary or {})
         free = loads_from(origins, n_ideal, asked) if boundary else ideal.of(origins)
         laws |= refits.learn(rows, weeks, new, spacing, ideal)
-        leads = _leads(self.n_leads)
-        errors = _Errors(past, leads, np.empty((len(past), len(leads), 2, len(MEMBERS))))
-        members = np.empty((len(origins), n_leads, 2, len(MEMBERS)))
-        for number, law in laws.items():
-            assert law is not None
-            at, own = (weeks.numbers(of) == number for of in (past, origins))
-            errors.values[at] = member_errors(rows, past[at], ideal.of(past[at]), law, leads)
-            members[own] = member_paths(rows, origins[own], free.rows(own), law, np.arange(n_leads))
-        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], np.zeros((2, len(origins), n_leads)))
+        of_past, of_origins = IdealPaths(past, ideal.of(past)), IdealPaths(origins, free)
+        errors, members = self._by_law(rows, weeks, laws, of_past, of_origins, n_leads)
+        unshifted = np.zeros((2, len(origins), n_leads))
+        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], within, unshifted)
         if limits is not None:
-            asked = asked._replace(limits=_within(asked.limits, limits))
-            wanted = wanted._replace(shift=_between(loads_from(origins, n_leads, asked), free, n_leads), limits=limits)
+            asked = asked._replace(limits=_within(within, limits))
+            shift = _between(loads_from(origins, n_leads, asked), free, n_leads)
+            wanted = wanted._replace(shift=shift, limits=asked.limits)
         if delivered is not None:
             expected = self._blended(scheme, table, wanted, errors, weeks, None).paths.heat[:, 0]
             actual, forecast = (
@@ -222,6 +173,26 @@ class ClosedLoop:
             wanted = wanted._replace(spread=spread)
         return self._blended(scheme, table, wanted, errors, weeks, levels)
 
+    def _by_law(
+        self,
+        rows: LawRows,
+        weeks: Weeks,
+        laws: Mapping[int, PlantLaw | None],
+        past: IdealPaths,
+        wanted: IdealPaths,
+        n_leads: int,
+    ) -> tuple[_Errors, np.ndarray]:
+        """Errors of the members in the past, and what they forecast (O, n_leads, 2, M), by the laws of the weeks."""
+        leads = _leads(self.n_leads)
+        errors = _Errors(past.origins, leads, np.empty((len(past.origins), len(leads), 2, len(MEMBERS))))
+        members = np.empty((len(wanted.origins), n_leads, 2, len(MEMBERS)))
+        for number, law in laws.items():
+            assert law is not None
+            at, own = (weeks.numbers(of.origins) == number for of in (past, wanted))
+            errors.values[at] = member_errors(rows, past.origins[at], past.paths.rows(at), law, leads)
+            members[own] = member_paths(rows, wanted.origins[own], wanted.paths.rows(own), law, np.arange(n_leads))
+        return errors, members
+
     def _rows(self, scheme: Scheme, table: ZoneTable) -> tuple[ZoneTable, LawRows]:
         """A table under the set-points that the law reads, and its rows."""
         table = table if self.usual is None else self.usual.held(table)
@@ -229,8 +200,10 @@ class ClosedLoop:
 
     def _learned_sides(self, band: Band) -> Band:
         """The set-points of the sides that had some in training; loads of the other side are learned without them."""
-        runs, sides = (self._capacity.highest > 0.0, self._capacity.lowest < 0.0), []
-        for side, role, free, learned, acts in zip(band, SETPOINT_ROLES, FREE, self._sides, runs, strict=True):
+        sides = []
+        for side, role, free, learned, acts in zip(
+            band, SETPOINT_ROLES, FREE, self._sides, self._capacity.acts, strict=True
+        ):
             if not learned and acts and np.isfinite(side).any():
                 warn_user(
                     f"{role} is not used, since the training has none: the thermostat is the one learned without it; "
@@ -300,7 +273,7 @@ class ClosedLoop:
                     recent = self._recent(table, known, shares, quantity)
                     out[quantity, i, :, 1:] += self._offsets(table, wanted, i, quantity, weights, recent, levels)
             plausible = ranges.of_row(i).around(rows.band.rows(slice(origin, origin + n_leads)))
-            lowest, highest = _within(self._capacity.after(rows.heat[:origin]), wanted.limits)
+            lowest, highest = wanted.limits.lower[i], wanted.limits.upper[i]
             heats, cools = self._acting(rows.band, np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
             within = np.where(cools, lowest, max(lowest, 0.0)), np.where(heats, highest, min(highest, 0.0))
             out[0, i] = np.clip(out[0, i], within[0][:, None], within[1][:, None])
@@ -354,8 +327,8 @@ class _Wanted(NamedTuple):
     origins: np.ndarray
     members: np.ndarray  # (O, L, 2, M) load [kW] and temperature [degC]
     zeta: np.ndarray  # (O, L)
+    limits: Limits  # (O,) of the plant [kW]
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
-    limits: tuple[float, float] = (-np.inf, np.inf)
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
 
 
@@ -364,10 +337,10 @@ def _between(paths: LoadPaths, others: LoadPaths, n_leads: int) -> np.ndarray:
     return np.stack([a[:, :n_leads] - b[:, :n_leads] for a, b in zip(paths[:2], others[:2], strict=True)])
 
 
-def _within(known: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:
-    """The least and most heat [kW] within two ranges."""
-    lowest = min(max(known[0], limits[0]), limits[1])
-    return lowest, max(min(known[1], limits[1]), lowest)
+def _within(known: Limits, limits: tuple[float, float]) -> Limits:
+    """The least and most heat [kW] within what is known, and within a range."""
+    lower = np.clip(known.lower, *limits)
+    return Limits(lower, np.maximum(np.minimum(known.upper, limits[1]), lower))
 
 
 def _leads(n_leads: int) -> np.ndarray:

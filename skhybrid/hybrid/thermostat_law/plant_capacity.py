@@ -1,0 +1,95 @@
+"""The capacity of a plant, by what was measured of it and whether its set-point was met."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ..._table import ZoneTable, plant_roles
+from ...control import Limits
+from ..scheme import Scheme
+from .law_features import LawRows
+
+_WIDER = 1.03  # loads may be so much larger than the largest known of a plant that was at its limit
+_UNSEEN = 2.0  # of one that was not, by how many times it may grow, over the number of days on which it was so large
+_FULL, _MISSED = 0.9, 0.1  # share of the largest heat, and distance from the set-point [K], that show a limit
+
+
+class _Days(NamedTuple):
+    """Heating, or cooling, of days before some origins."""
+
+    most: np.ndarray  # (O, D) largest heat of each day [kW]
+    missed: np.ndarray  # (O, D) largest after which the set-point was missed
+
+
+class PlantCapacity:
+    """The least and most heat of a plant [kW]: by full stages, or by the heat that was measured.
+
+    It is little more than the largest where the set-point was missed after that, as then the plant was at its limit.
+    Else a deeper set-back or a colder day may ask for more than was ever measured, and get it; less so the more days
+    came near the largest.
+    """
+
+    def __init__(
+        self, stages: tuple[float, float] | None, training: tuple[_Days, ...] = (), is_usual: bool = False
+    ) -> None:
+        self._stages, self._training, self._is_usual = stages, training, is_usual
+
+    @classmethod
+    def of(cls, scheme: Scheme, training: ZoneTable, rows: LawRows, is_usual: bool = False) -> Self:
+        """Of the plant of a training, of whose set-points some may be usual temperatures."""
+        stages, roles = scheme.stages(), plant_roles(training.inputs)
+        if set(roles) - set(stages):
+            return cls(None, _days(rows, 0, np.array([training.n_rows])), is_usual)
+        off = training.rows(slice(0, 1))
+        off = off.replace(inputs={**off.inputs, **dict.fromkeys(roles, np.zeros(1))})
+        full = [off.replace(inputs={**off.inputs, role: np.array([stages[role]])}) for role in roles]
+        each = [float(scheme.plant_heat(one)[0]) for one in full]
+        return cls((sum(min(h, 0.0) for h in each), sum(max(h, 0.0) for h in each)))
+
+    @property
+    def acts(self) -> tuple[bool, bool]:
+        """Whether the plant heated, and cooled, in the training."""
+        if self._stages is not None:
+            return self._stages[1] > 0.0, self._stages[0] < 0.0
+        cooling, heating = (bool((side.most > 0.0).any()) for side in self._training)
+        return heating, cooling
+
+    def at(self, rows: LawRows, begin: int, origins: np.ndarray) -> Limits:
+        """The least and most heat (O,) as known at origins, by the training and the rows from ``begin`` on."""
+        if self._stages is not None:
+            return Limits.constant(*self._stages, len(origins))
+        since = _days(rows, begin, origins)
+        cooling, heating = (self._most(*pair) for pair in zip(self._training, since, strict=True))
+        return Limits(-cooling, heating)
+
+    def _most(self, training: _Days, since: _Days) -> np.ndarray:
+        """The most heat (O,) on one side."""
+        n = len(since.most)
+        most, missed = (
+            np.hstack([np.broadcast_to(of, (n, of.shape[1])), new]) for of, new in zip(training, since, strict=True)
+        )
+        largest = most.max(axis=1, initial=0.0)
+        large = _FULL * largest[:, None]
+        growth = 1.0 + _UNSEEN / np.maximum((most >= large).sum(axis=1), 1)
+        growth[(missed >= large).any(axis=1)] = 1.0
+        return largest * (_WIDER if self._is_usual else np.maximum(growth, _WIDER))
+
+
+def _days(rows: LawRows, begin: int, origins: np.ndarray) -> tuple[_Days, ...]:
+    """Days of cooling and of heating, by the rows from ``begin`` on that are known at each origin."""
+    heat, T = rows.heat[begin:], np.append(rows.T[begin + 1 :], np.nan)  # at the end of each row
+    above, below = T - rows.band.cooling[begin:], rows.band.heating[begin:] - T
+    n_days = max(-(-(int(origins.max(initial=begin)) - begin) // rows.per_day), 0)
+    known = np.clip((origins - begin)[:, None] - rows.per_day * np.arange(n_days), 0, rows.per_day)
+
+    def largest(values: np.ndarray) -> np.ndarray:
+        padded = np.zeros(n_days * rows.per_day)
+        padded[: len(values)] = values[: len(padded)]
+        rising = np.maximum.accumulate(padded.reshape(n_days, rows.per_day), axis=1)
+        return np.column_stack([np.zeros(n_days), rising])[np.arange(n_days), known]
+
+    return tuple(
+        _Days(largest(side), largest(np.where(by > _MISSED, side, 0.0))) for side, by in ((-heat, above), (heat, below))
+    )
