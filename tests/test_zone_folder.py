@@ -147,6 +147,15 @@ def test_a_tick_of_a_log_without_a_new_temperature_says_so(log, zone, cheap, tmp
     assert zone.tick(write(log, tmp_path / "log.csv", DAYS + 1)).remarks == ()
 
 
+def test_a_fit_leaves_out_the_step_that_is_under_way(log, zone, tmp_path):
+    """An update would not correct the mean over its beginning."""
+    source, config, model = (tmp_path / name for name in ("log.csv", "two_hours.toml", "m.skops"))
+    log.iloc[: 24 * 6 + 7].to_csv(source)
+    config.write_text(zone.config.read_text().replace('step = "60min"', 'step = "2h"'))
+    assert main(["fit", str(source), "--config", str(config), "--model", str(model), "-q"]) == 0
+    assert ZoneModel.load(model).known_until == log.index[24 * 6 + 4]
+
+
 @pytest.mark.parametrize("right", [0, 1])
 def test_a_step_under_way_is_forecast_from_and_taken_in_when_it_is_over(right, log, zone, cheap, tmp_path):
     """The mean over its beginning would stay in the model."""

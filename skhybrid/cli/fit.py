@@ -18,17 +18,17 @@ from ._output import Progress
 def command(log: str, config: Path | None, model: Path, days: int, say: Progress, as_json: bool) -> None:
     """Learn a model from the last weeks of a log, and save it."""
     settings = settings_at(config, several=True)
-    from ..study import read_log
+    from ..study.log_reading import read_even_log
     from ..zone import ZoneModel
     from ._study import refuse_unwritable
 
     refuse_unwritable(model, "file", "--model")
     say(1, 2, "reading the log")
-    frame, report = read_log(log, settings)
-    for line in report.splitlines():
+    read = read_even_log(log, settings)
+    for line in read.report.splitlines():
         say.note(line)
     say(2, 2, "learning")
-    zone = ZoneModel.fit(settings, frame, days)
+    zone = ZoneModel.fit(settings, read.finished, days)
     zone.save(model)
     facts = zone.facts()
     if as_json:
