@@ -14,6 +14,7 @@ from ..study.doubts import OUTSIDE, at_ends, drifted
 from ..study.judgement import NO_SCALE, load_of
 from ..study.verdict import Verdict, compare_errors, judge
 from .forecast_archive import BEYOND
+from .outages import like_index
 from .zone_model import ZoneModel
 
 _MOVED = 0.25  # of a set-point, from which on it is another one [K]
@@ -59,7 +60,12 @@ def verdicts_of(
     stamps = pd.DatetimeIndex(pd.to_datetime(rows["time"]))
     known = archive.measured(stamps[0] - _DAY)
     before = known.reindex(stamps - _DAY).set_axis(rows.index)
-    doubts = [*doubts, *_other_setpoints(rows), *_beyond(archive.latest()), *at_ends(zone.predictor.gray_box_)]
+    doubts = [
+        *doubts,
+        *_other_setpoints(rows, zone.learned_until),
+        *_beyond(archive.latest()),
+        *at_ends(zone.predictor.gray_box_),
+    ]
     measured = rows.filter(like="_measured").rename(columns=lambda name: name.removesuffix("_measured"))
     out = [_verdict("temperature", rows, (rows["T_za"], measured["T_za"], before["T_za"]), [*drifted(days), *doubts])]
     roles = [role for role in plant_roles(measured) if role in rows and measured[role].notna().any()]
@@ -81,8 +87,8 @@ def _verdict(quantity: str, rows: pd.DataFrame, values: Sequence[pd.Series], dou
     return judge(quantity, [rule], n_origins=scored, coverage=coverage, doubts=doubts)
 
 
-def _other_setpoints(rows: pd.DataFrame) -> list[str]:
-    """A reason where often other set-points were in force than forecast with."""
+def _other_setpoints(rows: pd.DataFrame, learned_until: pd.Timestamp) -> list[str]:
+    """A reason where often other set-points were in force than forecast with, in the time zone of the log."""
     other = pd.DataFrame(
         {
             role: (rows[role] - rows[f"{role}_measured"]).abs() > _MOVED
@@ -97,7 +103,8 @@ def _other_setpoints(rows: pd.DataFrame) -> list[str]:
     role = next(str(role) for role in other if other[role].any())
     last = rows[other[role]].iloc[-1]
     text = f"in {percent(share)} of the hours forecast other set-points were in force than forecast with"
-    return [f"{text}, such as {role} {last[f'{role}_measured']:g} for {last[role]:g} degC at {last['time']}"]
+    at = like_index(pd.Timestamp(last["time"]), pd.DatetimeIndex([learned_until]))
+    return [f"{text}, such as {role} {last[f'{role}_measured']:g} for {last[role]:g} degC at {at}"]
 
 
 def _beyond(ahead: pd.DataFrame) -> list[str]:
