@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..._arguments import as_mapping, check_integer, is_number
+from ..._arguments import as_mapping, check_integer, draw_seed, is_number
 from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
 from ..._ranges import check_range
@@ -148,7 +148,7 @@ def plan_experiment(
         How far beyond the set-point an on/off plant switches [K]; None: a plant that modulates.
     n_draws : int
         Draws of gain and noise over which the information is averaged; all candidates see the same.
-    random_state : int, Generator or None
+    random_state : int, RandomState, Generator or None
         Of the draws.
 
     Returns
@@ -196,7 +196,8 @@ def plan_experiment(
     free = tuple(name for name in zone.order if name not in known)
     if not free:
         raise ValueError("known= names every parameter, so nothing is left to identify; leave out what is to be found.")
-    errors = _expected_errors(zone, log, cases, free, hysteresis, n_draws, np.random.default_rng(random_state))
+    own = random_state if isinstance(random_state, np.random.Generator) else draw_seed(random_state)
+    errors = _expected_errors(zone, log, cases, free, hysteresis, n_draws, np.random.default_rng(own))
     return _make_plan(cases, free, errors, float(target))
 
 
