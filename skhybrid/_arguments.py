@@ -59,6 +59,14 @@ def is_number(value: Any) -> bool:
     return bool(abs(number) <= _LARGEST)
 
 
+def check_place(latitude: Any, longitude: Any, where: str = "") -> None:
+    """Refuse what is no place on earth [deg]; ``where`` names the table of a configuration that gives it."""
+    for name, value, bound in (("latitude", latitude, 90.0), ("longitude", longitude, 180.0)):
+        if not (is_number(value) and abs(value) <= bound):
+            given = f"{where} {name} = {value!r}" if where else f"{name}={value!r}"
+            raise ValueError(f"{given} must be a number of degrees from {-bound:g} to {bound:g}.")
+
+
 def check_rate(name: str, value: Any) -> None:
     """Refuse what is not a finite number above 0."""
     if not (is_number(value) and value > 0):

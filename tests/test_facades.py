@@ -201,6 +201,7 @@ def test_later_rows_without_stamps_go_on_from_the_start(sky):
         ({"dni": "dni"}, lambda X: X, "expects dni in a column 'dni'"),
         ({"latitude": 141.98}, lambda X: X, "latitude=141.98"),
         ({"longitude": None}, lambda X: X, "longitude=None"),
+        ({"longitude": True}, lambda X: X, "longitude=True must be a number of degrees from -180 to 180"),
         ({"albedo": 20}, lambda X: X, "albedo=20"),
         ({"glazing": "no"}, lambda X: X, "glazing='no' must be True or False"),
         ({"columns": ["q_sol"]}, lambda X: X, "columns=.* must be a mapping of 'q_sol' to a column"),

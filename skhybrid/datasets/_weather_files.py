@@ -12,13 +12,14 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import PchipInterpolator
 
+from .._arguments import check_place
 from .._ranges import check_range
 from .._table import listed
 from .._time import even_step
 from ..logs.open_meteo import answer_of, is_open_meteo_csv
 from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
-from ..preprocessing._sun import check_place, split
+from ..preprocessing._sun import split
 from ..preprocessing._units import conversion_of, convert
 from ._epw import checked_weather, read_epw, refuse_uncovered
 from ._weather import clear_sky, tilted_irradiance
@@ -257,7 +258,7 @@ def _sun(
     place = [answer.get(n) if of is None else of for n, of in (("latitude", latitude), ("longitude", longitude))]
     if not all(isinstance(of, int | float) for of in place):
         raise ValueError(f"{where} names no place, which its irradiance needs; give latitude= and longitude=.")
-    check_place(*place)
+    check_place(place[0], place[1])
     return get_solarposition(middle, place[0], place[1], method="ephemeris")
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
-from .._arguments import as_mapping, check_bool, store_arguments
+from .._arguments import as_mapping, check_bool, check_place, store_arguments
 from .._ranges import check_range
 from .._table import listed, numeric, role_of
 from .._time import first_row_number, read_index
 from ._frames import TableTransformer, position_of, roles_by_position
-from ._sun import Place, check_place, on_planes
+from ._sun import Place, on_planes
 
 #: azimuths of the default facades, degrees clockwise from north.
 COMPASS = {"east": 90.0, "south": 180.0, "west": 270.0, "north": 0.0}

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from numbers import Real
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -29,13 +28,6 @@ class Light(NamedTuple):
     direct: np.ndarray  # direct normal
     diffuse: np.ndarray  # diffuse horizontal
     total: np.ndarray  # global horizontal
-
-
-def check_place(latitude: Any, longitude: Any) -> None:
-    """Refuse what is no place on earth [degrees]."""
-    for name, value, bound in (("latitude", latitude, 90.0), ("longitude", longitude, 180.0)):
-        if not isinstance(value, Real) or not -bound <= float(value) <= bound:
-            raise ValueError(f"{name}={value!r} must be a number of degrees from {-bound:g} to {bound:g}.")
 
 
 def on_planes(

@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from .._arguments import is_integer, is_number
+from .._arguments import check_place, is_integer, is_number
 from .._holidays import read_holidays
 from .._table import ROLES, SETPOINT_ROLES, listed, role_of
 from .._time import positive_duration
@@ -42,7 +42,7 @@ _TABLES = (
 )  # fmt: skip
 _SPAN = ("start", "end")
 _NETWORK = ("name", "capacitances", "resistors", "solar", "measured", "disturbed", "heated", "bounds")
-_SITE = {"latitude": 90.0, "longitude": 180.0}
+_SITE = ("latitude", "longitude")
 
 
 @dataclass(frozen=True)
@@ -300,13 +300,14 @@ def _check_tables(settings: Settings) -> None:
 
 
 def _check_site(site: Mapping[str, Any], columns: Mapping[str, str]) -> None:
-    check_keys("site", site, tuple(_SITE))
-    for key, bound in _SITE.items():
-        if site and key not in site:
+    check_keys("site", site, _SITE)
+    if not site:
+        return
+    for key in _SITE:
+        if key not in site:
             raise ValueError(f"[site] does not say {key}.")
-        if site and not (is_number(site[key]) and abs(site[key]) <= bound):
-            raise ValueError(f"[site] {key} = {site[key]!r} must be a number of degrees from {-bound:g} to {bound:g}.")
-    if site and "q_sol" not in columns:
+    check_place(site["latitude"], site["longitude"], "[site]")
+    if "q_sol" not in columns:
         raise ValueError("[site] needs the irradiance on the horizontal, q_sol, in [columns].")
 
 
