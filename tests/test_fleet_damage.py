@@ -15,7 +15,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import ZoneFleet
 from skhybrid.fleet.zone_rows import read_rows
-from skhybrid.persistence import save_model
+from skhybrid.persistence import model_file, save_model
 
 DAY = 24
 ZONES = {
@@ -45,6 +45,18 @@ def test_a_prior_does_without_a_zone_whose_file_is_damaged(fleet):
     (Path(fleet.store_) / "b.skops").write_bytes(b"half")
     with pytest.warns(SkhybridWarning, match="left out: 'b', of which a file in .*store is damaged; fit again"):
         assert fleet.prior().n_zones == 2
+
+
+def test_a_prior_reads_each_model_file_once(fleet, monkeypatch):
+    opened = []
+
+    def read(path, read=model_file._read):
+        opened.append(Path(path).name)
+        return read(path)
+
+    monkeypatch.setattr(model_file, "_read", read)
+    assert fleet.prior({"a": 3.0, "c": 5.0}).n_zones == 2
+    assert opened == ["a.skops", "c.skops"]
 
 
 def test_the_status_lists_zones_also_where_no_model_can_be_read(fleet):

@@ -89,16 +89,24 @@ class ModelStore:
             return False
         return True
 
-    def whole(self, zones: Iterable[str]) -> list[str]:
-        """Those of some zones whose files can be read; the others are warned of."""
-        asked = list(zones)
-        found = [zone for zone in asked if self.is_whole(zone)]
-        if len(found) < len(asked):
-            damaged = [zone for zone in asked if zone not in found]
+    def fitted(self, zones: Iterable[str]) -> Iterator[tuple[str, Any]]:
+        """Name and model of those of some zones that the estimator, not the fallback, was fitted on.
+
+        Zones of which a file cannot be read are left out, with a warning.
+        """
+        damaged = []
+        for zone in zones:
+            try:
+                model = self.load(zone)[0] if self.journal(zone).facts["fallback"] is None else None
+            except (OSError, ValueError):
+                damaged.append(zone)
+                continue
+            if model is not None:
+                yield zone, model
+        if damaged:
             warn_user(
                 f"left out: {listed(damaged)}, of which a file in {self.path} is damaged; fit again.", SkhybridWarning
             )
-        return found
 
     def save(self, zone: str, model: Any, journal: Journal) -> None:
         """Keep a model that holds all rows that its zone has taken in."""

@@ -77,7 +77,22 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         ValueError
             If there are fewer than two models of two days, or they or their sizes do not go together.
         """
-        read = [_evidence_of(model) for model in models]
+        return cls.of_evidence([evidence_and_span(model) for model in models], sizes, names)
+
+    @classmethod
+    def of_evidence(
+        cls,
+        read: Sequence[tuple[ZoneEvidence, pd.Timedelta]],
+        sizes: Iterable[float] | None = None,
+        names: Iterable[str] | None = None,
+    ) -> Self:
+        """As :meth:`learn`, from what was read of each model.
+
+        Parameters
+        ----------
+        read : sequence of (ZoneEvidence, Timedelta), the evidence of each zone and the span that it learned from
+        sizes, names : as in :meth:`learn`
+        """
         called = [f"model {i}" for i in range(len(read))] if names is None else list(names)
         log_plates = _log_sizes(sizes, called)
         kept = _long_enough([span for _, span in read], called)
@@ -165,7 +180,7 @@ class FleetPrior(Mapping[str, tuple[float, float]]):
         return f"FleetPrior({self.n_zones} zones{plate})"
 
 
-def _evidence_of(model: Any) -> tuple[ZoneEvidence, pd.Timedelta]:
+def evidence_and_span(model: Any) -> tuple[ZoneEvidence, pd.Timedelta]:
     """Evidence of a fitted zone, and the span that it learned from."""
     last = model[-1] if isinstance(model, Pipeline) else model
     found = getattr(last, "evidence_", None)

@@ -23,7 +23,7 @@ from .fleet_page import write_fleet_page
 from .fleet_status import COLUMNS, status_table, zone_status
 from .long_table import joined_zones
 from .model_store import ModelStore, TemporaryStore
-from .prior import FleetPrior
+from .prior import FleetPrior, evidence_and_span
 from .zone_jobs import backtest_stored, fit_zone, forecast_zone, predict_zone, score_zone, tick_zone, update_zone
 from .zone_rows import ZoneFiles, zone_files
 
@@ -301,10 +301,9 @@ class ZoneFleet(BaseEstimator):
         unknown = [zone for zone in zones if not models.has(zone)]
         if unknown:
             raise ValueError(f"sizes names zone {unknown[0]!r}, of which the store has no model; leave it out.")
-        zones = [zone for zone in models.whole(zones) if models.journal(zone).facts["fallback"] is None]
-        fitted = (models.load(zone)[0] for zone in zones)
-        names = [f"zone {zone!r}" for zone in zones]
-        return FleetPrior.learn(fitted, None if plates is None else [plates[zone] for zone in zones], names)
+        read = {zone: evidence_and_span(model) for zone, model in models.fitted(zones)}
+        sizes_read = None if plates is None else [plates[zone] for zone in read]
+        return FleetPrior.of_evidence(list(read.values()), sizes_read, [f"zone {zone!r}" for zone in read])
 
     @property
     def zones_(self) -> list[str]:
