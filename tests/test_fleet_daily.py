@@ -71,6 +71,30 @@ def test_temperatures_as_text_are_read_by_a_tick_as_by_a_fit(fleet):
     assert fleet.errors_ == {}
 
 
+@pytest.mark.parametrize(
+    ("role", "convert", "said"),
+    [
+        ("T_za", lambda v: 1.8 * v + 32.0, r"'room' reaches \d\S* degC from .*: likely degF rather than degC"),
+        ("T_oa", lambda v: 1.8 * v + 32.0, "'T_oa' reaches .*: likely degF rather than degC"),
+        ("q_sol", lambda v: 1000.0 * v, "'q_sol' reaches .*: likely W/m2 rather than kW/m2"),
+        ("Q_hvac", lambda v: 1000.0 * v, "'Q_hvac' reaches .*: likely W rather than kW"),
+    ],
+)
+def test_rows_in_another_unit_are_refused_as_by_one_zone(role, convert, said, tmp_path):
+    """They were taken in with a warning, and the forecasts after them were tens of kelvin off."""
+    heat = 0.5 + 5.0 * ZONE["u_heat"]
+    X = ZONE.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=heat).rename(columns={"T_za": "room"})
+    X.loc[X.index[8 * DAY :], "room"] = np.nan
+    fleet = ZoneFleet(ARXRegressor(columns={"T_za": "room"}), store=tmp_path).fit({"a": X[: 7 * DAY]})
+    name = {"T_za": "room"}.get(role, role)
+    new = X[7 * DAY : 9 * DAY]
+    other = new.assign(**{name: convert(new[name])})
+    for call in (fleet.tick, fleet.update):
+        with pytest.raises(ValueError, match=f"{said}; correct the rows, or convert them as those before"):
+            call({"a": other if call == fleet.tick else other[:DAY]})
+    assert len(fleet.tick({"a": new})) == DAY
+
+
 def test_a_short_gap_of_an_input_is_filled_as_readers_of_logs_do(tmp_path):
     """Linearly for the weather, with its last value for a set-point, and never for what is measured."""
     columns = {"T_oa": "outdoor", "T_za": "room", "T_heat_set": "wanted"}
