@@ -33,7 +33,7 @@ from skhybrid.server.listen import check_token, is_loopback
 from skhybrid.study import propose_settings
 from skhybrid.study.settings import Settings
 from skhybrid.study.thermostat import Schedule
-from skhybrid.zone import DayAhead, ZoneFolder, zone_folder
+from skhybrid.zone import DayAhead, ZoneFolder, posted_rows, zone_folder
 from skhybrid.zone.forecast_archive import EVEN, POSTED, open_archive
 from skhybrid.zone.posted_rows import read_posted
 
@@ -259,6 +259,20 @@ def test_rows_of_the_log_between_posted_ones_stay(kind, log, client, folder, tmp
         kept = archive.log(EVEN)
     np.testing.assert_allclose(kept[list(log)].iloc[-10:], log.iloc[first - 5 : first + 5], atol=1e-9)
     assert kept.index[-1] == log.index[first + 4]
+
+
+def test_a_post_puts_its_rows_on_even_steps_once(log, client, monkeypatch):
+    """Also to bridge its gaps; the weather ahead is put there by itself."""
+    measured = []
+
+    def counted(frame, *given, made=posted_rows.on_even_steps):
+        measured.append("T_za" in frame and frame["T_za"].notna().any())
+        return made(frame, *given)
+
+    monkeypatch.setattr(posted_rows, "on_even_steps", counted)
+    rows = log.iloc[24 * DAYS : 24 * DAYS + 5].drop(log.index[24 * DAYS + 2])
+    assert client.post("/rows", json=as_json(rows)).json()["new_steps"] == 5
+    assert sum(measured) == 1
 
 
 def test_rows_that_a_kill_left_in_the_model_alone_are_forecast_from(log, client, folder):

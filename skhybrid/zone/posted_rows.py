@@ -20,6 +20,7 @@ from ..logs.conversion import TIMES, Channel, is_energy
 from ..logs.even_steps import typical_step, usual_step
 from ..logs.raw_log import RawLog
 from ..logs.zone_csv import to_left_label
+from ..preprocessing import GapFiller
 from ..study.log_reading import (
     SETPOINT,
     by_role,
@@ -152,7 +153,7 @@ def keep_posted(
     posted = _kept_log(archive, POSTED, tz, settings)
     if len(posted):
         row = _row_step(posted, rows, held)
-        found, bridged = (_on_steps(even, posted, row, settings, held, gap) for gap in (_NO_GAP, SHORTEST_GAP))
+        found, bridged = _on_steps(even, posted, row, settings, held)
         # what the log or an earlier post gave stays where these rows give nothing; only what is left is bridged
         even = found.combine_first(even).combine_first(bridged)
         refuse_mixed_units(even)
@@ -198,16 +199,15 @@ def _on_steps(
     row: pd.Timedelta | None,
     settings: Settings,
     held: Sequence[str],
-    max_gap: pd.Timedelta,
-) -> pd.DataFrame:
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Posted rows, one per ``row``, at even steps, up to the last step that they fill; none where that is not known.
 
-    Gaps of inputs are filled up to ``max_gap``.
+    As they are, and with short gaps of inputs filled.
     """
     if settings.label == "right":
         posted = to_left_label(posted) if len(posted) > 1 else posted.iloc[:0]
     if posted.empty:
-        return posted
+        return posted, posted
     before = even[even.index < posted.index[0]].iloc[-_SEED:]
     rows = pd.concat([before, posted])
     if len(rows) < 2:
@@ -215,10 +215,15 @@ def _on_steps(
             "the archive has no rows of the log yet; run skhybrid zone tick once, or post two weeks of it."
         )
     if row is None:  # it may be a part of a step, or a whole one
-        return posted.iloc[:0]
-    found, report = on_even_steps(rows, settings, held, max_gap)
-    found = found[found.index <= posted.index[-1] + row - report.step]
-    return found[found.index > before.index[-1]] if len(before) else found
+        return posted.iloc[:0], posted.iloc[:0]
+    found, report = on_even_steps(rows, settings, held, _NO_GAP)
+    filled = (
+        GapFiller(SHORTEST_GAP).fit_transform(found).assign(**{role: found[role] for role in held if role in found})
+    )
+    new = found.index <= posted.index[-1] + row - report.step
+    if len(before):
+        new &= found.index > before.index[-1]
+    return found[new], filled[new]
 
 
 def _kept_log(archive: ForecastArchive, kind: int, tz: Any, settings: Settings) -> pd.DataFrame:
