@@ -46,6 +46,13 @@ def test_separators(write, sep, name):
     assert any("'Text' is left out" in note for note in log.notes)
 
 
+def test_a_second_column_of_stamps_is_left_out_with_one_of_them(write):
+    """It has more different words than are counted, and the note showed only dots."""
+    stamps = pd.date_range("2024-01-01", periods=3000, freq="15min")
+    text = "UTC,Local time,room temperature\n" + "".join(f"{t},{t + pd.Timedelta('1h')},20.5\n" for t in stamps)
+    assert "'Local time' is left out, since it holds text such as '2024-01-01 01:00:00'" in read_log(write(text)).notes
+
+
 def test_a_line_of_means_leaves_the_separator(write):
     rows = "".join(f"2024-01-01 0{k}:00,2{k}.5,a;b\n" for k in range(4))
     log = read_log(write(f"time,Room,Text\n{rows}Mean,22.0,c;d\n"))

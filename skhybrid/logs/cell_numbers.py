@@ -38,6 +38,7 @@ _WITH_UNIT = re.compile(r"([-+.,\d]*\d)\s*([^\d\s.,].*)")
 _WITH_STATUS = re.compile(r"(.+?)\s*[{\[(]\s*([\w ,]+?)\s*[)\]}]")  # 20.5 °C {ok}
 _GOOD = re.compile(r"(?:(?:ok|good|valid|normal|overridden|alarm|unackedalarm)\W*)+", re.IGNORECASE)
 _QUALITY = re.compile(r"qualit|validity|\bflag\b|\bstatus(?:[ .]\(?\d+\)?)?\Z", re.IGNORECASE)
+_MOST_WORDS, _FURTHER = 1000, "..."  # different words of a column that are counted each, and what counts the others
 _GOOD_CODE, _OFTEN = 192.0, 0.5  # by OPC, and above; share of the rows that shows it
 
 
@@ -115,7 +116,8 @@ class NumberColumn:
     @property
     def usual_word(self) -> tuple[str, int]:
         """The most frequent word that is not a number, and the number of cells that hold words."""
-        return (self.words.most_common(1)[0][0], self.words.total()) if self.words else ("", 0)
+        usual = (word for word, _ in self.words.most_common(2) if word != _FURTHER)
+        return next(usual, ""), self.words.total()
 
     @property
     def tells_plant(self) -> bool:
@@ -180,7 +182,7 @@ class NumberColumn:
             return number
         if (value := _without_status(word)) != word:
             return self._one(value, n, decimal)
-        self.words[word if word in self.words or len(self.words) < 1000 else "..."] += n
+        self.words[word if word in self.words or len(self.words) < _MOST_WORDS else _FURTHER] += n
         if not _ERRORS.fullmatch(word) and len(self.said) < 100:
             self.said.add(word)
         return np.nan
