@@ -19,6 +19,8 @@ ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _HOUR, _DAY = pd.Timedelta("1h"), pd.Timedelta("1D")
 _FINEST = pd.Timedelta("1s")  # no building is logged more often
 _ROUNDING = 0.2  # most by which steps in decimals differ, as a share: hours are often written with few digits
+_SHUFFLED = 10  # steps back in time among others, or of other lengths, from which on rows may have been drawn
+_SPLIT = "split rows with skhybrid.model_selection.RollingOriginSplit"
 _STAMPS = (
     "give a DataFrame with a DatetimeIndex (a step before this one in a Pipeline keeps it with "
     ".set_output(transform='pandas')), or pass sampling_time=, such as '15min'"
@@ -115,6 +117,8 @@ def even_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     """The step of an evenly spaced index; a ValueError names the first stamps out of order or unevenly spaced."""
     gaps = np.diff(index.as_unit("ns").asi8)
     hint = ", or localize it if this is daylight saving" if index.tz is None else ""
+    if min((gaps < 0).sum(), (gaps > 0).sum()) >= _SHUFFLED:
+        raise ValueError(f"the index is shuffled: {index[0]} is followed by {index[1]}; {_SPLIT}, never shuffled.")
     if (gaps <= 0).any():
         row = int(np.argmax(gaps <= 0))
         what = "has duplicates" if gaps[row] == 0 else "goes back in time"
@@ -125,6 +129,8 @@ def even_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     usual = int(np.median(gaps))
     if (gaps != usual).any():
         row = int(np.argmax(gaps != usual))
+        if gaps[row] >= _DAY.value or (gaps != usual).sum() >= _SHUFFLED:
+            hint = f", or in cross-validation {_SPLIT}"
         raise ValueError(
             f"the index is not evenly spaced: {index[row]} is followed by {index[row + 1]}, where most steps are "
             f"{spell(pd.Timedelta(usual, unit='ns'))}; use skhybrid.datasets.regularize{hint}."
@@ -179,7 +185,7 @@ def refuse_disorder(index: pd.Index) -> None:
         row = int(np.argmax(gaps <= 0))
         raise ValueError(
             f"the rows are not in time order: index {index[row]} is followed by {index[row + 1]}; rows are consecutive "
-            "time steps, so split them with skhybrid.model_selection.RollingOriginSplit, never shuffled."
+            f"time steps, so {_SPLIT}, never shuffled."
         )
     usual = np.median(gaps) if len(gaps) else 1.0
     uneven = np.abs(gaps - usual) > (0.0 if pd.api.types.is_integer_dtype(index) else _ROUNDING * usual)

@@ -13,6 +13,7 @@ from sklearn import config_context
 from sklearn.base import BaseEstimator, clone
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.impute import SimpleImputer
+from sklearn.model_selection import KFold, train_test_split
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
@@ -870,6 +871,21 @@ def test_disorder_of_time_stamps(office, rows, message):
         gray_box(office, office.X.iloc[rows], office.y.iloc[rows])
     with pytest.raises(ValueError, match=message):
         gray_box(office).predict(office.X.iloc[rows])
+
+
+@pytest.mark.parametrize(
+    ("draw", "message"),
+    [
+        (lambda X: train_test_split(X, random_state=0)[0], "the index is shuffled: .*; split rows with .*, never"),
+        (lambda X: X.iloc[[*range(96), *range(240, len(X))]], "not evenly spaced: .*, or in cross-validation split"),
+        (lambda X: X.iloc[next(KFold(shuffle=True, random_state=0).split(X))[0]], "or in cross-validation split"),
+    ],
+)
+def test_rows_that_were_drawn_for_cross_validation_are_told_a_splitter(office, draw, message):
+    """Neither sorting nor an even grid helps there, nor a time zone."""
+    X = draw(office.X)
+    with pytest.raises(ValueError, match=message):
+        ARXRegressor().fit(X, office.y[X.index])
 
 
 @pytest.mark.parametrize(
