@@ -354,6 +354,7 @@ def test_a_load_does_not_run_away_where_heat_is_felt_late(held):
         ((np.bool_(False), 25.0), None, "the heating set-point is true or false"),
         (21.0, (False, None), "the lower limit is true or false"),
         (np.nan, None, "setpoint contains NaN or inf .first at 2023-11-20 00:00"),
+        ([21.0, 24.0], None, r"setpoint=\[21.0, 24.0\] is no pair; give a heating and a cooling set-point"),
         ((24.0, 21.0), None, "the heating set-point is above the cooling one .first at 2023-11-20"),
         ((np.full(3, 21.0), 24.0), None, "the heating set-point has shape .3,."),
         ((21.0, np.nan), None, "the cooling set-point contains NaN"),

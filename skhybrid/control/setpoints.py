@@ -63,6 +63,8 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
         sides = setpoint
     elif np.ndim(setpoint) == 2:
         sides = list(as_numbers(setpoint, "setpoint").T)
+    elif isinstance(setpoint, list) and as_numbers(setpoint, "setpoint").shape == (2,) != (table.n_rows,):
+        raise ValueError(f"setpoint={setpoint!r} is no pair; give a heating and a cooling set-point, such as (21, 24).")
     else:
         sides = [setpoint]
     if len(sides) not in (1, 2):
