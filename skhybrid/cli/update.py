@@ -30,4 +30,5 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
         say.warn(str(unread))
     elif not (n_new or unread) and frame.index[-1] > like_index(known, frame.index):
         say.warn(f"no row is new: the log goes on to {frame.index[-1]}, but has no temperature after {known}")
-    print_values({"new rows": n_new, "known until": str(zone.known_until)}, as_json)
+    until = {"known until": str(zone.known_until), "learned until": str(zone.learned_until)}
+    print_values({"new rows": n_new, **until}, as_json)
