@@ -427,7 +427,7 @@ def test_a_plant_may_give_more_than_was_measured_unless_its_most_left_a_set_poin
     np.testing.assert_allclose(capacity(hot), (-3.09, 12.0))
     one_day = np.append(0.8 * two_days[:6], two_days[6:])
     np.testing.assert_allclose(capacity(met, heat=one_day), (-9.0, 18.0))
-    np.testing.assert_allclose(capacity(met, is_usual=True), (-3.09, 6.18))
+    np.testing.assert_allclose(capacity(met, is_usual=True), (-3.3, 6.6))
 
 
 def test_a_limit_of_a_plant_is_known_from_the_row_after_which_it_left_a_set_point_missed():

@@ -13,6 +13,7 @@ from .law_features import LawRows
 
 _WIDER = 1.03  # loads may be so much larger than the largest known of a plant that was at its limit
 _UNSEEN = 2.0  # of one that was not, by how many times it may grow, over the number of days on which it was so large
+_USUAL = 1.1  # of one whose limit is not told, as usual temperatures stand for its set-points
 _FULL, _MISSED = 0.9, 0.1  # share of the largest heat, and distance from the set-point [K], that show a limit
 
 
@@ -74,7 +75,7 @@ class PlantCapacity:
         large = _FULL * largest[:, None]
         growth = 1.0 + _UNSEEN / np.maximum((most >= large).sum(axis=1), 1)
         growth[(missed >= large).any(axis=1)] = 1.0
-        return largest * (_WIDER if self._is_usual else np.maximum(growth, _WIDER))
+        return largest * (_USUAL if self._is_usual else np.maximum(growth, _WIDER))
 
 
 def _days(rows: LawRows, begin: int, origins: np.ndarray) -> tuple[_Days, ...]:
