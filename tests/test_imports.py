@@ -7,14 +7,15 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from sources import PATHS, tree_of
 
 import skhybrid
 
-PACKAGE = Path(skhybrid.__file__).parent
 #: modules that every part but the filters may import.
 BASE = {
     "_arguments", "_calendar", "_clock", "_docs", "_files", "_holidays", "_joining", "_json", "_last_known", "_ranges",
@@ -139,16 +140,10 @@ def imports_of(tree: ast.AST, package: str) -> Iterator[Import]:
     return walk(tree, True)
 
 
+@cache
 def _modules() -> dict[str, list[Import]]:
-    found = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
-        relative = path.relative_to(PACKAGE)
-        package = ".".join(["skhybrid", *relative.parent.parts])
-        found[relative.as_posix()] = list(imports_of(ast.parse(path.read_text(encoding="utf-8")), package))
-    return found
-
-
-MODULES = _modules()
+    """The imports of every module of the package."""
+    return {path: list(imports_of(tree_of(path), ".".join(["skhybrid", *path.split("/")[:-1]]))) for path in PATHS}
 
 
 def _part(path: str) -> str:
@@ -208,16 +203,16 @@ def test_the_table_of_layers_has_no_cycle():
 
 # ------------------------------------------------------------------------------------------------------ the layers
 # the root names every part, lazily; the subprocess tests below hold it to loading none of them
-@pytest.mark.parametrize("path", [path for path in sorted(MODULES) if _part(path) != "__init__"])
-def test_a_module_imports_only_the_layers_below_it(path):
-    part = _part(path)
-    allowed = {"cli"} if part == "__main__" else STRICT.get(part, MAY_IMPORT.get(part, set()) | BASE)
-    # `from . import x` at the root level may name an attribute of the root itself, such as __version__
-    wrong = [
-        _shown(path, one)
-        for imported, one in _inner(MODULES[path])
-        if imported not in {part, "__version__"} and imported not in allowed
-    ]
+def test_a_module_imports_only_the_layers_below_it():
+    wrong = []
+    for path, imports in _modules().items():
+        part = _part(path)
+        if part == "__init__":
+            continue
+        allowed = {"cli"} if part == "__main__" else STRICT.get(part, MAY_IMPORT.get(part, set()) | BASE)
+        # `from . import x` at the root level may name an attribute of the root itself, such as __version__
+        known = {part, "__version__", *allowed}
+        wrong += [_shown(path, one) for imported, one in _inner(imports) if imported not in known]
     assert not wrong, "\n".join(wrong)
 
 
@@ -228,34 +223,37 @@ BELOW_PREDICTORS = {
 }
 
 
-@pytest.mark.parametrize("path", [path for path in sorted(MODULES) if path.startswith("hybrid/")])
-def test_the_folders_of_hybrid_have_layers(path):
+def test_the_folders_of_hybrid_have_layers():
     """Blending and the thermostat's law know no predictor, and no predictor of one zone knows a building."""
-    own = path.split("/")[1]
-    pieces = [one.module.split(".")[2:3] for part, one in _inner(MODULES[path]) if part == "hybrid"]
-    imported = {piece for found in pieces for piece in found}
-    if own in BELOW_PREDICTORS:
-        assert imported - {own} <= BELOW_PREDICTORS[own]
-    elif own not in ("building", "__init__.py"):
-        assert "building" not in imported
+    for path in (path for path in PATHS if path.startswith("hybrid/")):
+        own = path.split("/")[1]
+        pieces = [one.module.split(".")[2:3] for part, one in _inner(_modules()[path]) if part == "hybrid"]
+        imported = {piece for found in pieces for piece in found}
+        if own in BELOW_PREDICTORS:
+            assert imported - {own} <= BELOW_PREDICTORS[own], path
+        elif own not in ("building", "__init__.py"):
+            assert "building" not in imported, path
 
 
-@pytest.mark.parametrize("path", sorted(MODULES))
-def test_no_private_name_of_another_part_is_imported(path):
+def test_no_private_name_of_another_part_is_imported():
+    known = {*STRICT, "__version__"}
     wrong = [
         _shown(path, one)
-        for imported, one in _inner(MODULES[path])
-        if imported != _part(path) and (one.name or "").startswith("_") and one.name not in {*STRICT, "__version__"}
+        for path, imports in _modules().items()
+        for imported, one in _inner(imports)
+        if imported != _part(path) and (one.name or "").startswith("_") and one.name not in known
     ]
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("path", [path for path in sorted(MODULES) if _part(path) in READERS])
-def test_a_reader_of_fitted_estimators_uses_public_modules_only(path):
+def test_a_reader_of_fitted_estimators_uses_public_modules_only():
     wrong = [
         _shown(path, one)
-        for imported, one in _inner(MODULES[path])
-        if imported != _part(path) and any(piece.startswith("_") for piece in one.module.split(".")[2:])
+        for path, imports in _modules().items()
+        for imported, one in _inner(imports)
+        if _part(path) in READERS
+        and imported != _part(path)
+        and any(piece.startswith("_") for piece in one.module.split(".")[2:])
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -278,7 +276,7 @@ def test_filters_import_numpy_scipy_and_numba_only():
     allowed = {"numpy", "scipy", "numba", "skhybrid"} | set(sys.stdlib_module_names)
     wrong = [
         _shown(path, one)
-        for path, imports in MODULES.items()
+        for path, imports in _modules().items()
         if _part(path) == "filtering"
         for one in imports
         if one.top not in allowed
@@ -290,7 +288,7 @@ def test_filters_import_numpy_scipy_and_numba_only():
 def test_a_heavy_library_stays_where_it_lives(library):
     wrong = [
         _shown(path, one)
-        for path, imports in MODULES.items()
+        for path, imports in _modules().items()
         if not path.startswith(HOMES[library])
         for one in imports
         if one.top == library
@@ -301,7 +299,10 @@ def test_a_heavy_library_stays_where_it_lives(library):
 @pytest.mark.parametrize("library", ["matplotlib", "pymc", "arviz", "pytensor", "openpyxl", "pyarrow", "sqlalchemy"])
 def test_a_plotting_sampling_or_file_library_is_imported_inside_functions(library):
     wrong = [
-        _shown(path, one) for path, imports in MODULES.items() for one in imports if one.top == library if one.on_load
+        _shown(path, one)
+        for path, imports in _modules().items()
+        for one in imports
+        if one.top == library and one.on_load
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -310,30 +311,24 @@ def test_a_plotting_sampling_or_file_library_is_imported_inside_functions(librar
 HEAVY = ("torch", "skorch", "pymc", "matplotlib", "fastapi", "uvicorn")
 
 
-def _heavy_after(code: str) -> list[str]:
-    program = f"import sys\n{code}\nprint(*[name for name in {HEAVY!r} if name in sys.modules])"
+#: what one process does step by step; the last shows that a heavy library would be seen
+STEPS = {
+    "root": "import skhybrid",
+    "every public name": "for name in skhybrid.__all__: getattr(skhybrid, name)",
+    "command line": "import skhybrid.cli",
+    "an estimator made": "from skhybrid import HybridPredictor\nHybridPredictor().get_params()",
+    "a model file": "from skhybrid.persistence.skops_import import import_skops\nimport_skops().dumps([1.0])",
+    "matplotlib": "import matplotlib",
+}
+
+
+def test_an_import_loads_no_heavy_library():
+    told = f"print(*[name for name in {HEAVY!r} if name in sys.modules])"
+    program = "\n".join(["import sys", *(f"{code}\n{told}" for code in STEPS.values())])
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    return done.stdout.split()
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
-        "import skhybrid",
-        "import skhybrid\nfor name in skhybrid.__all__: getattr(skhybrid, name)",
-        "import skhybrid.cli",
-        "from skhybrid import HybridPredictor\nHybridPredictor().get_params()",
-        "from skhybrid.persistence.skops_import import import_skops\nimport_skops().dumps([1.0])",
-    ],
-    ids=["root", "every public name", "command line", "an estimator made", "a model file"],
-)
-def test_an_import_loads_no_heavy_library(code):
-    assert _heavy_after(code) == []
-
-
-def test_the_subprocess_test_would_see_a_heavy_library():
-    assert _heavy_after("import matplotlib") == ["matplotlib"]
+    loaded = dict(zip(STEPS, done.stdout.splitlines(), strict=True))
+    assert loaded == dict.fromkeys(STEPS, "") | {"matplotlib": "matplotlib"}
 
 
 def test_the_root_names_what_it_holds():

@@ -10,12 +10,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from sources import PACKAGE, PATHS, text_of, tree_of
 
-import skhybrid
-
-PACKAGE = Path(skhybrid.__file__).parent
-SOURCES = {path.relative_to(PACKAGE).as_posix(): path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")}
-TREES = {path: ast.parse(text) for path, text in SOURCES.items()}
 #: modules that share a base name because they are about the same thing
 SAME_THING = {
     "base",  # the base class of its folder
@@ -54,14 +50,14 @@ def foreign_private_writes(tree: ast.AST) -> Iterator[tuple[int, str]]:
 def test_no_two_modules_share_a_base_name():
     names = Counter(
         Path(path).stem.lstrip("_")
-        for path in SOURCES
+        for path in PATHS
         if not path.endswith(("__init__.py", "__main__.py")) and not path.startswith("cli/")  # which has commands
     )
     assert {name for name, count in names.items() if count > 1} <= SAME_THING
 
 
 def test_no_two_classes_share_a_name():
-    nodes = (node for tree in TREES.values() for node in ast.walk(tree))
+    nodes = (node for path in PATHS for node in ast.walk(tree_of(path)))
     names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
     assert not [name for name, count in names.items() if count > 1]
 
@@ -69,16 +65,16 @@ def test_no_two_classes_share_a_name():
 def test_no_two_functions_share_a_name():
     names = Counter(
         node.name
-        for path, tree in TREES.items()
-        for node in tree.body
+        for path in PATHS
+        for node in tree_of(path).body
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not path.startswith("cli/")
     )
     assert {name for name, count in names.items() if count > 1} == SAME_FOR_ITS_KIND
 
 
-@pytest.mark.parametrize("path", sorted(TREES))
-def test_no_module_writes_private_state_of_another_object(path):
-    assert not [f"{path}:{line} {target}" for line, target in foreign_private_writes(TREES[path])]
+def test_no_module_writes_private_state_of_another_object():
+    writes = [(path, *write) for path in PATHS for write in foreign_private_writes(tree_of(path))]
+    assert not writes
 
 
 def test_a_foreign_write_is_seen():
@@ -86,12 +82,15 @@ def test_a_foreign_write_is_seen():
     assert [target for _, target in foreign_private_writes(ast.parse(source))] == ["other._b", "one._d"]
 
 
-@pytest.mark.parametrize("path", sorted(SOURCES))
-def test_files_and_functions_are_small(path):
-    assert SOURCES[path].count("\n") <= MOST_LINES
-    functions = (node for node in ast.walk(TREES[path]) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
-    long = {f"{f.name} ({body_length(f)})" for f in functions if body_length(f) > MOST_LINES_OF_A_FUNCTION}
-    assert not long
+def test_files_and_functions_are_small():
+    assert not [path for path in PATHS if text_of(path).count("\n") > MOST_LINES]
+    nodes = ((path, node) for path in PATHS for node in ast.walk(tree_of(path)))
+    lengths = {
+        f"{path}:{node.lineno} {node.name}": body_length(node)
+        for path, node in nodes
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+    assert not {name: length for name, length in lengths.items() if length > MOST_LINES_OF_A_FUNCTION}
 
 
 REPOSITORY = PACKAGE.parent
