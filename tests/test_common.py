@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from scipy.optimize import minimize
 from sklearn.linear_model import Ridge
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -17,6 +18,7 @@ from skhybrid import (
     SchedulePredictor,
     TwoStagePredictor,
 )
+from skhybrid.identification.fitting import periodic_likelihood, prediction_errors
 
 #: the checks feed arrays, which have no time stamps
 STEP = {"sampling_time": "15min"}
@@ -47,6 +49,23 @@ def _expected(estimator):
         "check_methods_sample_order_invariance": ROWS_ARE_TIME_STEPS,
         "check_methods_subset_invariance": ROWS_ARE_TIME_STEPS,
     }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_steps():
+    """Searches of parameters stop after a few steps, since no check asks for the minimum."""
+    together = prediction_errors.minimise_together
+
+    def of_least_squares(evaluate, starts, low, high, max_evaluations, tolerance):
+        return together(evaluate, starts, low, high, min(max_evaluations, 4), tolerance)
+
+    def of_the_likelihood(*given, options, **more):
+        return minimize(*given, options=options | {"maxiter": 3}, **more)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(prediction_errors, "minimise_together", of_least_squares)
+        patch.setattr(periodic_likelihood, "minimize", of_the_likelihood)
+        yield
 
 
 @pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning")
