@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from joblib import Parallel, delayed
+from sklearn.base import clone
 from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.linear_model import Ridge
 from sklearn.preprocessing import StandardScaler
@@ -114,12 +115,12 @@ def _name(model):
     return f"{kind}-{getattr(model, 'adapt', None) or getattr(model, 'case', None) or ''}{objective}"
 
 
-@pytest.fixture(params=MODELS, ids=_name)
+@pytest.fixture(params=MODELS, ids=_name, scope="module")
 def fitted(request):
-    """A model fitted on all but the last seven days, the data, and the row at which the test begins."""
+    """A model fitted on all but the last seven days, the data, and the row at which the tests begin."""
     X, y = _data(request.param)
     cut = len(X) - 7 * len(X.loc[X.index[0] : X.index[0] + pd.Timedelta("1D")]) + 7
-    model = request.param.fit(X.iloc[:cut], y.iloc[:cut])
+    model = clone(request.param).fit(X.iloc[:cut], y.iloc[:cut])
     if hasattr(model, "network_weight_") and model.residual_of is not None:
         model.network_weight_ = 1.0  # so that the network is looked at even where it does not help
     return model, X, y, cut
@@ -202,11 +203,9 @@ def test_a_model_can_be_pickled(fitted):
 
 
 # ----------------------------------------------------------------------------------------------------------- the future
-@pytest.mark.parametrize("model", FORECASTERS, ids=_name)
-def test_forecast_of_history_and_future_is_predict_from_its_last_row(model):
-    X, y = hourly()
-    cut = len(X) - 7 * 24
-    model.fit(X.iloc[:cut], y.iloc[:cut])
+@pytest.mark.parametrize("fitted", FORECASTERS, ids=_name, indirect=True)
+def test_forecast_of_history_and_future_is_predict_from_its_last_row(fitted):
+    model, X, _, cut = fitted
     history, future = X.iloc[cut : cut + 31], X.iloc[cut + 31 : cut + 31 + 24]
     series = model.forecast(history, future.drop(columns="zeta"))
     assert series.index.equals(future.index)
@@ -321,25 +320,13 @@ def test_numpy_s_global_state_is_left_alone():
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
-def test_baselines_load_neither_torch_nor_skorch():
-    program = """
-import sys, numpy as np
-from skhybrid.forecasting import DisturbanceForecaster, ARXRegressor
-X = np.random.default_rng(0).normal(size=(50, 2)); y = X.sum(axis=1)
-for model in ("ridge", "profile", "last_week", "persistence"):
-    DisturbanceForecaster(model, sampling_time="1h").fit(X, y).predict(X)
-ARXRegressor(sampling_time="1h").fit(X, y).predict(X)
-print([name for name in ("torch", "skorch", "matplotlib") if name in sys.modules])
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
-    assert done.stdout.strip() == "[]", done.stderr
-
-
 WITHOUT_TORCH = """
 import sys
+sought = []
 class Blocked:  # None in sys.modules would stop scipy, which looks there for torch
     def find_spec(self, name, *_):
         if name.split(".")[0] in ("torch", "skorch"):
+            sought.append(name)
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Blocked())
 import numpy as np
@@ -347,12 +334,15 @@ from sklearn.linear_model import Ridge
 from skhybrid.forecasting import ARXRegressor, DisturbanceForecaster, fit_many, list_cases, list_sizes
 from skhybrid.forecasting.named_models import networks_available, require_networks
 from skhybrid.model_selection.search.candidates import settings_of
-assert not networks_available()
 X = np.random.default_rng(0).normal(size=(24 * 10, 2)); y = X.sum(axis=1)
 names = ("ridge", "profile", "last_week", "persistence", Ridge())
 models = [DisturbanceForecaster(m, sampling_time="1h") for m in names]
 for model in [*fit_many(models, X, y), ARXRegressor(sampling_time="1h").fit(X, y)]:
     assert np.isfinite(model.predict(X)).all()
+for model in ("ridge", "profile", "last_week", "persistence"):
+    DisturbanceForecaster(model, sampling_time="1h").fit(X, y).predict(X)
+assert not sought and "matplotlib" not in sys.modules, sought
+assert not networks_available() and sought
 list_cases("lstm"), list_sizes("lstm"), settings_of(models[0], X, y, [], None)
 require_networks("ridge"), require_networks(Ridge())
 for model in ("mlp", "cnn", "rnn", "lstm"):
@@ -365,6 +355,7 @@ for model in ("mlp", "cnn", "rnn", "lstm"):
 
 
 def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once():
+    """Baselines do not even look for torch or skorch."""
     done = subprocess.run(
         [sys.executable, "-c", WITHOUT_TORCH], capture_output=True, text=True, timeout=300, check=False
     )
