@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -31,13 +32,25 @@ def closed_figures():
 
 @pytest.fixture(scope="module")
 def few_trees():
-    """Thermostats are learned in an instant, and less well."""
+    """Thermostats, and the boosting that a study compares, are learned in an instant, and less well."""
+    from skhybrid.forecasting import boosting
     from skhybrid.hybrid.thermostat_law import boosted_trees
 
     with pytest.MonkeyPatch.context() as patch:
         for name, few in (("max_iter", 5), ("max_bins", 7)):
             patch.setitem(boosted_trees.SETTINGS, name, few)
+        patch.setattr(boosting, "_FEW_TREES", 5)
+        patch.setattr(boosting, "_LEAST_PAIRS", sys.maxsize)  # so that no trial chooses the number of trees
         yield
+
+
+@pytest.fixture
+def empty_pictures(monkeypatch):
+    """Figures are made and written, but without what is on them: to draw a report takes longer than its study."""
+    from matplotlib.figure import Figure
+
+    draw = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda _, *to, **given: draw(Figure((0.1, 0.1)), *to, **given))
 
 
 @pytest.fixture(scope="session")

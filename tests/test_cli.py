@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import importlib
+import io
 import json
 import os
 import re
@@ -14,10 +15,11 @@ import subprocess
 import sys
 import time
 import tomllib
-from contextlib import suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,7 +29,7 @@ import skhybrid
 from skhybrid import HybridPredictor, PeriodicDisturbanceID, _table
 from skhybrid._json import strict_json
 from skhybrid._warnings import recorded_warnings, warn_user
-from skhybrid.cli import _group, _output, main
+from skhybrid.cli import _group, _output, _study, main
 from skhybrid.cli._options import as_command
 from skhybrid.cli.forecast import _text
 from skhybrid.datasets import make_office
@@ -51,11 +53,13 @@ from skhybrid.study import (
 )
 from skhybrid.study.outputs import format_table, metrics_text
 from skhybrid.study.report import verdict
+from skhybrid.study.results import StudyResult
 from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import as_toml, settings_from
 from skhybrid.study.spans import TRAINING_DAYS
 from skhybrid.zone.building import describe_rooms, identify_building
 
+pytestmark = pytest.mark.usefixtures("few_trees")
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
 }  # fmt: skip
@@ -118,15 +122,34 @@ def _run(folder, *more):
     )
 
 
+class Ran(NamedTuple):
+    """A run of the whole path: its folder, what it printed, and the result of its study."""
+
+    out: Path
+    said: str
+    told: str
+    result: StudyResult
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory, few_trees):
+    folder, results, study = tmp_path_factory.mktemp("study"), [], _study.run_study
+    _log().to_csv(folder / "log.csv")
+    (folder / "zone.toml").write_text(CONFIG)
+    said, told = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(said), redirect_stderr(told):
+        patch.setattr(_study, "run_study", lambda *given: results.append(study(*given)) or results[0])
+        assert _run(folder) == 0
+    return Ran(folder / "out", said.getvalue(), told.getvalue(), results[0])
+
+
 # ------------------------------------------------------------------------------------------------------ the whole path
-def test_a_log_is_run_end_to_end(files, capsys):
-    assert _run(files) == 0
-    out, err = capsys.readouterr()
-    assert {p.name for p in (files / "out").iterdir()} == FILES
-    assert "hybrid" in out
-    assert "ARX" in out
-    assert "[1/" in err
-    metrics = json.loads((files / "out" / "metrics.json").read_text())
+def test_a_log_is_run_end_to_end(ran):
+    assert {p.name for p in ran.out.iterdir()} == FILES
+    assert "hybrid" in ran.said
+    assert "ARX" in ran.said
+    assert "[1/" in ran.told
+    metrics = json.loads((ran.out / "metrics.json").read_text())
     assert set(metrics["models"]) >= {
         "hybrid",
         "building model alone",
@@ -138,14 +161,12 @@ def test_a_log_is_run_end_to_end(files, capsys):
         "hybrid, two-stage (persistence)",
     }
     assert metrics["models"]["hybrid"]["rmse"] < metrics["models"]["yesterday"]["rmse"]
-    assert metrics["verdict"] in out
+    assert metrics["verdict"] in ran.said
     assert next(iter(metrics["models"])) == metrics["best"]
 
 
-def test_the_files_agree_with_one_another(files, capsys):
-    assert _run(files, "-q") == 0
-    assert capsys.readouterr().err == ""
-    out = files / "out"
+def test_the_files_agree_with_one_another(ran):
+    out = ran.out
     backtest = pd.read_csv(out / "backtest.csv")
     rmse = np.sqrt(((backtest["hybrid"] - backtest["y_true"]) ** 2).mean())
     metrics = json.loads((out / "metrics.json").read_text())
@@ -163,6 +184,7 @@ def test_the_files_agree_with_one_another(files, capsys):
     assert "Test room" in (out / "report.html").read_text()
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_rows_without_a_temperature_are_the_next_day(files):
     log = _log()
     log.iloc[-24:, log.columns.get_loc("room_temp")] = np.nan
@@ -176,6 +198,7 @@ def test_rows_without_a_temperature_are_the_next_day(files):
     assert not json.loads((files / "out" / "metrics.json").read_text())["next_day_held_out"]
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_two_temperatures_are_enough(files, capsys):
     config = CONFIG.replace('q_sol = "solar_W_m2"', "").replace('Q_hvac = "hvac_kW"', "").replace("[units]", "")
     (files / "zone.toml").write_text(config.replace('q_sol = "W/m2"', ""))
@@ -186,9 +209,11 @@ def test_two_temperatures_are_enough(files, capsys):
     assert "needed that day" not in (files / "out" / "report.html").read_text()
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
     (files / "zone.toml").write_text(CONFIG.replace('[forecaster]\nmodel = "profile"\n', ""))
     assert _run(files, "-q") == 0
+    assert capsys.readouterr().err == ""
     out = files / "out"
     metrics = json.loads((out / "metrics.json").read_text())
     assert set(metrics["models"]) >= {
@@ -214,6 +239,7 @@ def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
     assert f"contained {100 * metrics['interval_80_coverage']:.0f}\u00a0% of the" in page
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_loads_of_stages_are_in_kw_of_the_identification(files):
     log = _log()
     log["burner"] = (log.pop("hvac_kW") / 5.0).clip(0, 1)
@@ -243,6 +269,7 @@ def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
     assert [name for name in fitted["simple building model"].theta_.index if name.startswith("A_win")] == ["A_win"]
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_log_too_short_for_intervals_goes_without(files, capsys):
     (files / "zone.toml").write_text(
         CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"schedule"')
@@ -413,6 +440,7 @@ def test_a_span_that_the_log_cuts_is_told(files):
     assert not split_log(utc, read_settings(files / "zone.toml")).remarks
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_sensor_that_stands_still_is_told(files, capsys):
     log = _log()
     log.iloc[-60:, 0] = 21.0
@@ -448,12 +476,8 @@ def test_a_run_that_is_stopped_leaves_nothing(files, name):
 
 # ---------------------------------------------------------------------------------------------- old folders, full disks
 @pytest.fixture(scope="module")
-def result(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("study")
-    _log().to_csv(folder / "log.csv")
-    (folder / "zone.toml").write_text(CONFIG)
-    settings = read_settings(folder / "zone.toml")
-    return run_study(settings, split_log(read_log(folder / "log.csv", settings)[0], settings))
+def result(ran):
+    return ran.result
 
 
 @pytest.fixture
@@ -500,13 +524,15 @@ def _fail(error):
     return fail
 
 
-def test_a_second_run_replaces_every_file_of_the_first_and_no_other(files, old):
+def test_a_second_run_replaces_every_file_of_the_first_and_no_other(files, old, capsys):
     assert _run(files, "-q") == 0
+    assert capsys.readouterr().err == ""
     found = _contents(old)
     assert set(found) == {*FILES, "notes.txt"}
     assert {name for name, content in found.items() if content in (b"old", b"mine")} == {"notes.txt"}
 
 
+@pytest.mark.usefixtures("empty_pictures")
 @pytest.mark.parametrize("part", ["write_csv", "save_model", "write_report", "study_picture"])
 def test_a_run_that_fails_in_its_report_leaves_the_old_files(files, old, capsys, monkeypatch, part):
     before = _contents(old)
@@ -529,6 +555,7 @@ def test_a_disk_that_fills_up_leaves_the_old_files(files, old, capsys):
     assert f"cannot write: File too large: '{old}'" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("empty_pictures")
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
 def test_a_swap_that_is_interrupted_is_finished(result, old, monkeypatch, stop):
     replace_, calls = Path.replace, []
@@ -586,6 +613,7 @@ def _lose_a_worker(*_, **__):
     raise RuntimeError("a worker process was terminated")
 
 
+@pytest.mark.usefixtures("empty_pictures")
 @pytest.mark.parametrize("act", [_terminate, _swallow, _fail_after_a_signal, _lose_a_worker])
 @pytest.mark.parametrize(
     "part", ["study.read_settings", "cli._study.run_study", "study.outputs.save_model", "study.outputs.study_picture"]
@@ -1061,6 +1089,7 @@ def test_a_command_that_fails_says_what_it_warned_of(capsys):
     assert capsys.readouterr().err == "warning: the stage never moved\n"
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_stages_alone_give_no_kilowatt_and_no_heat_loss(files, capsys):
     """Nor does a command name a class of the package."""
     log = _log()
