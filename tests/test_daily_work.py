@@ -349,7 +349,8 @@ def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused
 
     A few rows do not show what is logged by change, and may hold no change.
     """
-    index = pd.date_range("2024-01-01", periods=6 * 96, freq="15min", name="time")
+    n_days = 6 if hours > 1 else 5  # row by row for half a day, which has each change of the stage
+    index = pd.date_range("2024-01-01", periods=n_days * 96, freq="15min", name="time")
     known, row = index <= "2024-01-05 12:00", np.arange(len(index))
     stage = pd.Series((row // 10) % 3 == 1, index).astype(float)
     points = {"room": pd.Series(20.0 + np.round(np.sin(row / 9.0), 2), index), "out": pd.Series(5.0 + row % 7, index)}

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
+from sklearn.base import clone
 
 from skhybrid import (
     ARXRegressor,
@@ -51,6 +54,12 @@ def temperature_models():
 MODELS = {f"{i}-{type(model).__name__}": model for i, model in enumerate(temperature_models())}
 
 
+@pytest.fixture(scope="module")
+def fitted(office):
+    """A function that gives a model by its name, fitted on fourteen days when it is first asked for."""
+    return cache(lambda name: clone(MODELS[name]).fit(office.X[: 14 * DAY], office.y[: 14 * DAY]))
+
+
 def noisy_after(X, row, columns, seed=0):
     """A copy whose history columns are noise after a row."""
     rng = np.random.default_rng(seed)
@@ -60,60 +69,54 @@ def noisy_after(X, row, columns, seed=0):
     return out
 
 
-@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+@pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("following", [True, False], ids=["after-training", "elsewhere"])
-def test_temperature_after_an_origin_is_not_read(model, following, office):
+def test_temperature_after_an_origin_is_not_read(name, following, fitted, office):
     """Every origin of nine days, so that weekly re-fits happen too."""
-    train = slice(0, 14 * DAY)
-    test = slice(14 * DAY if following else 14 * DAY + 37, None)
-    fitted = model.fit(office.X[train], office.y[train])
-    X = office.X[test]
-    clean = fitted.predict(X)
+    model = fitted(name)
+    X = office.X[14 * DAY if following else 14 * DAY + 37 :]
+    clean = model.predict(X)
     origins = [0, 60, 3 * DAY + 5, 8 * DAY]
-    rolled = fitted.predict_from(X, origins, horizon="1D")
+    rolled = model.predict_from(X, origins, horizon="1D")
     for i, origin in enumerate(origins):
         noisy = noisy_after(X, origin, ["T_za"])
         np.testing.assert_array_equal(
-            fitted.predict_from(noisy, [origin], horizon="1D")[0], fitted.predict_from(X, [origin], horizon="1D")[0]
+            model.predict_from(noisy, [origin], horizon="1D")[0], model.predict_from(X, [origin], horizon="1D")[0]
         )
-        np.testing.assert_array_equal(fitted.predict_from(noisy, origins, horizon="1D")[: i + 1], rolled[: i + 1])
+        np.testing.assert_array_equal(model.predict_from(noisy, origins, horizon="1D")[: i + 1], rolled[: i + 1])
         # whatever predict gives for rows up to the next local midnight is forecast from an origin up to here
         midnight = int(np.argmax((X.index > X.index[origin]) & (X.index == X.index.normalize())))
         end = midnight + 1 if midnight else len(X)
-        np.testing.assert_array_equal(fitted.predict(noisy)[: min(end, origin + 1)], clean[: min(end, origin + 1)])
+        np.testing.assert_array_equal(model.predict(noisy)[: min(end, origin + 1)], clean[: min(end, origin + 1)])
         if X.index[origin] == X.index[origin].normalize() or origin == 0:
-            np.testing.assert_array_equal(fitted.predict(noisy)[:end], clean[:end])
+            np.testing.assert_array_equal(model.predict(noisy)[:end], clean[:end])
 
 
 #: all of ARX, and the hybrid with an input disturbance, an output one and the profile
-QUANTILE_MODELS = {
-    name: model for name, model in MODELS.items() if name.split("-")[0] in ("4", "5", "6", "7", "8", "10")
-}
+QUANTILE_MODELS = [name for name in MODELS if name.split("-")[0] in ("4", "5", "6", "7", "8", "10")]
 
 
-@pytest.mark.parametrize("model", QUANTILE_MODELS.values(), ids=QUANTILE_MODELS)
-def test_quantiles_do_not_read_the_temperature_after_an_origin(model, office):
+@pytest.mark.parametrize("name", QUANTILE_MODELS)
+def test_quantiles_do_not_read_the_temperature_after_an_origin(name, fitted, office):
     """Nor do the errors of the last days that they follow."""
-    fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
-    X = office.X[14 * DAY :]
-    clean, origins = fitted.predict_quantiles(X), [0, 3 * DAY + 5, 8 * DAY - 1]
-    rolled = fitted.predict_quantiles_from(X, origins)
+    model, X = fitted(name), office.X[14 * DAY :]
+    clean, origins = model.predict_quantiles(X), [0, 3 * DAY + 5, 8 * DAY - 1]
+    rolled = model.predict_quantiles_from(X, origins)
     for i, origin in enumerate(origins):
         noisy = noisy_after(X, origin, ["T_za"])
-        one, other = (fitted.predict_quantiles_from(table, [origin])[0] for table in (X, noisy))
+        one, other = (model.predict_quantiles_from(table, [origin])[0] for table in (X, noisy))
         np.testing.assert_array_equal(one, other)
-        np.testing.assert_array_equal(fitted.predict_quantiles_from(noisy, origins)[: i + 1], rolled[: i + 1])
+        np.testing.assert_array_equal(model.predict_quantiles_from(noisy, origins)[: i + 1], rolled[: i + 1])
         last = int(np.flatnonzero(X.index[: origin + 1] == X.index[: origin + 1].normalize())[-1])
-        np.testing.assert_array_equal(fitted.predict_quantiles(noisy)[: last + DAY + 1], clean[: last + DAY + 1])
-        assert not np.array_equal(fitted.predict_quantiles(noisy)[origin + DAY :], clean[origin + DAY :])
+        np.testing.assert_array_equal(model.predict_quantiles(noisy)[: last + DAY + 1], clean[: last + DAY + 1])
+        assert not np.array_equal(model.predict_quantiles(noisy)[origin + DAY :], clean[origin + DAY :])
 
 
-@pytest.mark.parametrize("model", temperature_models()[7:11], ids=["default", "input", "output", "lstm"])
-def test_load_does_not_read_the_temperature_after_its_origin(model, office):
-    fitted = model.fit(office.X[: 14 * DAY], office.y[: 14 * DAY])
-    X = office.X[14 * DAY : 16 * DAY]
+@pytest.mark.parametrize("name", list(MODELS)[7:11], ids=["default", "input", "output", "lstm"])
+def test_load_does_not_read_the_temperature_after_its_origin(name, fitted, office):
+    model, X = fitted(name), office.X[14 * DAY : 16 * DAY]
     noisy = noisy_after(X, 0, ["T_za"])
-    one, other = fitted.predict_load(X, 23.0), fitted.predict_load(noisy, 23.0)
+    one, other = model.predict_load(X, 23.0), model.predict_load(noisy, 23.0)
     np.testing.assert_array_equal(one[:DAY].to_numpy(), other[:DAY].to_numpy())
 
 

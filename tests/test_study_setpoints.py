@@ -8,8 +8,8 @@ import pytest
 
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
-from skhybrid.study import Settings, run_study, split_log
-from skhybrid.study.compared_models import HYBRID, YESTERDAY
+from skhybrid.study import Settings, run, run_study, split_log
+from skhybrid.study.compared_models import HYBRID, YESTERDAY, identified_by, make_models
 from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.study.outputs import format_result, write_outputs, write_page
@@ -38,6 +38,17 @@ def settings_of(log, **given):
 def result(log):
     settings = settings_of(log)
     return run_study(settings, split_log(log, settings))
+
+
+@pytest.fixture
+def few_models(monkeypatch):
+    """Studies compare the hybrid with yesterday alone, and identify."""
+
+    def few(settings, memory=None):
+        kept = {HYBRID, YESTERDAY, identified_by(settings)}
+        return [one for one in make_models(settings, memory) if one.label in kept]
+
+    monkeypatch.setattr(run, "make_models", few)
 
 
 def test_rules_for_the_load_are_those_of_a_plain_loop():
@@ -77,6 +88,7 @@ def test_a_study_scores_the_task_without_heat_and_judges_by_it(result, log):
     assert f"{ratio:.2f} times that of yesterday's temperature" in result.verdicts[0].reasons[1]
 
 
+@pytest.mark.usefixtures("few_models", "empty_pictures")
 def test_a_study_under_weather_forecasts_says_so_and_has_wider_intervals(result, log, tmp_path):
     settings = settings_of(log, weather_error="high")
     off = run_study(settings, split_log(log, settings))
@@ -121,6 +133,7 @@ def test_the_back_test_command_scores_it_too(log, result):
     assert [one.reasons[0] for one in found.verdicts] == [KNOWN, KNOWN]
 
 
+@pytest.mark.usefixtures("few_models")
 def test_without_set_points_nothing_changes_and_without_a_thermostat_a_remark_says_so(log):
     plain = log.drop(columns=["T_heat_set", "T_cool_set"])
     settings = settings_of(plain)
@@ -148,6 +161,7 @@ def with_stages(known):
     return {"name": "input", "n_starts": 1, "known": known}
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_card_shows_no_kw_where_the_load_is_stages(log, result, tmp_path):
     settings = Settings(**{**settings_of(log).as_dict(), "estimator": with_stages({"Q_h": 6.0})})
     held = backtest_zone(settings, split_log(log, settings)).setpoints_known
@@ -190,6 +204,7 @@ def test_the_back_test_command_writes_remarks_as_warnings(log, tmp_path, monkeyp
     assert main([*command, "--strict"]) == 1
 
 
+@pytest.mark.usefixtures("few_models")
 @pytest.mark.parametrize(
     ("value", "message"),
     [
@@ -234,6 +249,7 @@ def test_rows_ahead_without_set_points_are_the_next_day(log):
     assert data.future["u_heat"].notna().all()
 
 
+@pytest.mark.usefixtures("few_models")
 def test_rows_ahead_without_heat_are_the_next_day_under_its_set_points(log):
     """The whole study was refused: the heat of a day to come is what a user does not know."""
     ahead = log.copy()
