@@ -31,16 +31,23 @@ def closed_figures():
 
 
 @pytest.fixture(scope="module")
-def few_trees():
-    """Thermostats, and the boosting that a study compares, are learned in an instant, and less well."""
+def quick_fits():
+    """Models are learned in a moment, and less well: few trees, one start, two steps of each search."""
     from skhybrid.forecasting import boosting
     from skhybrid.hybrid.thermostat_law import boosted_trees
+    from skhybrid.schedule import fit
+
+    def few_steps(problem, best, max_steps, minimise=fit.minimise, **given):
+        return minimise(problem, best, min(max_steps, 2), **given)
 
     with pytest.MonkeyPatch.context() as patch:
         for name, few in (("max_iter", 5), ("max_bins", 7)):
             patch.setitem(boosted_trees.SETTINGS, name, few)
         patch.setattr(boosting, "_FEW_TREES", 5)
         patch.setattr(boosting, "_LEAST_PAIRS", sys.maxsize)  # so that no trial chooses the number of trees
+        for name in ("_SCALES", "_PACES", "_GAINS", "_UAS", "_DAY_TYPES"):
+            patch.setattr(fit, name, (1.0,))
+        patch.setattr(fit, "minimise", few_steps)
         yield
 
 

@@ -39,7 +39,7 @@ from three_rooms import make_rooms
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
-    pytest.mark.usefixtures("few_trees"),
+    pytest.mark.usefixtures("quick_fits"),
 ]
 ZONES = ("kitchen", "hall")
 N_KNOWN = 8 * 24

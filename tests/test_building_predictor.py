@@ -40,7 +40,7 @@ from three_rooms import DOORS, ZONES, make_rooms
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
-    pytest.mark.usefixtures("few_trees"),
+    pytest.mark.usefixtures("quick_fits"),
 ]
 N_TRAIN, DAY = 14 * 24, 24
 T_OF = [f"T_za_{zone}" for zone in ZONES]

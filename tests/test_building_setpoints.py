@@ -31,7 +31,7 @@ from skhybrid.zone.zone_backtest import backtest_zone
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
-    pytest.mark.usefixtures("few_trees"),
+    pytest.mark.usefixtures("quick_fits"),
 ]
 KNOWN = "the weather and the set-points were known ahead, the heat was not"
 ZONES = ["living", "kitchen", "bedroom"]

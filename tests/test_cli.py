@@ -59,7 +59,7 @@ from skhybrid.study.settings import as_toml, settings_from
 from skhybrid.study.spans import TRAINING_DAYS
 from skhybrid.zone.building import describe_rooms, identify_building
 
-pytestmark = pytest.mark.usefixtures("few_trees")
+pytestmark = pytest.mark.usefixtures("quick_fits")
 FILES = {
     "forecast.csv", "backtest.csv", "parameters.csv", "metrics.json", "model.skops", "report.html", "forecast.png",
 }  # fmt: skip
@@ -132,7 +132,7 @@ class Ran(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory, few_trees):
+def ran(tmp_path_factory, quick_fits):
     folder, results, study = tmp_path_factory.mktemp("study"), [], _study.run_study
     _log().to_csv(folder / "log.csv")
     (folder / "zone.toml").write_text(CONFIG)

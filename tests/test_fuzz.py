@@ -19,7 +19,7 @@ from file_readers import READERS, good_files_are_read, mutant
 from outcomes import ACCEPTED, REFUSED, observe, wrong_numbers
 from zone_tables import WITH_SETPOINTS, Spoilt, Table, training
 
-pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.usefixtures("few_trees")]
+pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.usefixtures("quick_fits")]
 #: methods and estimators that a learned thermostat serves
 LAW = ("forecast", "closed_loop_from", "predict_load")
 HYBRIDS = ("HybridPredictor", "SchedulePredictor", "TwoStagePredictor")

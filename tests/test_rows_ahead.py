@@ -21,7 +21,7 @@ from skhybrid.zone.training_rows import training_rows
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
-    pytest.mark.usefixtures("few_trees"),
+    pytest.mark.usefixtures("quick_fits"),
 ]
 DAY, N = 24, 15 * 24  # rows of a day, and of the log
 SETTINGS = {

@@ -39,7 +39,7 @@ from skhybrid.zone.posted_rows import read_posted
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning"),  # few days of heat
-    pytest.mark.usefixtures("few_trees"),
+    pytest.mark.usefixtures("quick_fits"),
 ]
 DAYS = 10  # of the log that the zone has learned from
 SCHEDULE = Schedule.of_text("20,25")

@@ -17,7 +17,7 @@ from skhybrid.study.report.figures import held_figure
 from skhybrid.zone import zone_backtest
 from skhybrid.zone.zone_backtest import ZoneBacktest, backtest_zone
 
-pytestmark = pytest.mark.usefixtures("few_trees")
+pytestmark = pytest.mark.usefixtures("quick_fits")
 KNOWN = "the weather and the set-points were known ahead, the heat was not"
 TRAIN, TEST = {"end": "2023-10-22"}, {"start": "2023-10-23", "end": "2023-10-29"}
 

@@ -22,7 +22,7 @@ from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, forecast_archive, zon
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning"),  # few days of heat
-    pytest.mark.usefixtures("few_trees"),
+    pytest.mark.usefixtures("quick_fits"),
 ]
 FILES = {"zone.toml", "model.skops", "archive.sqlite"}
 DAYS = 10  # of the log that the zone is made from
