@@ -52,8 +52,8 @@ def _expected(estimator):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few_steps():
-    """Searches of parameters stop after a few steps, since no check asks for the minimum."""
+def few_steps(quick_fits):
+    """Searches of parameters stop after a few steps too, since no check asks for the minimum."""
     together = prediction_errors.minimise_together
 
     def of_least_squares(evaluate, starts, low, high, max_evaluations, tolerance):

@@ -149,12 +149,16 @@ def test_attributes_can_be_asked_for_where_no_intervals_were_learned():
     assert "predict" in dir(short)
 
 
-@settings(max_examples=400, deadline=None, database=None, suppress_health_check=list(HealthCheck))
-@seed(0)
-@given(calls(SLOW))
-def test_odd_tables_are_accepted_or_refused(call):
-    outcome = call.outcome()
-    assert not outcome.failed, f"{call!r}: {outcome}"
+@pytest.mark.parametrize("n_calls", [100, pytest.param(400, marks=pytest.mark.slow)])
+def test_odd_tables_are_accepted_or_refused(n_calls):
+    @settings(max_examples=n_calls, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @seed(0)
+    @given(calls(SLOW))
+    def accepted_or_refused(call):
+        outcome = call.outcome()
+        assert not outcome.failed, f"{call!r}: {outcome}"
+
+    accepted_or_refused()
 
 
 @pytest.mark.parametrize("name", sorted(READERS))
