@@ -412,17 +412,21 @@ def test_limits_of_a_forecast_reach_its_temperature(log, model):
 
 
 def test_a_plant_may_give_more_than_was_measured_unless_its_most_left_a_set_point_missed():
-    """After one day near the largest heat three times that heat, after two twice; at a limit 3 % more."""
-    two_days = np.tile([0.0, 6.0, 2.0, 0.0, -3.0, 0.0], 2)
+    """After one day near the largest heat three times that heat, after two twice; at a limit 3 % more.
+
+    A plant is at a limit where it misses a set-point for two rows; a jump of the set-point takes it one.
+    """
+    two_days = np.tile([0.0, 6.0, 5.9, 0.0, -2.8, -3.0], 2)
 
     def capacity(T, is_usual=False, heat=two_days):
         return plant_limits(heat, T, 12, [12], is_usual)[0]
 
     met = np.full(13, 22.0)
-    cold, hot, other = met.copy(), met.copy(), met.copy()
-    cold[8], hot[5], other[4] = 19.5, 25.5, 19.5  # after 6 kW, after -3 kW, and after a row without heat
-    np.testing.assert_allclose(capacity(met), (-6.0, 12.0))
-    np.testing.assert_allclose(capacity(other), (-6.0, 12.0))
+    cold, hot, one_row, other = (met.copy() for _ in range(4))
+    cold[8:10], hot[5:7] = 19.5, 25.5  # after 6 kW, and after -3 kW
+    one_row[8], other[3:5] = 19.5, 19.5  # after the first row with 6 kW, and after one row with heat and one without
+    for T in (met, one_row, other):
+        np.testing.assert_allclose(capacity(T), (-6.0, 12.0))
     np.testing.assert_allclose(capacity(cold), (-6.0, 6.18))
     np.testing.assert_allclose(capacity(hot), (-3.09, 12.0))
     one_day = np.append(0.8 * two_days[:6], two_days[6:])
@@ -430,13 +434,13 @@ def test_a_plant_may_give_more_than_was_measured_unless_its_most_left_a_set_poin
     np.testing.assert_allclose(capacity(met, is_usual=True), (-3.3, 6.6))
 
 
-def test_a_limit_of_a_plant_is_known_from_the_row_after_which_it_left_a_set_point_missed():
+def test_a_limit_of_a_plant_is_known_once_it_has_left_a_set_point_missed():
     """A training of a day with 4 kW; then 6 kW on two days, the last of them too little."""
     heat = np.array([0.0, 4.0, 2.0, 0.0, 0.0, 0.0, 0.0, 6.0, 2.0, 0.0, 0.0, 0.0, 0.0, 6.0, 5.9, 0.0, 0.0, 0.0])
-    T = np.append(np.full(18, 22.0), 22.0)
-    T[14] = 18.0
+    T = np.full(19, 22.0)
+    T[14:16] = 18.0
     found = plant_limits(heat, T, 6, [6, 7, 8, 12, 13, 14, 15, 18])
-    np.testing.assert_allclose(found[:, 1], [12.0, 12.0, 18.0, 18.0, 18.0, 6.18, 6.18, 6.18])
+    np.testing.assert_allclose(found[:, 1], [12.0, 12.0, 18.0, 18.0, 18.0, 12.0, 6.18, 6.18])
     np.testing.assert_allclose(plant_limits(heat, np.full(19, 22.0), 6, [14, 18])[:, 1], 12.0)  # met on two days
     np.testing.assert_allclose(found[:, 0], 0.0)
 

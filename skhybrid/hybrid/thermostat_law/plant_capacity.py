@@ -15,19 +15,20 @@ _WIDER = 1.03  # loads may be so much larger than the largest known of a plant t
 _UNSEEN = 2.0  # of one that was not, by how many times it may grow, over the number of days on which it was so large
 _USUAL = 1.1  # of one whose limit is not told, as usual temperatures stand for its set-points
 _FULL, _MISSED = 0.9, 0.1  # share of the largest heat, and distance from the set-point [K], that show a limit
+_LEAST_ROWS, _PER_DAY = 2, 48  # that it must last: so many rows, and half an hour; a jump of set-points takes one row
 
 
 class _Days(NamedTuple):
     """Heating, or cooling, of days before some origins."""
 
     most: np.ndarray  # (O, D) largest heat of each day [kW]
-    missed: np.ndarray  # (O, D) largest after which the set-point was missed
+    missed: np.ndarray  # (O, D) largest that did not drop while the set-point was missed row after row
 
 
 class PlantCapacity:
     """The least and most heat of a plant [kW]: by full stages, or by the heat that was measured.
 
-    It is little more than the largest where the set-point was missed after that, as then the plant was at its limit.
+    It is little more than the largest where the set-point stayed missed under that, as then the plant was at its limit.
     Else a deeper set-back or a colder day may ask for more than was ever measured, and get it; less so the more days
     came near the largest.
     """
@@ -91,6 +92,11 @@ def _days(rows: LawRows, begin: int, origins: np.ndarray) -> tuple[_Days, ...]:
         rising = np.maximum.accumulate(padded.reshape(n_days, rows.per_day), axis=1)
         return np.column_stack([np.zeros(n_days), rising])[np.arange(n_days), known]
 
+    def lasting(values: np.ndarray) -> np.ndarray:
+        n_rows = max(_LEAST_ROWS, rows.per_day // _PER_DAY)
+        return np.minimum.reduce([np.append(np.zeros(i), values)[: len(values)] for i in range(n_rows)])
+
     return tuple(
-        _Days(largest(side), largest(np.where(by > _MISSED, side, 0.0))) for side, by in ((-heat, above), (heat, below))
+        _Days(largest(side), largest(lasting(np.where(by > _MISSED, side, 0.0))))
+        for side, by in ((-heat, above), (heat, below))
     )
