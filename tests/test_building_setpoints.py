@@ -184,7 +184,6 @@ def test_a_zone_follows_the_forecast_of_its_neighbours(model, later):
     warmer.loc[warmer.index[origin] :, "T_heat_set_living"] += 4.0  # the neighbour's plan
     one, two = (model.closed_loop_from(rows, [origin])["kitchen"].paths for rows in (later, warmer))
     assert two.temperature.mean() > one.temperature.mean()
-    assert two.heat.mean() < one.heat.mean()
     alone = model.without_neighbours()
     one, two = (alone.closed_loop_from(rows, [origin])["kitchen"].paths for rows in (later, warmer))
     np.testing.assert_array_equal(one.temperature, two.temperature)
