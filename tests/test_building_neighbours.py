@@ -1,4 +1,4 @@
-"""What a zone gains from its neighbours under set-points, by a model that is learned in full."""
+"""The heat that neighbours save a zone under set-points, by a model that is learned in full."""
 
 import pytest
 
