@@ -117,9 +117,9 @@ def even_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     """The step of an evenly spaced index; a ValueError names the first stamps out of order or unevenly spaced."""
     gaps = np.diff(index.as_unit("ns").asi8)
     hint = ", or localize it if this is daylight saving" if index.tz is None else ""
-    if min((gaps < 0).sum(), (gaps > 0).sum()) >= _SHUFFLED:
-        raise ValueError(f"the index is shuffled: {index[0]} is followed by {index[1]}; {_SPLIT}, never shuffled.")
     if (gaps <= 0).any():
+        if min((gaps < 0).sum(), (gaps > 0).sum()) >= _SHUFFLED:
+            raise ValueError(f"the index is shuffled: {index[0]} is followed by {index[1]}; {_SPLIT}, never shuffled.")
         row = int(np.argmax(gaps <= 0))
         what = "has duplicates" if gaps[row] == 0 else "goes back in time"
         raise ValueError(
