@@ -121,7 +121,7 @@ class Plant(NamedTuple):
 
     def within(self, limits: Limits) -> Limits:
         """The narrower of given limits and the capacity of the stages."""
-        return Limits(np.clip(limits.lower, self.lower, self.upper), np.clip(limits.upper, self.lower, self.upper))
+        return limits.within(self.lower, self.upper)
 
 
 def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) -> Plant:

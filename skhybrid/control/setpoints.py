@@ -44,6 +44,10 @@ class Limits(NamedTuple):
         """The same limits in all rows."""
         return cls(np.full(n_rows, lowest), np.full(n_rows, highest))
 
+    def within(self, lowest: float, highest: float) -> Limits:
+        """The narrower of these limits and a range [kW]."""
+        return Limits(*(np.clip(side, lowest, highest) for side in self))
+
 
 def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
     """A set-point, or a band of a heating and a cooling set-point, by the rows of a table.

@@ -199,7 +199,7 @@ class FramesForecastMixin(FramesReadingMixin):
             )
         free = self._plant_limits(table.n_rows - origin)
         if limits is not None:
-            free = Limits(np.maximum(free.lower, limits[0]), np.minimum(free.upper, limits[1]))
+            free = free.within(*limits)
         if delivered is not None:
             for side in free:
                 side[:1] = delivered

@@ -147,19 +147,19 @@ class ClosedLoop:
         new = [number for number, law in laws.items() if law is None]
         every = np.unique(np.concatenate([known, *(weeks.learning_origins(number, spacing) for number in new)]))
         loads_from, n_ideal = scheme.load_paths_from(table, every), max(n_leads, self.n_leads)
-        within = self._capacity.at(rows, weeks.begin, every)
-        asked = WantedPaths(rows.band, within, unforeseen=scheme.unforeseen)
+        capacity = self._capacity.at(rows, weeks.begin, every)
+        asked = WantedPaths(rows.band, capacity, unforeseen=scheme.unforeseen)
         ideal = IdealPaths(every, loads_from(every, n_ideal, asked))  # the past knows what was measured
-        within = self._capacity.at(rows, weeks.begin, origins)
-        asked = asked._replace(limits=within, boundary=boundary or {})
+        capacity = self._capacity.at(rows, weeks.begin, origins)
+        asked = asked._replace(limits=capacity, boundary=boundary or {})
         free = loads_from(origins, n_ideal, asked) if boundary else ideal.of(origins)
         laws |= refits.learn(rows, weeks, new, spacing, ideal)
         of_past, of_origins = IdealPaths(past, ideal.of(past)), IdealPaths(origins, free)
         errors, members = self._by_law(rows, weeks, laws, of_past, of_origins, n_leads)
         unshifted = np.zeros((2, len(origins), n_leads))
-        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], within, unshifted)
+        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], capacity, unshifted)
         if limits is not None:
-            asked = asked._replace(limits=_within(within, limits))
+            asked = asked._replace(limits=capacity.within(*limits))
             shift = _between(loads_from(origins, n_leads, asked), free, n_leads)
             wanted = wanted._replace(shift=shift, limits=asked.limits)
         if delivered is not None:
@@ -335,12 +335,6 @@ class _Wanted(NamedTuple):
 def _between(paths: LoadPaths, others: LoadPaths, n_leads: int) -> np.ndarray:
     """(2, O, n_leads) difference of load and temperature."""
     return np.stack([a[:, :n_leads] - b[:, :n_leads] for a, b in zip(paths[:2], others[:2], strict=True)])
-
-
-def _within(known: Limits, limits: tuple[float, float]) -> Limits:
-    """The least and most heat [kW] within what is known, and within a range."""
-    lower = np.clip(known.lower, *limits)
-    return Limits(lower, np.maximum(np.minimum(known.upper, limits[1]), lower))
 
 
 def _leads(n_leads: int) -> np.ndarray:
