@@ -106,9 +106,9 @@ class ScheduleScheme(Scheme):
         products = moments(left_out[..., member_of], groups, faded(age))
         settled = SETTLED_DAYS if network_prior is None else SETTLED_DAYS_OF_FLEET
         priors, every = (first_shares(self._members), settled), rows_per_hour(training.step)
-        n_days, plausible = training.n_rows / per_day, self.rows.plausible
+        n_days, plausible, errors = training.n_rows / per_day, self.rows.plausible, left_out.astype(np.float32)
         self._record = BlendRecord(
-            sample, left_out, member_of, products, groups, *priors, n_days, n_leads, per_day, every, plausible
+            sample, errors, member_of, products, groups, *priors, n_days, n_leads, per_day, every, plausible
         )
         if plant := determined_plant(fit, training):
             self.gain_doubt = disagreement(fit, self._members, self.gain_, plant)

@@ -43,7 +43,7 @@ def deflated(body: bytes) -> bytes:
             data = stored.read(name)
             middle = data[len(data) // 2 :][:_PROBED]
             pays = len(zlib.compress(middle, 1)) < _WORTHWHILE * len(middle)
-            archive.writestr(name, data, zipfile.ZIP_DEFLATED if pays else zipfile.ZIP_STORED, 1)
+            archive.writestr(name, data, zipfile.ZIP_DEFLATED if pays else zipfile.ZIP_STORED)
     return packed.getvalue()
 
 

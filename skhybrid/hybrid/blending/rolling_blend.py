@@ -34,7 +34,7 @@ class BlendRecord:
     """Knowledge of a blend about its members, from their training."""
 
     sample: ForecastSample
-    member_errors: np.ndarray  # (O, L, M) of each member on blocks that were left out [K]
+    member_errors: np.ndarray  # (O, L, M) float32, of each member on blocks that were left out [K]
     member_of: np.ndarray  # (K,) int, the member of each way to forecast
     products: np.ndarray  # (n_groups, K, K) moments of these errors, faded up to the last row of the training
     groups: np.ndarray  # (L,) group of each lead

@@ -34,7 +34,7 @@ class BoostedTrees(NamedTuple):
     left: np.ndarray  # (n_trees, n_nodes) int
     right: np.ndarray  # (n_trees, n_nodes) int
     missing_left: np.ndarray  # (n_trees, n_nodes) bool
-    value: np.ndarray  # (n_trees, n_nodes)
+    value: np.ndarray  # (n_trees, n_nodes) float32
 
     def predict(self, X: np.ndarray) -> np.ndarray:
         """(n,) values of rows (n, n_features), NaN where unknown."""
@@ -66,7 +66,7 @@ def fit_trees(X: np.ndarray, y: np.ndarray, weight: np.ndarray | None = None) ->
     level = float(np.ravel(booster._baseline_prediction)[0])
     feature, threshold, left, right, missing, value = found.values()
     whole = (feature.astype(np.int64), threshold, left.astype(np.int64), right.astype(np.int64))
-    return BoostedTrees(level, *whole, missing.astype(bool), value)
+    return BoostedTrees(level, *whole, missing.astype(bool), value.astype(np.float32))
 
 
 def _bin_edges(column: np.ndarray, weight: np.ndarray) -> np.ndarray:
