@@ -396,6 +396,23 @@ def test_blank_set_points_of_posted_rows_are_those_of_a_plant_that_is_off(tmp_pa
     pd.testing.assert_frame_equal(found[expected.columns], expected, check_freq=False)
 
 
+def test_a_step_under_way_is_no_row_of_a_study_and_the_first_ahead_of_it_is_forecast(monkeypatch, tmp_path):
+    """Its mean was taken for that of the whole step by identify, export, run, backtest and search."""
+    index = pd.date_range("2024-01-01", periods=2 * 96 - 3, freq="15min", name="time")
+    row, path = np.arange(len(index)), tmp_path / "log.csv"
+    log = pd.DataFrame({"T_za": 20.0 + np.sin(row / 9.0), "T_oa": 5.0 + row % 7, "Q_hvac": row % 5.0}, index)
+    settings = settings_from({"columns": {name: name for name in log}, "step": "1h"})
+    log.to_csv(path)
+    assert read_log(path, settings)[0].index[-1] == index[-1] - pd.Timedelta("1h")
+    begins = []
+    monkeypatch.setattr(ZoneModel, "history", lambda _, frame: begins.append(frame.index[-1]) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        day_ahead(ZoneModel(None, settings), path)
+    assert begins == [index[-1]]
+    log.assign(T_za=log["T_za"][:-50]).to_csv(path)  # weather and plan follow
+    assert read_log(path, settings)[0].index[-1] == index[-1]
+
+
 def test_strict_counts_warnings(folder, capsys):
     arguments = ["check", str(folder / "log.csv")]
     assert main(arguments) == 0

@@ -33,6 +33,8 @@ _FAHRENHEIT, _KELVIN = 45.0, 200.0  # set-points without a unit are in degF, or 
 def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFrame, str]:
     """Read a log by its settings: one column per role at an even step, and a report of what was filled or dropped.
 
+    A step that is under way at the end, of which only the beginning is known, is left out unless rows ahead follow it.
+
     Parameters
     ----------
     path : path-like, a file in any format of :func:`skhybrid.logs.read_log`, or the URL of a database
@@ -43,7 +45,9 @@ def read_log(path: str | PathLike[str], settings: Settings) -> tuple[pd.DataFram
     FileNotFoundError, ValueError
         If the file does not exist or cannot be read with these settings.
     """
-    return read_even_log(path, settings)[:2]
+    read = read_even_log(path, settings)
+    only_under_way = len(read.frame) == len(read.finished) + 1
+    return read.finished if only_under_way else read.frame, read.report
 
 
 class EvenLog(NamedTuple):

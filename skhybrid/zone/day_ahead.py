@@ -19,7 +19,7 @@ from ..logs.naming import UNPLACED, plain
 from ..logs.open_meteo import is_open_meteo_csv
 from ..logs.zone_csv import to_left_label
 from ..study.doubts import day_beyond
-from ..study.log_reading import read_log
+from ..study.log_reading import read_even_log
 from ..study.log_split import inputs_of
 from ..study.plant import Performance
 from ..study.settings import Settings
@@ -85,7 +85,7 @@ def day_ahead(
         If an input ends more than twelve hours before the temperatures, or weather or set-points are missing.
     """
     settings = zone.settings
-    frame = log if isinstance(log, pd.DataFrame) else read_log(log, settings)[0]
+    frame = log if isinstance(log, pd.DataFrame) else read_even_log(log, settings).frame
     history = zone.history(frame)
     origin, unread = history.index[-1], zone.unread(frame)
     if unread is not None and unread.last - origin > BRIDGED:
