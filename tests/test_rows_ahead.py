@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from contextlib import suppress
 from copy import deepcopy
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,6 +20,7 @@ from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.other_units import refuse_other_units
 from skhybrid.zone.outages import Unread, complete_rows
 from skhybrid.zone.training_rows import training_rows
+from skhybrid.zone.wanted_setpoints import idle_setpoints
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.SkhybridWarning"),
@@ -298,9 +301,27 @@ def test_a_log_with_one_set_point_is_forecast_with_it(frame, tmp_path):
     by_clock = {**SETTINGS, "columns": columns, "thermostat": {"heat": {"6:00": 21.0, "22:00": 17.0}}}
     planned = day_ahead(ZoneModel(heated.predictor, settings_from(by_clock)), log[:N], path).frame
     pd.testing.assert_frame_equal(planned, given)
-    assert "T_cool_set" in day_ahead(heated, log[:N], path, SCHEDULE).frame
+    both = day_ahead(heated, log[:N], path, SCHEDULE)  # of a house that is only heated
+    assert "T_cool_set" not in both.frame
+    assert "T_cool_set of --setpoint is left out, since nothing cooled in the training" in both.remarks
+    assert not any("left out" in text for text in day_ahead(heated, log[:N], path, Schedule.of_text("20")).remarks)
     with pytest.raises(ValueError, match=r"T_heat_set is not given for the rows ahead, .* such as --setpoint 21\."):
         day_ahead(heated, log[:N], path, Schedule.of_text(",24"))
+
+
+def test_a_plant_holds_set_points_where_it_acted_or_will_and_those_of_the_log():
+    spans = {
+        "": {"u_cool": (0.0, 1.0)},
+        "hall": {"u_heat": (0.0, 1.0), "T_oa": (-9.0, 9.0)},
+        "attic": {"q_sol": (0.0, 1.0)},
+    }
+    of_log = settings_from({"columns": {"T_za": "room", "T_oa": "out", "T_cool_set": "high"}})
+    parts = {zone: SimpleNamespace(covered=span.copy, settings=of_log) for zone, span in spans.items()}
+    assert idle_setpoints(pd.DataFrame(), parts) == {"T_heat_set": "heated"}
+    for one in parts.values():
+        one.settings = replace(of_log, columns={})
+    assert idle_setpoints(pd.DataFrame(), parts) == {"T_heat_set": "heated", "T_cool_set_hall": "cooled"}
+    assert idle_setpoints(pd.DataFrame({"Q_hvac": [-1.0], "Q_hvac_hall": -0.5}), parts) == {"T_heat_set": "heated"}
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,6 +27,7 @@ from ..study.tariff import energy_cost
 from ..study.zone_part import each_zone, log_columns
 from .outages import BRIDGED, like_index, refuse_cut_value, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
+from .wanted_setpoints import idle_setpoints
 from .zone_model import ZoneModel
 
 ELECTRICITY = "electricity_kW"  # the column of it; of several zones it ends with the zone's name
@@ -100,10 +101,12 @@ def day_ahead(
     ahead, planned = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead).drop(columns=settings.roles_of("zeta"), errors="ignore")
     weather_roles = [role for role in inputs if role.startswith("T_") or role == "q_sol"]
-    shown = ahead[[*(role for role in settings.setpoints if role in ahead), *weather_roles]]
+    idle = idle_setpoints(found, zone.parts())
+    held = [role for role in settings.setpoints if role in ahead]
+    shown = ahead[[*(role for role in held if role not in idle), *weather_roles]]
     out = with_electricity(found.join(shown), settings).rename_axis("time")
     remarks = [
-        *_unused(later, settings, schedule),
+        *_unused(later, settings, schedule, {role: idle[role] for role in held if role in idle}),
         *([] if unread is None or unread.is_step else [str(unread)]),
         *zone.remarks_on_outages(frame, history),
         *_remarks(zone, history, ahead, planned),
@@ -111,13 +114,18 @@ def day_ahead(
     return DayAhead(out, _summary(out, settings, zone.scaled), tuple(remarks))
 
 
-def _unused(later: pd.DataFrame, settings: Settings, schedule: Schedules | None) -> list[str]:
-    """A remark on heat and set-points of the rows ahead, which set-points of the command line replace."""
+def _unused(
+    later: pd.DataFrame, settings: Settings, schedule: Schedules | None, idle: Mapping[str, str]
+) -> Iterator[str]:
+    """Remarks on what set-points of the command line replace in the rows ahead, and on those that are ``idle``."""
     if schedule is None:
-        return []
+        return
     given = later.columns[later.notna().any()]
     roles = sorted(str(role) for role in given if is_plant(role) or role in settings.setpoints)
-    return [f"{listed(roles)} of the rows ahead are not used, since --setpoint is given"] if roles else []
+    if roles:
+        yield f"{listed(roles)} of the rows ahead are not used, since --setpoint is given"
+    for role, did in idle.items():
+        yield f"{role} of --setpoint is left out, since nothing {did} in the training"
 
 
 def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:

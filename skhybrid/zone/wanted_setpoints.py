@@ -46,3 +46,20 @@ def _refuse_one_side(settings: Settings, zone: str, future: pd.DataFrame, *, lea
 def has_plant(model: Any) -> bool:
     """Whether a fitted predictor learned from a plant."""
     return any(map(is_plant, model.training_.ranges))
+
+
+def idle_setpoints(found: pd.DataFrame, parts: Mapping[str, Any]) -> dict[str, str]:
+    """The set-points of a side that the log does not have and no plant holds, each with what it never did.
+
+    The plant of a zone, of which ``parts`` has the model, acts where it did in the training or does in the forecast.
+    """
+    idle: dict[str, str] = {}
+    for zone, part in parts.items():
+        end, spans = f"_{zone}" if zone else "", part.covered().items()
+        heat = [-x if role.startswith("u_cool") else x for role, span in spans if is_plant(role) for x in span]
+        if heat:
+            heat += [*found.get(f"Q_hvac{end}", [])]
+            acts = {"heated": max(heat) > 0.0, "cooled": min(heat) < 0.0}
+            sides = zip(SETPOINT_ROLES, acts.items(), strict=True)
+            idle |= {role + end: did for role, (did, runs) in sides if not runs and role not in part.settings.columns}
+    return idle
