@@ -88,7 +88,7 @@ def test_intervals_allow_for_errors_of_the_weather_by_the_configuration(frame, z
         settings_from({**SETTINGS, "weather_error": "much"})
 
 
-@pytest.mark.parametrize("name", ["temp", "Temperature (°F)", "t_air"])
+@pytest.mark.parametrize("name", ["temp", "Temperature (°F)", "t_air", "outdoor", "Außen"])
 def test_a_temperature_in_a_weather_file_is_that_of_outdoors(name, frame, zone, tmp_path):
     """In a log a name such as "temp" says nothing of where; degF are found too."""
     plain = day_ahead(zone, frame[:N], tomorrow(frame, tmp_path / "plain.csv"), SCHEDULE)
@@ -96,9 +96,15 @@ def test_a_temperature_in_a_weather_file_is_that_of_outdoors(name, frame, zone, 
     rows = pd.read_csv(path).assign(humidity=40.0, feels_like_temp=3.0 if name == "temp" else None)
     rows.dropna(axis=1, how="all").to_csv(path, index=False)
     assert_same(day_ahead(zone, frame[:N], path, SCHEDULE), plain)
-    rows.rename(columns={name: "temp_max"}).assign(temp_min=1.0).to_csv(path, index=False)  # either may be meant
-    with pytest.raises(ValueError, match="T_oa is not known for the rows ahead"):
-        day_ahead(zone, frame[:N], path, SCHEDULE)
+    either, humidity = rows.rename(columns={name: "temp_max"}), rows.rename(columns={name: "outdoor (%)"})
+    for unclear in (
+        either.assign(temp_min=1.0),
+        either.assign(outdoor=1.0, outside=1.0)[["time", "outdoor", "outside", "ghi"]],
+        humidity,
+    ):
+        unclear.to_csv(path, index=False)
+        with pytest.raises(ValueError, match="T_oa is not known for the rows ahead"):
+            day_ahead(zone, frame[:N], path, SCHEDULE)
 
 
 def test_weather_that_jumps_from_that_of_the_log_is_told(frame, zone, tmp_path):

@@ -79,6 +79,7 @@ _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photov
 OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|ground|soil|erdreich|min|max|24 ?h)\b|gedampft|damped|filtered"
 _PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
+PLACE_ALONE = "its name says where it measures, but not what"
 _PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
 _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 #: what a meter beside that of heat counts
@@ -212,7 +213,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if of == "stage" and re.search(r"valve|ventil(?!at|az|ac|o? ?conv)|klep|vanne|radiat", words):
         return Guess("u_heat", 1, "its name is that of a valve, taken for a radiator's")
     if re.search(_ROOM, words) or re.search(_OUT, words):
-        return Guess(None, 0, "its name says where it measures, but not what")
+        return Guess(None, 0, PLACE_ALONE)
     return Guess(None, 0, "its name says nothing of a role")
 
 

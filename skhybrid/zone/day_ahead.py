@@ -15,7 +15,7 @@ from .._warnings import percent
 from ..datasets import read_weather
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
-from ..logs.naming import UNPLACED, plain
+from ..logs.naming import PLACE_ALONE, UNPLACED, guess_role, plain, unit_in_name
 from ..logs.open_meteo import is_open_meteo_csv
 from ..logs.zone_csv import to_left_label
 from ..study.doubts import day_beyond
@@ -174,8 +174,11 @@ def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, years: It
 
 def _outdoor(report: LogReport) -> str | None:
     """The column of weather without an outdoor temperature that is one, as only its file says."""
-    unplaced = [str(name) for name, why in report.columns["reason"].items() if why == UNPLACED]
-    known = [name for name in unplaced if plain(name) in ("temp", "temperature")] or unplaced
+    why = report.columns["reason"]
+    unplaced = list(map(str, why.index[why == UNPLACED]))
+    placed = map(str, why.index[why == PLACE_ALONE])
+    outdoors = [name for name in placed if guess_role(f"{name} temp", unit_in_name(name)).role == "T_oa"]
+    known = [name for name in unplaced if plain(name) in ("temp", "temperature")] or unplaced or outdoors
     return known[0] if "T_oa" not in report.frame and len(known) == 1 else None
 
 
