@@ -6,9 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.exceptions import UnitWarning
 from skhybrid.logs import LogReport
 from skhybrid.logs.counters import counter_jumps, is_counter, power_of_counter
 from skhybrid.logs.log_findings import counter_findings
+from skhybrid.logs.naming import factor_in_name
+from skhybrid.study import read_log
+from skhybrid.study.settings import settings_from
 
 N = 960
 
@@ -183,3 +187,28 @@ def test_rows_that_occur_twice_lose_no_power(plant):
     power = power_of_counter(pd.concat([readings, readings.iloc[100:110]]).sort_index(kind="stable"))
     assert np.isnan(power).sum() == 1
     assert np.nansum(power_of_counter(readings)) == pytest.approx(np.nansum(np.delete(power, range(101, 121, 2))))
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("heat_x10", 10.0), ("Heat energy x0,1", 0.1), ("Heat (kWh × 100)", 100.0), ("Heat [0.01 MWh]", 0.01),
+     ("kWh*10", 10.0), ("box10", None), ("room_x101", None), ("T (10 m)", None), ("fan_2x10kW", None), ("x10.5", None)],
+)  # fmt: skip
+def test_the_factor_in_a_name(name, factor):
+    assert factor_in_name(name) == factor
+
+
+def test_a_factor_in_a_name_is_told_until_one_is_given(plant, tmp_path):
+    """It may multiply or divide; heat was read a tenth of what it was, in silence."""
+    room = 20.0 + np.sin(np.arange(N) / 9.0)
+    log = pd.DataFrame({"room temp": room, "outdoor temp": room - 9.0, "heat_energy_x10": counter(plant) / 10.0})
+    text = "the factor 10 in its name is not applied; under [scale] give Q_heat = 10 to multiply by it, 0.1 to divide"
+    told = [f for f in LogReport(log).findings if f.where == "heat_energy_x10" and text in f.text]
+    assert [f.level for f in told] == ["warning"]
+    assert not any("factor" in f.text for f in LogReport(log, scale={"Q_heat": 10.0}).findings)
+    log.to_csv(tmp_path / "log.csv")
+    given = {"columns": LogReport(log).roles, "units": {"Q_heat": "kWh counter"}}
+    with pytest.warns(UnitWarning, match=r"'heat_energy_x10': the factor 10 in its name is not applied"):
+        read_log(tmp_path / "log.csv", settings_from(given))
+    heat = read_log(tmp_path / "log.csv", settings_from({**given, "scale": {"Q_heat": 10}}))[0]["Q_hvac"]
+    np.testing.assert_allclose(heat[:-1], plant[:-1] / 0.25)

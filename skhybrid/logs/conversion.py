@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, convers
 from .counters import hours_between, is_counter, power_of_counter
 from .even_steps import own_steps
 from .fill_values import fill_remark, fill_values, sensor_failures, without_huge, zeros_left_blank
+from .naming import factor_in_name
 from .raw_log import RawLog
 from .setpoint_modes import in_force, shared_zones
 from .unit_names import COUNTERS, ENERGY, IRRADIATION
@@ -98,6 +99,18 @@ def to_roles(raw: RawLog, channels: list[Channel]) -> pd.DataFrame:
     frame = frame.assign(**{c.role: frame[c.role].mask(is_zero, 0.0) for c, is_zero in zeros})
     shared = shared_zones({c.role: c.name for c in channels})
     return in_force(frame, shared, [c.role for c in channels if c.name in raw.held])
+
+
+def factor_remarks(channels: list[Channel], scaled: Collection[str]) -> dict[str, str]:
+    """A remark on each channel whose name has a factor that is not applied; ``scaled`` are the roles with one given."""
+    found = {}
+    for role, name in ((c.role, c.name) for c in channels if c.scale == 1.0 and c.role not in scaled):
+        if (factor := factor_in_name(name)) is not None:
+            found[name] = (
+                f"the factor {factor:g} in its name is not applied; under [scale] give {role} = {factor:g} to multiply "
+                f"by it, {1.0 / factor:g} to divide by it, or 1 if the values are right"
+            )
+    return found
 
 
 def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -17,7 +17,7 @@ from .abilities import abilities, days_of, excitation
 from .blank_setpoints import filled_setpoints
 from .column_roles import ColumnRoles
 from .column_spans import lost_columns, one_after_the_other
-from .conversion import Channel, counter_of, fill_remarks, refuse_unlogged, to_roles
+from .conversion import Channel, counter_of, factor_remarks, fill_remarks, refuse_unlogged, to_roles
 from .even_steps import regularize, usual_step
 from .log_findings import (
     Finding,
@@ -257,8 +257,7 @@ class LogReport:
                 found.append(electricity_finding(channel.name))
             if why := self._read.assumed.get(channel.role):
                 found.append(Finding("note", channel.name, f"{why}; give its unit if this is wrong."))
-        found += [Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items()]
-        found += [Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1]]
+        found += self._readings(raw, channels)
         found += [Finding("warning", self.roles[role], text) for role, text in lost_columns(self.even)]
         found += [*set_point_findings(self.even), *unused_findings(self._given, {c.role for c in channels})]
         columns = {c.role: c.name for c in channels}
@@ -274,6 +273,13 @@ class LogReport:
         heat = [c for c in channels if c.role.startswith(begins) and c.role not in self._scaled]
         found += cooling_findings(self.even, {c.role: c.name for c in heat})
         return found + [Finding("note", "log", text) for text in self.raw.notes]
+
+    def _readings(self, raw: RawLog, channels: list[Channel]) -> Iterator[Finding]:
+        """Remarks on how values are read: without a factor of their name, as missing, or filled in."""
+        factors = factor_remarks(channels, self._given["scale"])
+        yield from (Finding("warning", name, f"{text}.") for name, text in factors.items())
+        yield from (Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items())
+        yield from (Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1])
 
 
 def _log_of(frame: pd.DataFrame) -> RawLog:

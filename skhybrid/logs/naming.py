@@ -118,6 +118,9 @@ _OF_FLOOR = "its unit is that of heat per area; give {0}, its unit as 'W', and t
 _LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
 _PULSES = r"\bpulses?\b|impuls"
 _SPEED = re.compile(r"\bfreq|\brpm\b|speed|drehzahl|\bhz\b")  # of a compressor that heats or cools
+#: a power of ten after a sign of multiplication, or before a unit in brackets
+_NUMBER = r"(10{1,4}|0[.,]0{0,3}1)"
+_FACTOR = re.compile(rf"(?:[*×]|(?<![^\W_])[xX]) ?_?{_NUMBER}(?![^\W_]|[.,]\d)|[(\[]{_NUMBER} ?[kM]?(?:W|J|Btu)")
 
 #: the reason where a column has the name of its role, whose unit it then has
 NAMED_BY_ROLE = "it is named after its role"
@@ -162,6 +165,12 @@ def unit_in_name(name: str) -> str | None:
     if text is None and (inner := re.search(r"(?i)(?<![a-z/])(kwh?|mwh|wh)(?![a-z/]|[ _]*(m2|m²|per m))", name)):
         text = inner[1]  # such as Heating_kWh_15min
     return None if text is None else unit_or_energy(text) or _TIMES.get(text.lower())
+
+
+def factor_in_name(name: str) -> float | None:
+    """The factor in a name such as ``gas_x10``, by which values are to be multiplied or divided; None for none."""
+    found = _FACTOR.search(name)
+    return None if found is None else float((found[1] or found[2]).replace(",", "."))
 
 
 def plain(name: str) -> str:

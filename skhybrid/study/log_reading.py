@@ -17,7 +17,7 @@ from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.assumed_units import outdoor_as_room
 from ..logs.blank_setpoints import filled_setpoints
-from ..logs.conversion import Channel, channels_of, fill_remarks, roles_without_label, to_roles
+from ..logs.conversion import Channel, channels_of, factor_remarks, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import clash, has_both_signs, unit_switch
 from ..logs.setpoint_modes import with_actions
@@ -120,6 +120,8 @@ def by_role(raw: RawLog, settings: Settings) -> LogByRole:
             "[units] of the configuration.",
             UnitWarning,
         )
+    for name, text in factor_remarks(channels, settings.scale).items():
+        warn_user(f"{name!r}: {text}.", UnitWarning)
     frame = to_roles(raw, _with_setpoint_units(channels, raw))
     refuse_mixed_units(frame)
     if settings.timezone is not None and pd.DatetimeIndex(frame.index).tz is not None:
