@@ -125,6 +125,26 @@ def test_units_of_lines_below_the_names(write):
     assert log.units == {"Raum": "degC", "Heizung": "kWh", "T °C": "degC"}
 
 
+@pytest.mark.parametrize(
+    ("above", "below", "names", "units"),
+    [
+        ("Time;Room;Heat;Sun", "°C;kW;W/m2;", ["Room", "Heat", "Sun"], ["degC", "kW", "W/m2"]),
+        ("Time;Room;Heat;Sun", "°C;kW;W/m2", ["Room", "Heat", "Sun"], ["degC", "kW", "W/m2"]),
+        ("Time;Room;Heat;Sun", ";°C;", ["Room", "Heat", "Sun"], ["degC", None, None]),
+        ("Time;Room;Heat;Sun", "-;°C;kW;", ["Room", "Heat", "Sun"], ["degC", "kW", None]),
+        ("Time;Room;Heat;Level", ";°C;north;low", ["Room °C", "Heat north", "Level low"], ["degC", None, None]),
+        ("Time;Hall;;Heat", ";temp;set;kW", ["Hall temp", "Hall set", "Heat kW"], [None, None, "kW"]),
+        ("Time;Hall;Sun;Heat", ";of floor;;kW", ["Hall of floor", "Sun", "Heat kW"], [None, None, "kW"]),
+    ],
+)
+def test_a_second_line_with_units_and_names_or_none_for_the_stamps(write, above, below, names, units):
+    """Units were those of the column after, and a line with a few names in it hid those above."""
+    rows = "".join(f"2024-01-01 0{k}:00;20;{k};1\n" for k in range(9))
+    log = read_log(write(f"{above}\n{below}\n{rows}"))
+    assert list(log.frame) == names
+    assert [log.units.get(name) for name in names] == units
+
+
 def test_a_comma_before_three_digits_is_named(write):
     rows = [f'2024-01-01 0{k}:00,"20,06{k}"\n' for k in range(9)]
     log = read_log(write("time,T\n" + "".join(rows)))

@@ -13,7 +13,7 @@ import pandas as pd
 from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_numbers import are_serials, is_serial
 from .stamp_parts import is_year, part_columns
-from .unit_names import is_unit, unit_named
+from .unit_names import is_unit, unit_named, unit_or_energy
 
 _RULE = re.compile(r"\s*:?-{3,}:?\s*")  # below the names of a Markdown table
 _SEPARATORS = ("\t", ";", "|", ",")
@@ -123,30 +123,39 @@ def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -
     for i in range(first - 1, -1, -1):
         row = list(rows[i])
         rest = [cell for j, cell in enumerate(row) if cell and j != place]
-        if len(row) < width - 1 or (len(row) > 1 and not any(row)) or not row:
-            if any(row):
-                break
+        if not any(row):
             continue
         if sum(map(is_unit, rest)) > 0.5 * len(rest):
             # below the units there may be a line of "Avg", "Max"
             units = row if sum(unit_named(cell) is not None for cell in row) or not units else units
             continue
-        if len(rest) >= 0.4 * (width - 1):
-            return _grouped(row, rows[i - 1] if i else [], place), units
+        if len(row) >= width - 1 and len(rest) >= 0.4 * (width - 1):
+            return _grouped(row, rows[i - 1] if i else [], place), _beside_stamps(units, width, place)
         break
-    return units, []  # a channel may be called "kW"
+    return units if len(units) >= width - 1 else [], []  # a channel may be called "kW"
+
+
+def _beside_stamps(units: list[str], width: int, place: int) -> list[str]:
+    """The units with a cell for the time stamps, at ``place``, where the line has a unit there and ends early."""
+    own = unit_or_energy(units[place]) if len(units) > place else None
+    return [*units[:place], "", *units[place:]] if own not in (None, "-") and not any(units[width - 1 :]) else units
 
 
 def _grouped(header: list[str], above: Sequence[str], place: int) -> list[str]:
-    """The names after those of their groups, such as rooms in merged cells above them, where names occur twice."""
+    """The names after those of their groups, such as rooms in merged cells above them.
+
+    Where names occur twice, or some are units: in such a line a cell may be empty below its name.
+    """
     named = [cell for j, cell in enumerate(header) if cell and j != place]
     groups = [cell for j, cell in enumerate(above) if cell and j != place]
-    if len(set(named)) == len(named) or len(groups) < 2 or len(above) < 0.5 * len(header):
+    alone = len(set(named)) == len(named) and not any(map(unit_or_energy, named))
+    if alone or len(groups) < 2 or len(above) < 0.5 * len(header):
         return header
     out, group = [], ""
     for j, cell in enumerate(header):
-        group = (above[j] if j < len(above) else "") or group
-        out.append(cell if j == place or not cell else f"{group} {cell}".strip())
+        own = above[j] if j < len(above) else ""
+        group = own or group
+        out.append(cell if j == place else f"{group} {cell}".strip() if cell else own)
     return out
 
 
