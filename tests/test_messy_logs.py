@@ -288,6 +288,27 @@ def test_an_outdoor_temperature_without_a_unit_beside_a_room_in_degf_is_warned_o
 
 
 @pytest.mark.parametrize(
+    ("plant", "of_plant", "low", "told"),
+    [
+        ("Q_heat", 1.0, 30.0, True),  # 32 to 46 degF
+        ("Q_hvac", 1.0, 30.0, True),
+        ("Q_hvac", -1.0, 30.0, False),  # a desert
+        ("Q_cool", 1.0, 30.0, False),
+        ("u_cool", 1.0, 30.0, False),
+        ("u_cool", 0.0, 30.0, True),
+        ("Q_heat", 1.0, 15.0, False),
+    ],
+)
+def test_it_is_never_always_hotter_outdoors_than_in_a_room_that_nothing_cools(plant, of_plant, low, told):
+    """A cold season in degF, below the values that no degC have, was taken for a hot one."""
+    hours = np.arange(60) % 24
+    frame = pd.DataFrame({"T_za": ROOM, "T_oa": low + 0.6 * hours, plant: of_plant * (hours < 6)}, STAMPS)
+    text = f"T_oa goes from {low:.0f} to {low + 13.8:.0f} degC, always above T_za, though nothing cools: is it in degF?"
+    assert any(found.text.startswith(text) for found in LogReport(frame).findings) == told
+    assert any(text in doubt for doubt in doubts_on_log(frame, ["T_za"])) == told
+
+
+@pytest.mark.parametrize(
     ("column", "peak", "code", "failed"),
     [
         ("Heat meter (kW)", 5.0, 65535.0, True),

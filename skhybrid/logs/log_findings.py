@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import is_in_watts, range_of
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_plant
 from .._time import SHORTEST_GAP, spell
 from .._warnings import percent, several
 from .column_spans import lost_columns
@@ -279,11 +279,13 @@ def unit_switch(temperature: pd.Series) -> pd.Timestamp | None:
     return None
 
 
-def swap_findings(name: str, room: pd.Series, outdoor: pd.Series) -> Iterator[Finding]:
-    """A remark where a room's temperature is that of outdoors, or the two are swapped, by their values [degC].
+def swap_findings(name: str, role: str, frame: pd.DataFrame) -> Iterator[Finding]:
+    """A remark where a room's temperature is that of outdoors, the two are swapped, or that of outdoors is in degF.
 
-    Where they are, outdoors is always as warm as a room, while the room moves more, and is at times far colder.
+    ``frame`` has a column per role.  Where they are swapped, outdoors is always as warm as a room, while the room moves
+    more, and is at times far colder.  Degrees Fahrenheit of a cold season are always above a room that nothing cools.
     """
+    room, outdoor = frame[role], frame["T_oa"]
     if not (room.notna().any() and outdoor.notna().any()):
         return
     if np.array_equal(room.to_numpy(), outdoor.to_numpy(), equal_nan=True):
@@ -294,6 +296,15 @@ def swap_findings(name: str, room: pd.Series, outdoor: pd.Series) -> Iterator[Fi
     if like_room and room_high - room_low > _MORE_MOVED * (high - low) and room_low < low - _COLDER:
         text = f"{room.name} goes from {room_low:.0f} to {room_high:.0f} degC while {outdoor.name} stays within"
         yield Finding("warning", name, f"{text} {low:.0f} to {high:.0f} degC: are the two columns swapped?")
+    if low > room_high and not _cools(frame):
+        text = f"T_oa goes from {low:.0f} to {high:.0f} degC, always above {role}, though nothing cools"
+        yield Finding("warning", name, f"{text}: is it in degF? Then give its unit.")
+
+
+def _cools(frame: pd.DataFrame) -> bool:
+    """Whether some plant of a log by role cools."""
+    plants = {str(role): values for role, values in frame.items() if is_plant(role)}
+    return any((v > 0.0).any() if r.startswith(("u_cool", "Q_cool")) else (v < 0.0).any() for r, v in plants.items())
 
 
 def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:
@@ -351,7 +362,7 @@ def doubts_on_temperatures(frame: pd.DataFrame, rooms: Sequence[str]) -> Iterato
             text = f"{role} is {at['value']:.4g} degC from {at['first']} to {at['last']}: is the sensor stuck?"
             yield text + ("" if role == "T_oa" else " Such rows are taken as missing.")
     for role in rooms if "T_oa" in frame else ():
-        yield from (finding.text for finding in swap_findings(role, frame[role], frame["T_oa"]))
+        yield from (finding.text for finding in swap_findings(role, role, frame))
 
 
 def _standing_still(role: str, name: str, values: pd.Series, controlled: pd.Series | None) -> Iterator[Finding]:

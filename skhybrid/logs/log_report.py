@@ -252,7 +252,7 @@ class LogReport:
             found += sensor_findings(role, channel.name, values, self.even[channel.role], controlled, meter is not None)
             found += [] if meter is None else counter_findings(channel.name, meter)
             if role == "T_za" and "T_oa" in self.frame:
-                found += swap_findings(channel.name, self.frame[channel.role], self.frame["T_oa"])
+                found += swap_findings(channel.name, channel.role, self.frame)
             if self._read.seems_electric(channel):
                 found.append(electricity_finding(channel.name))
             if why := self._read.assumed.get(channel.role):
