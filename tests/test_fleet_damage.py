@@ -14,6 +14,7 @@ from skhybrid import ARXRegressor
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.fleet import ZoneFleet
+from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.zone_rows import read_rows
 from skhybrid.persistence import model_file, save_model
 
@@ -47,16 +48,16 @@ def test_a_prior_does_without_a_zone_whose_file_is_damaged(fleet):
         assert fleet.prior().n_zones == 2
 
 
-def test_a_prior_reads_each_model_file_once(fleet, monkeypatch):
+def test_a_prior_reads_each_file_once(fleet, monkeypatch):
     opened = []
 
-    def read(path, read=model_file._read):
-        opened.append(Path(path).name)
-        return read(path)
+    def noted(read):
+        return lambda path: opened.append(Path(path).name) or read(path)
 
-    monkeypatch.setattr(model_file, "_read", read)
+    monkeypatch.setattr(model_file, "_read", noted(model_file._read))
+    monkeypatch.setattr(Journal, "load", noted(Journal.load))
     assert fleet.prior({"a": 3.0, "c": 5.0}).n_zones == 2
-    assert opened == ["a.skops", "c.skops"]
+    assert opened == ["a.npz", "a.skops", "c.npz", "c.skops"]
 
 
 def test_the_status_lists_zones_also_where_no_model_can_be_read(fleet):

@@ -97,11 +97,11 @@ class ModelStore:
         damaged = []
         for zone in zones:
             try:
-                model = self.load(zone)[0] if self.journal(zone).facts["fallback"] is None else None
+                model, journal = self.load(zone)
             except (OSError, ValueError):
                 damaged.append(zone)
                 continue
-            if model is not None:
+            if journal.facts["fallback"] is None:
                 yield zone, model
         if damaged:
             warn_user(
