@@ -289,9 +289,16 @@ def origin_rows(time: pd.DatetimeIndex, horizon: Any, origin_step: Any = None, s
     return np.concatenate([[0], np.flatnonzero(begins) + 1]).astype(np.int64)
 
 
+def same_stamps(one: pd.Index, other: pd.Index) -> bool:
+    """Whether two indices are equal, or hold the same instants in two time zones."""
+    if not (isinstance(one, pd.DatetimeIndex) and isinstance(other, pd.DatetimeIndex)):
+        return one.equals(other)
+    return len(one) == len(other) and (one.tz is None) == (other.tz is None) and bool((one == other).all())
+
+
 def refuse_other_stamps(given: pd.Series | pd.DataFrame, index: pd.Index, name: str, of: str = "X") -> None:
     """Refuse values whose index is not that of the table that they belong to."""
-    if not given.index.equals(index):
+    if not same_stamps(given.index, index):
         raise ValueError(f"{name} has other time stamps than {of}; align it with .reindex({of}.index).")
 
 

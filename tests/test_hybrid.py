@@ -312,6 +312,12 @@ def test_forecast_in_time_zones(office):
     np.testing.assert_array_equal(in_utc.to_numpy(), model.forecast(past, ahead).to_numpy())
     with pytest.raises(ValueError, match="history has the time zone America/Chicago, future None"):
         model.forecast(past, ahead.tz_localize(None))
+    local = pd.Series(np.linspace(18.0, 22.0, len(ahead)), ahead.index)
+    held = model.forecast(past, ahead, setpoint=local).to_numpy()
+    in_utc = model.forecast(past, ahead.tz_convert("UTC"), setpoint=local.tz_convert("UTC"))  # of its own rows
+    np.testing.assert_array_equal(in_utc.to_numpy(), held)
+    with pytest.raises(ValueError, match="setpoint has other time stamps"):
+        model.forecast(past, ahead, setpoint=local.tz_localize(None))
 
 
 def test_load_for_the_measured_temperature(hybrid, office):

@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from .._arguments import refuse_without
 from .._table import as_numbers, float_columns
-from .._time import wall_clock
+from .._time import same_stamps, wall_clock
 from ._display import Display, refuse_other
 from ._style import COLORS, MEASURED, WEEKDAYS, axes_or_new, legend, line_style, tidy
 
@@ -135,7 +135,7 @@ def _week(zeta: pd.Series, truth: Any) -> pd.DataFrame:
         if known.shape != (len(zeta),):
             raise ValueError(f"truth has the shape {known.shape}, but the disturbance has {len(zeta)} rows.")
         stamps = getattr(truth, "index", None)
-        if isinstance(stamps, pd.DatetimeIndex) and not stamps.equals(index):
+        if isinstance(stamps, pd.DatetimeIndex) and not same_stamps(stamps, index):
             raise ValueError("truth has other time stamps than the disturbance; align it, as by reindex, before.")
         week["truth"] = pd.Series(known).groupby(np.asarray(hour)).mean()
     held = int(np.diff(week.index).min()) if len(week) > 1 else 1  # hours that a value stands for; others stay empty
