@@ -347,6 +347,25 @@ def test_loads_hold_the_set_points_and_share_a_plant(building, later):
         building.predict_load(rows, {"attic": 20.0})
 
 
+def test_limits_of_a_forecast_may_be_those_of_some_zones(building, tomorrow):
+    wanted = {"kitchen": (20.5, None), "study": (20.5, None)}
+    free, all_limited, limited = (
+        building.forecast(None, tomorrow, setpoint=wanted, limits=limits)
+        for limits in (None, (0.0, 0.1), {"kitchen": (0.0, 0.1)})
+    )
+    assert limited["Q_hvac_kitchen"].max() <= 0.1 < free["Q_hvac_kitchen"].max()
+    assert all_limited["Q_hvac_study"].max() <= 0.1 < limited["Q_hvac_study"].max()
+    with pytest.raises(ValueError, match="limits names 'attic', which is not a zone"):
+        building.forecast(None, tomorrow, setpoint=wanted, limits={"attic": (0.0, 0.1)})
+
+
+def test_rows_to_take_in_have_a_temperature_each(building, rooms, later):
+    new, y = later[:4], rooms[1][N_TRAIN : N_TRAIN + 3]
+    for call in (copy.deepcopy(building).update, copy.deepcopy(building).partial_fit, building.score):
+        with pytest.raises(ValueError, match=r"inconsistent numbers of samples: \[4, 3\]"):
+            call(new, y)
+
+
 def test_a_shared_plant_binds_only_where_all_zones_together_need_more(building, later):
     rows, heat = later[:DAY], [f"Q_hvac_{zone}" for zone in ZONES]
     own = building.predict_load(rows, 15.0, dict.fromkeys(ZONES, (-30.0, 60.0)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -10,15 +10,15 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from ..._joining import read_now, refuse_no_frames
-from ..._table import ZoneTable, as_numbers, is_plant, listed
+from ..._table import ZoneTable
 from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ...forecasting.weather_error import WeatherError, read_weather_error, weather_of_quantiles
 from ..base import BaseHybrid
 from ..frames_forecast import Wanted
+from .arguments_by_zone import ArgumentsByZoneMixin
 from .building_tables import (
-    BuildingTablesMixin,
     arrays_by_name,
     of_zone,
     tables_of_zones,
@@ -26,30 +26,15 @@ from .building_tables import (
     with_neighbour_temperatures,
     with_next,
 )
-from .zone_columns import MEASURED, NEXT, held, setpoints_by_zone
+from .zone_columns import NEXT, held
 
 _T = TypeVar("_T")
 #: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
 _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
 
 
-class BuildingForecastMixin(BuildingTablesMixin):
+class BuildingForecastMixin(ArgumentsByZoneMixin):
     """``predict``, ``forecast`` and their kin of :class:`BuildingPredictor`."""
-
-    @property
-    def shared_plants_(self) -> list[str]:
-        """Columns of stages and heat of plants that serve several zones."""
-        check_is_fitted(self)
-        shared = [role for role in self._columns.columns if is_plant(role) and self._columns.owner(role) is None]
-        return [str(self._columns.columns[role]) for role in shared if len(self.zones_) > 1]
-
-    def _refuse_shared_plants(self) -> None:
-        if self.shared_plants_:
-            raise ValueError(
-                f"column {self.shared_plants_[0]!r} is of a plant that several zones share, which cannot hold the "
-                "set-points of each; give its stages or heat ahead to forecast, or plan them with affine_forecast and "
-                "an optimiser."
-            )
 
     def predict(self, X: Any) -> Any:
         """Forecast every row from the last origin before it.
@@ -220,7 +205,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         quantiles: Sequence[float] | None = None,
         *,
         weather_error: Any = None,
-        limits: tuple[float | None, float | None] | None = None,
+        limits: Any = None,
     ) -> pd.DataFrame:
         """Forecast all zones from the last row of a history, under given heat or under their thermostats.
 
@@ -242,7 +227,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
             was not learned (``thermostat_learned_``) has none.  See also :meth:`sample`.
         weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
             As in :meth:`HybridPredictor.forecast`.
-        limits : tuple of (lowest, highest), optional
+        limits : tuple of (lowest, highest), or mapping of zone to such pairs, optional
             What the plant of each zone can do, as in :meth:`HybridPredictor.forecast`; :meth:`predict_load` has limits
             that zones share.
 
@@ -267,17 +252,15 @@ class BuildingForecastMixin(BuildingTablesMixin):
         check_is_fitted(self)
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
-        now, wanted = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint)
+        now, wanted, within = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint), self._limits_by_zone(limits)
         asked = quantiles, weather_of_quantiles(weather_error, quantiles)
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:
             self._refuse_shared_plants()
-        if limits is not None:
-            self._refuse_without_plant("limits")
-        alone = known is None and not setpoints and limits is None
+        alone = known is None and not setpoints and not within
         tables = tables_of_zones(self.own_, self._columns, ahead) if alone else None
         if tables is None:
-            of = self._by_frames(known, ahead, now, wanted if setpoints else None, limits, *asked)
+            of = self._by_frames(known, ahead, now, wanted if setpoints else None, within, *asked)
         else:
             of = self._under_heat(tables, ahead.index, now, *asked)
         return pd.DataFrame(self._joined(of, first_lead=0 if now else 1), future.index)
@@ -311,7 +294,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
         ahead: pd.DataFrame,
         now: Mapping[str, Any],
         wanted: Mapping[str, Any] | None,
-        limits: tuple[float | None, float | None] | None,
+        limits: Mapping[str, Any],
         quantiles: Sequence[float] | None,
         weather: WeatherError | None,
     ) -> _Columns:
@@ -328,7 +311,7 @@ class BuildingForecastMixin(BuildingTablesMixin):
                 model = model._running()
             # of a forecast with neighbours only the quantiles of a load are used; see CoupledZone.blended
             under_heat = band is None and not model._has_setpoints_only(rows)
-            within = limits if model._plant and (wanted is None or not under_heat) else None
+            within = limits.get(zone) if model._plant and (wanted is None or not under_heat) else None
             without = bool(T) if under_heat else band is not None and learned and not model.thermostat_learned_
             levels = None if without else quantiles
             given = history, rows, now.get(zone), band, levels
@@ -337,54 +320,6 @@ class BuildingForecastMixin(BuildingTablesMixin):
             )
 
         return of
-
-    def _now_by_zone(self, T_za: Any) -> dict[str, float]:
-        """Temperatures that are measured now, given by zone or in the order of zones; empty where there are none."""
-        if T_za is None:
-            return {}
-        if not isinstance(T_za, Mapping | pd.Series):
-            values = np.atleast_1d(as_numbers(T_za, "T_za"))
-            if len(values) != len(self.zones_):
-                raise ValueError(f"T_za has {len(values)} values; give one for each of {listed(self.zones_)}.")
-            return dict(zip(self.zones_, values, strict=True))
-        by_zone = self._by_zone(T_za, "T_za")
-        absent = [zone for zone in self.zones_ if zone not in by_zone]
-        if absent:
-            raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones_)}.")
-        return by_zone
-
-    def _setpoints_by_zone(self, setpoint: Any) -> dict[str, Any]:
-        """The set-points of each zone, where some are given; a zone that they leave out is free."""
-        if setpoint is None:
-            return {}
-        setpoint = setpoints_by_zone(setpoint)
-        names = setpoint.columns if isinstance(setpoint, pd.DataFrame) else ()
-        by_column = {str(name).removeprefix(MEASURED) for name in names}
-        if not isinstance(setpoint, Mapping) and not (by_column and by_column <= set(self.zones_)):
-            self._refuse_without_plant("setpoint")
-            return dict.fromkeys(self.zones_, setpoint)
-        by_zone = self._by_zone(setpoint, "setpoint")
-        self._refuse_without_plant("setpoint", by_zone)
-        return dict.fromkeys(self.zones_, (None, None)) | by_zone
-
-    def _by_zone(self, given: Mapping[Any, Any] | pd.Series | pd.DataFrame, name: str) -> dict[str, Any]:
-        """Values that are given for some zones, by zone; a name of none is refused."""
-        by_zone = {str(zone).removeprefix(MEASURED): value for zone, value in given.items()}
-        unknown = [zone for zone in by_zone if zone not in self.zones_]
-        if unknown:
-            raise ValueError(f"{name} names {unknown[0]!r}, which is not a zone; the zones are {listed(self.zones_)}.")
-        return by_zone
-
-    def _refuse_without_plant(self, name: str, zones: Iterable[str] = ()) -> None:
-        """Refuse a set-point or limits of zones without a plant, or where no zone has one."""
-        heated = [zone for zone, model in self.own_.items() if model._plant]
-        wrong = [zone for zone in zones if zone not in heated]
-        if wrong:
-            raise ValueError(
-                f"{name} names {wrong[0]!r}, which had no heating or cooling in training; name {listed(heated)} only."
-            )
-        if not heated:
-            raise ValueError(f"no zone had heating or cooling in training, so that {name} does nothing; leave it out.")
 
     def _joined(self, of: _Columns, first_lead: int) -> dict[str, np.ndarray]:
         """Columns of all zones; those with neighbours under what was forecast of these."""

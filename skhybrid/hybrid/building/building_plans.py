@@ -156,9 +156,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         X = self._prepared(self._read(X))
         rows = self._with_measured(X, self._known(X))
         if limits is None or isinstance(limits, Mapping):
-            own = self._by_zone(limits or {}, "limits")
-            if limits is not None:
-                self._refuse_without_plant("limits", own)
+            own = self._limits_by_zone(limits)
             return self._loads(rows, wanted, {(z, near): own.get(z) for z, near in self._predictors})[0]
         with of_zone(self.zones_[0]):
             table, n_tail, _ = self._first._load_rows(rows, self._first._plant)

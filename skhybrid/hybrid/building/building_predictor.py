@@ -251,9 +251,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """
         if not hasattr(self, "own_"):
             return self.fit(X, y)
-        X = self._read(X)
-        check_consistent_length(X, y)
-        X, before = self._prepared(X), self.known_until_
+        X, before = self._prepared(self._read(X)), self.known_until_
         T = self._known(X, y)
         among = self._with_measured(X, T) if self.coupled_ else X
 
@@ -343,7 +341,6 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         ValueError
             If there is no row in which all zones were measured, or X or ``y`` cannot be read.
         """
-        check_consistent_length(X, y)
         predicted = np.asarray(self.predict(X))
         measured = as_numbers(self._known(X, y), "y").reshape(predicted.shape)
         return r2_of_measured(measured, predicted, sample_weight)

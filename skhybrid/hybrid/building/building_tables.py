@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import validate_data
+from sklearn.utils.validation import check_consistent_length, validate_data
 
 from ..._ranges import is_in_watts
 from ..._table import (
@@ -85,6 +85,7 @@ class BuildingTablesMixin:
         """Measured temperature of each zone (n, n_zones), NaN where missing [degC]."""
         if y is not None:
             T = temperatures_of(y, X, self.zones_)
+            check_consistent_length(X, T)
             self._columns.refuse_exchanged(X, T)
             return T
         return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, getattr(X, "index", None))
