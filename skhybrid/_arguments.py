@@ -94,12 +94,20 @@ def as_mapping(name: str, given: Any, content: str) -> dict[Any, Any]:
     return dict(given or {})
 
 
-def draw_seed(random_state: int | np.random.RandomState | None) -> int:
-    """A seed for local generators; fresh entropy where None, so that the global state is left alone."""
+def random_numbers(random_state: Any) -> np.random.RandomState:
+    """The generator of a seed or RandomState; one of fresh entropy where None, so that the global one is left alone."""
     if random_state is None:
-        return int(np.random.default_rng().integers(2**31 - 1))
-    if isinstance(random_state, int | np.integer):
-        if not 0 <= random_state < 2**32:
-            raise ValueError(f"random_state={random_state!r} must be an integer from 0 to {2**32 - 1}.")
+        return np.random.RandomState()
+    try:
+        return check_random_state(random_state)
+    except ValueError:
+        raise ValueError(
+            f"random_state={random_state!r} must be an integer from 0 to {2**32 - 1}, a RandomState or None."
+        ) from None
+
+
+def draw_seed(random_state: Any) -> int:
+    """A seed for local generators: an integer itself, else one that is drawn."""
+    if isinstance(random_state, int | np.integer) and 0 <= random_state < 2**32:
         return int(random_state)
-    return int(check_random_state(random_state).randint(2**31 - 1))
+    return int(random_numbers(random_state).randint(2**31 - 1))

@@ -393,6 +393,11 @@ def test_samples_have_the_quantiles_and_the_correlation(building, rooms, later):
         band = frame[[f"q_{level}_{zone}" for zone in ZONES]].to_numpy()
         np.testing.assert_allclose(np.quantile(drawn, level, axis=0), band, atol=0.02)
     np.testing.assert_array_equal(drawn, building.sample(None, tomorrow, 200, random_state=0))
+    position = np.random.get_state()[2]  # noqa: NPY002
+    assert not np.array_equal(*(building.sample(None, tomorrow, 5) for _ in range(2)))
+    assert np.random.get_state()[2] == position  # noqa: NPY002
+    with pytest.raises(ValueError, match="random_state='a' must be an integer from 0"):
+        building.sample(None, tomorrow, 5, random_state="a")
 
 
 def test_joint_samples_score_better_than_independent_ones(building, rooms, later):

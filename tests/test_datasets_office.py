@@ -185,9 +185,12 @@ def test_reproducible_from_every_kind_of_seed():
 
 def test_the_global_random_state_is_left_alone():
     np.random.seed(0)  # noqa: NPY002
-    before = np.random.get_state()[1].copy()  # noqa: NPY002
-    make_office(1, random_state=0)
-    assert (np.random.get_state()[1] == before).all()  # noqa: NPY002
+    _, before, position, *_ = np.random.get_state()  # noqa: NPY002
+    for seed in (0, None):
+        make_office(1, random_state=seed)
+        _, after, found, *_ = np.random.get_state()  # noqa: NPY002
+        assert (after == before).all()
+        assert found == position
 
 
 @pytest.mark.parametrize("start", ["2024-02-28", "2023-12-30", "2000-02-29", "1972-12-31", "2099-12-31"])

@@ -411,7 +411,7 @@ BAD = {
     "step": ({"sampling_time": "45min"}, "sampling_time"),
     "no draws": ({"n_draws": 0}, "n_draws=0 must be an integer of at least 1"),
     "half a draw": ({"n_draws": 1.5}, "n_draws=1.5 must be an integer of at least 1"),
-    "a seed in words": ({"random_state": "a"}, "'a' cannot be used to seed a numpy.random.RandomState"),
+    "a seed in words": ({"random_state": "a"}, "random_state='a' must be an integer from 0"),
     "negative seed": ({"random_state": -1}, "random_state=-1 must be an integer from 0"),
     "negative theta": ({"theta": THETA | {"C_za": -1.0}}, "theta gives C_za the value -1"),
     "cooling that heats": ({"theta": THETA | {"Q_c": 6.0}}, "theta gives Q_c the value 6.0; it must be < 0"),

@@ -381,7 +381,7 @@ def test_without_torch_all_but_networks_works_and_these_name_the_extra_at_once()
         ({"validation_fraction": None}, r"validation_fraction=None is outside \[0, 1\)"),
         ({"validation_fraction": 0}, r"validation_fraction=0 leaves no rows .* residual_of='ridge' to use"),
         ({"learning_rate": "fast"}, r"learning_rate='fast' is outside \(0, inf\)"),
-        ({"random_state": "a"}, "'a' cannot be used to seed"),
+        ({"random_state": "a"}, "random_state='a' must be an integer from 0 to 4294967295, a RandomState or None"),
         ({"random_state": -1}, "random_state=-1 must be an integer from 0 to 4294967295"),
         ({"horizon": "90min"}, "not a positive multiple of the sampling time"),
     ],

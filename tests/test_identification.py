@@ -471,6 +471,7 @@ def test_a_sun_that_never_shines_and_heat_that_was_measured(office):
         ({"n_starts": True}, "n_starts=True must be an integer"),
         ({"network": "9R9C"}, "not in the catalogue"),
         ({"n_starts": 0}, "n_starts=0 must be an integer"),
+        ({"random_state": -1}, "random_state=-1 must be an integer from 0 to 4294967295"),
         ({"n_jobs": "a"}, "n_jobs='a' must be a number of workers"),
         ({"n_jobs": 0}, "n_jobs=0 must be a number of workers"),
         ({"verbose": "no"}, "verbose='no' must be True, False or an integer"),

@@ -401,7 +401,7 @@ def test_a_random_state_of_any_kind_seeds_the_sampler(monkeypatch):
     assert seeds[0] == 5
     assert isinstance(seeds[1], int)
     assert seeds[1] == seeds[2]
-    with pytest.raises(ValueError, match="'seven' cannot be used to seed"):
+    with pytest.raises(ValueError, match="random_state='seven' must be an integer"):
         posterior.draw_chains(None, {}, random_state="seven")
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sklearn.utils import check_random_state
+
+from .._arguments import random_numbers
 
 
 def spawn_generators(random_state: Any, n: int) -> list[np.random.Generator]:
@@ -13,7 +14,7 @@ def spawn_generators(random_state: Any, n: int) -> list[np.random.Generator]:
     if isinstance(random_state, np.random.Generator):
         entropy = random_state.integers(2**31, size=4)
     else:
-        entropy = check_random_state(random_state).randint(2**31 - 1, size=4)
+        entropy = random_numbers(random_state).randint(2**31 - 1, size=4)
     seeds = np.random.SeedSequence([int(word) for word in entropy]).spawn(n)
     return [np.random.default_rng(seed) for seed in seeds]
 

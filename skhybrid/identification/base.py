@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import as_mapping, check_integer, check_n_jobs, check_verbose
+from .._arguments import as_mapping, check_integer, check_n_jobs, check_verbose, random_numbers
 from .._joining import from_first_measured
 from .._summary import TrainingRecord, network_tables
 from .._table import HISTORY_ROLES, ZoneTable, read_table
@@ -68,7 +67,7 @@ class NetworkIdentifier(ForecastingNetwork):
 
     def _start_draws(self) -> np.random.RandomState:
         # without a seed always the same ones: searches from other starts stop at slightly different places
-        return check_random_state(0 if self.random_state is None else self.random_state)
+        return random_numbers(0 if self.random_state is None else self.random_state)
 
     def _minima(self, problem: Any, begin: Mapping[str, float] | None) -> list[Minimum]:
         """Minima from the random starts, or from the one start at ``begin``."""

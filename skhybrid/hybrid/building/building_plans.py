@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from ..._arguments import check_integer
+from ..._arguments import check_integer, random_numbers
 from ..._clock import hour_of_day
 from ..._joining import refuse_no_frames
 from ..._table import ZoneTable, as_numbers
@@ -294,7 +293,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         assert self._joint is not None  # as there are intervals
         before = self._first.sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
         index = self._first._scheme.rows.in_own_zone(frame).index
-        drawn = self._joint.drawn(_hours(index)[0] - before, n_samples, len(frame), check_random_state(random_state))
+        drawn = self._joint.drawn(_hours(index)[0] - before, n_samples, len(frame), random_numbers(random_state))
         ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
         return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)
 
