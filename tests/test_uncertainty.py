@@ -392,6 +392,8 @@ def test_priors_are_normal_on_the_searched_scale():
         ({"C_w": stats.uniform(0, 1)}, "which the search cannot use"),
         ({"C_w": (4.0, 0.5)}, "the median 4 and the factor 0.5"),
         ({"Q_c": (6.0, 1.5)}, "the median must be < 0"),
+        ({"C_w": (60.0, 1.5)}, r"the median 60, outside its bounds \(0.1, 40\); mend the prior, or give bounds="),
+        ({"Q_c": (-200.0, 1.5)}, r"the median -200, outside its bounds \(-100, -0.05\)"),
         ({"rho_1": stats.norm(0.9, np.inf)}, "rho_1 the mean .* and the standard deviation inf; both must be finite"),
         ({"rho_1": stats.norm(0.9, 0.0)}, "rho_1 the mean .* and the standard deviation nan; both must be finite"),
     ],
@@ -399,6 +401,19 @@ def test_priors_are_normal_on_the_searched_scale():
 def test_priors_that_cannot_be(priors, message, office):
     with pytest.raises(ValueError, match=message):
         OutputDisturbanceID(known=KNOWN, priors=priors, n_starts=1).fit(office.X, office.y)
+
+
+def test_bounds_that_exclude_a_prior_are_told_in_the_user_s_units(office):
+    """The search has sigma in units of the plant: with one of twice the size the bounds in kW are twice as wide."""
+    ends = []
+    for size in (6.0, 12.0):
+        model = PeriodicDisturbanceID(
+            "1R1C", known={"Q_h": size, "Q_c": -size}, priors={"sigma_weekday_day": (1e3, 2.0)}
+        )
+        with pytest.raises(ValueError, match="sigma_weekday_day the median 1000, outside its bounds") as told:
+            model.fit(office.X, office.y)
+        ends.append([float(end) for end in re.search(r"bounds \((.*), (.*)\);", str(told.value)).groups()])
+    np.testing.assert_allclose(ends[1], np.multiply(2.0, ends[0]))
 
 
 def test_the_fit_under_priors_is_the_mode_of_the_posterior(office):

@@ -145,8 +145,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
             return p.bounded((lower / unit, upper / unit))
 
         own = tuple(bounded(p) for p in gain_parameters(n_days, self._hours))
-        priors = normal_priors(self.priors, (*parameters, *own), known)
-        priors = {name: (mean - np.log(units.get(name, 1.0)), sd) for name, (mean, sd) in priors.items()}
+        priors = normal_priors(self.priors, (*parameters, *own), known, units)
         idle = self._excited(network, table, parameters, priors)
         fixed = idle | {name: float(value) / units.get(name, 1.0) for name, value in known.items()}
         inner = _inner(network, table, fixed, {*bounds, *priors})

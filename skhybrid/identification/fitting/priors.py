@@ -16,9 +16,15 @@ _ACCEPTED = "(median, factor), scipy.stats.lognorm(...) or, for a parameter of e
 
 
 def normal_priors(
-    priors: Mapping[str, Any] | None, parameters: Sequence[Parameter], known: Mapping[str, Any]
+    priors: Mapping[str, Any] | None,
+    parameters: Sequence[Parameter],
+    known: Mapping[str, Any],
+    units: Mapping[str, float] | None = None,
 ) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation, on the searched scale, of every prior that the user gave."""
+    """Mean and standard deviation, on the searched scale, of every prior that the user gave.
+
+    Parameters that are searched in other ``units`` than the user's have their bounds in these, by name.
+    """
     by_name = {p.name: p for p in parameters}
     out = {}
     for name, prior in (priors or {}).items():
@@ -26,7 +32,15 @@ def normal_priors(
             raise ValueError(f"priors= names {name!r}, but the parameters are {', '.join(by_name)}.")
         if name in known:
             raise ValueError(f"priors= and known= both name {name!r}; give one of them.")
-        out[name] = _normal(by_name[name], prior)
+        p, unit = by_name[name], (units or {}).get(name, 1.0)
+        mean, sd = _normal(p, prior)
+        out[name] = mean - float(np.log(unit)), sd
+        low, high = p.free_bounds
+        if not low <= out[name][0] <= high:
+            raise ValueError(
+                f"priors= gives {name} the median {p.from_free(mean):g}, outside its bounds ({p.lower * unit:g}, "
+                f"{p.upper * unit:g}); mend the prior, or give bounds= that hold it."
+            )
     return out
 
 
