@@ -102,6 +102,12 @@ def test_the_remedy_depends_on_what_is_known(role, known, remedy):
         HybridPredictor(known=known, intervals=False).fit(X, X["T_za"])
 
 
+def test_the_hours_of_a_plant_that_never_stopped_are_told_in_plain_digits():
+    X = quiet_office("Q_hvac")[N_TRAIN - 5 * DAY : N_TRAIN].assign(Q_hvac=3.0)
+    with pytest.warns(ExcitationWarning, match="Q_hvac ran for 120 h, does not determine its gain"):
+        HybridPredictor(intervals=False).fit(X, X["T_za"])
+
+
 @pytest.mark.parametrize(("days", "hours", "keeps"), [(8, 20.0, True), (6, 20.0, False), (8, 8.0, False)])
 def test_arx_keeps_the_heat_of_a_plant_that_ran_for_hours_in_a_week(days, hours, keeps):
     """A plant ran and the network cannot tell its gain: the network is at fault, not the log."""

@@ -86,8 +86,9 @@ def warn_of_gain(
     for role in fit.undetermined:
         free = sources[role].parameter is not None and sources[role].parameter not in known
         remedy = f", or give {sources[role].nameplate}" if free else ""
+        ran = float(f"{training.hours_run(role):.2g}")
         warn_user(
-            f"the training, in which {role} ran for {training.hours_run(role):.2g} h, does not determine its gain, so "
+            f"the training, in which {role} ran for {ran:g} h, does not determine its gain, so "
             f"that forecasts with it are a guess; train on a log in which it goes on and off for a few hours{remedy}; "
             f"{_experiment(fit, role)}.",
             ExcitationWarning,
