@@ -26,7 +26,7 @@ from skhybrid._table import ZoneTable
 from skhybrid.control import make_plant
 from skhybrid.datasets import make_office, make_weather
 from skhybrid.datasets._office import TRUE_THETA
-from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
+from skhybrid.exceptions import ExcitationWarning, ScaleNotIdentifiableWarning, UnitWarning
 from skhybrid.identification import diagnose, make_state_space
 from skhybrid.identification.filtered_network import advance, identify_again
 from skhybrid.identification.fitting.excitation import fixing_scale, unexcited, warn_scale
@@ -491,6 +491,25 @@ def test_levels_and_noise_that_are_no_numbers_are_refused(fitted, office):
         fitted[GrayBoxRC].theta_interval("high")
     with pytest.raises(ValueError, match="measurement_sd=True must be a positive number"):
         InputDisturbanceID(measurement_sd=True).fit(office.X[:200], office.y[:200])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"kind": pd.Series(20.0, range(9))}, "kind, a Series, is neither 'input' nor 'output'"),  # y, out of habit
+        ({"kind": "heat"}, "kind='heat' is neither"),
+        ({"smooth": "no"}, "smooth='no' must be True or False"),
+    ],
+)
+def test_an_unknown_disturbance_is_refused(given, message, fitted, office):
+    with pytest.raises(ValueError, match=message):
+        fitted[GrayBoxRC].estimate_disturbance(office.X[:200], **given)
+
+
+def test_a_capacity_in_another_unit_is_warned_of(office):
+    in_joules = {**KNOWN, "C_za": 1.2 * 3.6e6, "R_zo": 5.0, "A_win": 3.0}
+    with pytest.warns(UnitWarning, match="known= gives C_za 4.32e.06 kWh/K: likely kJ/K or J/K; give it in kWh/K"):
+        GrayBoxRC("1R1C", known=in_joules, n_starts=1).fit(office.X[:200], office.y[:200])
 
 
 @pytest.mark.parametrize(

@@ -191,8 +191,9 @@ def first_name(node: str, number: int) -> str:
     return f"{FIRST}{node}" if number == 0 else f"{FIRST}{node}_{number + 1}"
 
 
-def checked_kind(kind: str) -> str:
+def checked_kind(kind: Any) -> str:
     """Refuse what is neither ``"input"`` nor ``"output"``."""
-    if kind not in ("input", "output"):
-        raise ValueError(f"kind={kind!r} is neither 'input' nor 'output'.")
+    if not isinstance(kind, str) or kind not in ("input", "output"):
+        given = f"kind={kind!r}" if np.ndim(kind) == 0 else f"kind, a {type(kind).__name__},"
+        raise ValueError(f"{given} is neither 'input' nor 'output'.")
     return kind

@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
 from sklearn.utils.validation import check_is_fitted
 
+from .._arguments import check_bool
 from .._ranges import check_range
 from .._rolling import RollingForecastMixin, checked_origins
 from .._table import ZoneTable, as_numbers, as_pandas, by_name, is_plant, listed
@@ -133,8 +134,9 @@ class NetworkModel(TransformerMixin, RollingForecastMixin, BaseEstimator):
             Where a network has several disturbed (measured) nodes, a DataFrame with one column ``zeta_<node>`` each.
         """
         check_is_fitted(self)
-        table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
+        check_bool("smooth", smooth)
         names = self._zeta_names(kind)
+        table = self._measured_table(X, "a disturbance is estimated from the measured temperature")
         frame = pd.DataFrame(self._zeta(table, kind, smooth), index=table.index, columns=names)
         return frame[names[0]] if len(names) == 1 else frame
 

@@ -20,8 +20,8 @@ _KINDS = {
     "A": ("m2", 0.1, 25.0),
     "Q": ("kW", 0.05, 100.0),
 }
-#: from this size on, the capacity of a zone's plant is more likely in W [kW]
-_LARGEST_CAPACITY = 1000.0
+#: from this size on, what a zone has is more likely given in another unit, by unit
+_LIKELY = {"kW": (1000.0, "W"), "kWh/K": (1000.0, "kJ/K or J/K")}
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def known_values(known: Any) -> dict[str, Any]:
 def check_known(
     parameters: Iterable[Parameter], known: Mapping[str, Any], given: str = "known=", may_be_0: Collection[str] = ()
 ) -> None:
-    """Refuse values that a user gives for parameters and that they cannot have; warn of capacities that look like W.
+    """Refuse values that a user gives for parameters and that they cannot have; warn of those likely in another unit.
 
     ``known`` are values by name: other names are left alone, and None is no value.  ``given`` is what messages call
     it; parameters of the units ``may_be_0`` may be 0, as a fit may find them.
@@ -182,5 +182,6 @@ def check_known(
             raise ValueError(f"{given} gives {p.name} the value {value}; it must be {sign} 0{hint}.")
         if p.unit == "-" and value > 1:
             raise ValueError(f"{given} gives {p.name} the value {value}; it is a share, at most 1.")
-        if p.unit == "kW" and abs(float(value)) >= _LARGEST_CAPACITY:
-            warn_user(f"{given} gives {p.name} {value:g} kW: likely W; give it in kW.", UnitWarning)
+        largest, likely = _LIKELY.get(p.unit, (np.inf, ""))
+        if abs(float(value)) >= largest:
+            warn_user(f"{given} gives {p.name} {value:g} {p.unit}: likely {likely}; give it in {p.unit}.", UnitWarning)
