@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, clone
 from sklearn.dummy import DummyRegressor
 
 from skhybrid import (
@@ -571,6 +571,15 @@ def test_rows_ahead_without_heat_are_told_that_set_points_would_do(log, model):
         model.forecast(None, future)
     with pytest.raises(ValueError, match="no column 'u_heat'"):
         model.forecast(log[TRAINED - 5 : TRAINED], future)
+
+
+@pytest.mark.parametrize(("columns", "said"), [(SIDES[:1], "setpoint=, or columns T_heat_set."), ([], "setpoint=.")])
+def test_rows_ahead_without_heat_are_told_of_learned_set_points_only(columns, said, log, two_stages):
+    """Columns of others would be refused in their turn, or not be read."""
+    train = log[: 14 * DAY].drop(columns=[side for side in SIDES if side not in columns])
+    model = clone(two_stages).fit(train, train["T_za"])
+    with pytest.raises(ValueError, match=re.escape(said) + "$"):
+        model.forecast(None, ahead(log, 14 * DAY).drop(columns=SIDES))
 
 
 def test_only_what_was_known_at_a_row_is_learned_from():

@@ -154,10 +154,11 @@ class FramesReadingMixin(HybridQuantilesMixin):
             return  # what is read of these is refused by its role
         absent = [self._column_of(role) for role in self._plant if self._column_of(role) not in future.columns]
         if absent and self._column_of("T_oa") in future.columns:  # else columns go by position
-            sides = " and ".join(str(self._column_of(role)) for role in SETPOINT_ROLES)
+            learned = [] if self._law is None else setpoints_in(self._scheme.rows.training)
+            columns = " and ".join(str(self._column_of(role)) for role in learned)
             raise ValueError(
                 f"future has no column {absent[0]!r}, which the training table has; give the heat, or the set-points "
-                f"under which it is forecast: setpoint=, or columns {sides}."
+                f"under which it is forecast: setpoint={f', or columns {columns}' if columns else ''}."
             )
 
     def _check_setpoints_ahead(self, ahead: ZoneTable) -> None:
