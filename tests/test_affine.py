@@ -210,6 +210,13 @@ def test_a_plan_of_pandas_goes_by_its_names_and_stamps(fitted, tables):
             respond(plan.shift(freq="30min"))
         with pytest.raises(ValueError, match="the plan has the columns 'cool', 'heat'; give it those of the inputs"):
             respond(plan.set_axis(["cool", "heat"], axis=1))  # by place they would be exchanged
+        on = plan > 0.5
+        np.testing.assert_array_equal(respond(on), respond(on.astype(float)))
+        for hole in (np.nan, np.inf):  # all rows were NaN, also those before
+            with pytest.raises(ValueError, match=f"the plan contains NaN or inf .first at {future.index[3]}"):
+                respond(plan.assign(u_heat=np.where(np.arange(len(plan)) < 3, 0.8, hole)))
+        with pytest.raises(ValueError, match="the plan is not numeric"):
+            respond(plan.assign(u_heat="off"))
 
 
 def test_the_tangent_at_full_stage_is_that_of_smaller_stages(bent, tables):

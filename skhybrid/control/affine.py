@@ -59,7 +59,7 @@ class AffineForecast:
         Raises
         ------
         ValueError
-            If the plan has another shape or other time stamps.
+            If the plan has another shape or other time stamps, or lacks a number.
         """
         plan = as_plan(q, self.inputs, self.index)
         return self.free + np.tensordot(self.gain, plan, axes=((1, 2), (0, 1)))
@@ -119,7 +119,7 @@ class ControlModel:
         Raises
         ------
         ValueError
-            If the inputs have another shape or other time stamps.
+            If the inputs have another shape or other time stamps, or lack a number.
         """
         plan = as_plan(u, self.inputs, self.index)
         return simulate_path(self.A, self.forcing + plan @ self.B.T, self.x0) @ self.C.T

@@ -132,7 +132,7 @@ def limits_of(stages: Mapping[str, float], training: Mapping[str, np.ndarray], i
 
 
 def as_plan(q: Any, inputs: Sequence[str], index: pd.Index) -> np.ndarray:
-    """A plan of inputs as an array (H, m) for the rows of a forecast; another shape or other stamps are refused."""
+    """A plan of inputs as an array (H, m) for the rows of a forecast; refused with another shape, stamps, or gaps."""
     shape = len(index), len(inputs)
     if isinstance(q, pd.Series | pd.DataFrame):
         refuse_other_stamps(q, index, "the plan", "future")
@@ -140,10 +140,19 @@ def as_plan(q: Any, inputs: Sequence[str], index: pd.Index) -> np.ndarray:
         q = q[list(inputs)]
     elif isinstance(q, pd.DataFrame) and shape[1] > 1 and any(isinstance(name, str) for name in q):
         raise ValueError(f"the plan has the columns {listed(q)}; give it those of the inputs, {listed(inputs)}.")
-    values = np.asarray(q, dtype=np.float64)
+    try:
+        values = np.asarray(q, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the plan is not numeric ({error}); give numbers.") from None
     if values.shape != shape and (values.ndim != 1 or shape[1] != 1 or len(values) != shape[0]):
         raise ValueError(
             f"the plan has shape {values.shape}, but there are {shape[0]} rows from {index[0]} to {index[-1]} and "
             f"{shape[1]} inputs; give a value per row and input, and more rows in future for a longer horizon."
         )
-    return values.reshape(shape)
+    values = values.reshape(shape)
+    if (unknown := ~np.isfinite(values).all(axis=1)).any():
+        raise ValueError(
+            f"the plan contains NaN or inf (first at {index[int(np.argmax(unknown))]}); give a number for every row, 0 "
+            "where a plant is off."
+        )
+    return values
