@@ -49,7 +49,7 @@ class RCNetwork(Declaration):
         (``{"u_heat": {"Q_h_north": "north", ...}}``).  A column of heating or cooling whose node remains unclear is
         refused.
     bounds : mapping of parameter to (lower, upper), optional
-        Overrides the paper's bounds.
+        Overrides the paper's bounds.  Those of areas and capacities whose column a log lacks are not used.
     description, reference : str, optional
         Purpose of the network, and its source.
     zones : mapping of zone to tuple of nodes, optional
