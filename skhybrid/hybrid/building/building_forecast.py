@@ -10,15 +10,16 @@ import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
 from ..._joining import read_now, refuse_no_frames
-from ..._table import ZoneTable
+from ..._table import ZoneTable, is_plant
 from ..._threads import one_blas_thread
 from ..._warnings import ignore, warnings_to
 from ...forecasting.quantiles import DEFAULT_QUANTILES, read_quantiles
 from ...forecasting.weather_error import WeatherError, read_weather_error, weather_of_quantiles
 from ..base import BaseHybrid
 from ..frames_forecast import Wanted
-from .arguments_by_zone import ArgumentsByZoneMixin
+from .arguments_by_zone import ArgumentsByZone
 from .building_tables import (
+    BuildingTablesMixin,
     arrays_by_name,
     of_zone,
     tables_of_zones,
@@ -33,8 +34,27 @@ _T = TypeVar("_T")
 _Columns = Callable[[BaseHybrid, str, Mapping[str, np.ndarray]], Mapping[str, np.ndarray]]
 
 
-class BuildingForecastMixin(ArgumentsByZoneMixin):
+class BuildingForecastMixin(BuildingTablesMixin):
     """``predict``, ``forecast`` and their kin of :class:`BuildingPredictor`."""
+
+    @property
+    def shared_plants_(self) -> list[str]:
+        """Columns of stages and heat of plants that serve several zones."""
+        check_is_fitted(self)
+        shared = [role for role in self._columns.columns if is_plant(role) and self._columns.owner(role) is None]
+        return [str(self._columns.columns[role]) for role in shared if len(self.zones_) > 1]
+
+    def _refuse_shared_plants(self) -> None:
+        if self.shared_plants_:
+            raise ValueError(
+                f"column {self.shared_plants_[0]!r} is of a plant that several zones share, which cannot hold the "
+                "set-points of each; give its stages or heat ahead to forecast, or plan them with affine_forecast and "
+                "an optimiser."
+            )
+
+    @property
+    def _arguments(self) -> ArgumentsByZone:
+        return ArgumentsByZone(self.zones_, [zone for zone, model in self.own_.items() if model._plant])
 
     def predict(self, X: Any) -> Any:
         """Forecast every row from the last origin before it.
@@ -252,7 +272,8 @@ class BuildingForecastMixin(ArgumentsByZoneMixin):
         check_is_fitted(self)
         refuse_no_frames(history, future)
         known, ahead = None if history is None else self._prepared(history), self._prepared(future)
-        now, wanted, within = self._now_by_zone(T_za), self._setpoints_by_zone(setpoint), self._limits_by_zone(limits)
+        given = self._arguments
+        now, wanted, within = given.now(T_za), given.setpoints(setpoint), given.limits(limits)
         asked = quantiles, weather_of_quantiles(weather_error, quantiles)
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:

@@ -107,7 +107,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         """
         check_is_fitted(self)
         self._refuse_shared_plants()
-        self._refuse_without_plant("heat_known=False")
+        self._arguments.refuse_without_plant("heat_known=False")
         X, rows = self._prepared(self._read(X)), np.asarray(origins)
         asked = horizon, quantiles, read_weather_error(weather_error)
         tables, own = {}, {}
@@ -151,11 +151,11 @@ class BuildingPlansMixin(BuildingForecastMixin):
             column of a plant (``shared_plants_``).
         """
         self._refuse_shared_plants()
-        wanted = self._setpoints_by_zone(setpoint)
+        wanted = self._arguments.setpoints(setpoint)
         X = self._prepared(self._read(X))
         rows = self._with_measured(X, self._known(X))
         if limits is None or isinstance(limits, Mapping):
-            own = self._limits_by_zone(limits)
+            own = self._arguments.limits(limits)
             return self._loads(rows, wanted, {(z, near): own.get(z) for z, near in self._predictors})[0]
         with of_zone(self.zones_[0]):
             table, n_tail, _ = self._first._load_rows(rows, self._first._plant)
@@ -234,7 +234,7 @@ class BuildingPlansMixin(BuildingForecastMixin):
         refuse_no_frames(history, future)
         columns = self._columns.columns
         roles = list(read_inputs(inputs, list(columns), columns.__getitem__))
-        ahead, now = self._prepared(future), self._now_by_zone(T_za)
+        ahead, now = self._prepared(future), self._arguments.now(T_za)
         known = None if history is None else self._prepared(history)
         plan = np.column_stack([self._planned(ahead, role) for role in roles])
         acts = [(k, *one) for k, role in enumerate(roles) for one in self._columns.input_of(role)]
