@@ -219,6 +219,17 @@ def test_a_plan_of_pandas_goes_by_its_names_and_stamps(fitted, tables):
             respond(plan.assign(u_heat="off"))
 
 
+@pytest.mark.parametrize("name", ["two-stage", "conventional", "input", "periodic"])
+def test_inputs_have_the_order_of_the_training_table(name, fitted, tables):
+    """A controller that takes heating for the first column would cool with a model that sorts them by name."""
+    X, future, _ = _rows(tables, name)
+    model = fitted(name).update(X[N_TRAIN:NOW])
+    heating, cooling = expected = ("Q_h", "Q_c") if name == "conventional" else ("u_heat", "u_cool")
+    found = model.affine_forecast(None, future.drop(columns=[heating, cooling]))
+    assert found.inputs == model.to_state_space(None, future).inputs == expected
+    assert found.gain[1, 0, 0] > 0
+
+
 def test_the_tangent_at_full_stage_is_that_of_smaller_stages(bent, tables):
     future = tables["stages"][NOW : NOW + DAY].drop(columns="T_za").assign(u_heat=1.0, u_cool=1.0)
     with pytest.warns(PlanWarning, match="u_heat bends"):

@@ -62,7 +62,7 @@ class AffineFramesMixin(FramesForecastMixin):
         inputs : sequence of str, optional
             What is decided: heating and cooling of the training table, kW or stages; of the schedule model also a
             boundary temperature of its network.  What is not named is read from ``future``; default is all heating and
-            cooling.
+            cooling, in the order of the table.
         T_za : float, optional
             As in :meth:`forecast`: the first row of ``future`` is *now* [degC].
         member : {"blend", "network"}, default="blend"

@@ -170,7 +170,8 @@ class ForecastingNetwork(NetworkModel):
         history, future
             As in :meth:`forecast`; columns of the ``inputs`` may be absent from ``future``.
         inputs : sequence of str, optional
-            What is decided: heating and cooling of the training table, kW or stages; default is all of it.
+            What is decided: heating and cooling of the training table, kW or stages; default is all of it, in the order
+            of the table.
         T_za : float, or several in the order of the measured nodes or by ``T_za_<node>``, optional
             As in :meth:`forecast`.
         member : {"network", "blend"}, default="network"
@@ -200,7 +201,7 @@ class ForecastingNetwork(NetworkModel):
                 f"{type(self).__name__} learns no intervals; leave quantiles out, or take TwoStagePredictor(gray_box)."
             )
         read_member(member)
-        roles = read_inputs(inputs, list(self.filtered_network_.roles), self._column_of)
+        roles = read_inputs(inputs, self._trained(), self._column_of)
         ahead, plan = self._planned(history, future, roles, T_za)
         T, zeta, _ = self._expected(ahead)
         gain = plan_gain(self.filtered_network_, roles, ahead.n_rows)
@@ -228,7 +229,7 @@ class ForecastingNetwork(NetworkModel):
             if history is not None or T_za is not None:
                 raise ValueError("history and T_za need rows ahead; give future too.")
             return self.state_space_
-        known, roles = self.filtered_network_, decided_on(self.filtered_network_.roles)
+        known, roles = self.filtered_network_, decided_on(self._trained())
         acting = self.network_.inputs(known.roles)
         ahead, _ = self._planned(history, future, roles, T_za)
         _, _, start = self._expected(ahead)
@@ -256,6 +257,10 @@ class ForecastingNetwork(NetworkModel):
         nothing = np.zeros((1, 1, known.kalman.n_gains if kind == "input" else len(known.kalman.measured)))
         state = known.under(table, row, nothing, kind).states[0]
         return state, known.experiment(table).inputs[row[0] :]
+
+    def _trained(self) -> list[str]:
+        """Roles of the training that act on the network, in the order of its columns."""
+        return [role for role in self.training_.ranges if role in self.filtered_network_.roles]
 
     def _ranges(self) -> dict[str, np.ndarray]:
         """Least and most of each training input."""
