@@ -215,6 +215,8 @@ def test_a_plan_of_pandas_goes_by_its_names_and_stamps(fitted, tables):
         for hole in (np.nan, np.inf):  # all rows were NaN, also those before
             with pytest.raises(ValueError, match=f"the plan contains NaN or inf .first at {future.index[3]}"):
                 respond(plan.assign(u_heat=np.where(np.arange(len(plan)) < 3, 0.8, hole)))
+        with pytest.raises(ValueError, match="the plan is None; look at the status of the solver"):
+            respond(None)
         with pytest.raises(ValueError, match="the plan is not numeric"):
             respond(plan.assign(u_heat="off"))
 

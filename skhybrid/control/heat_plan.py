@@ -134,6 +134,8 @@ def limits_of(stages: Mapping[str, float], training: Mapping[str, np.ndarray], i
 def as_plan(q: Any, inputs: Sequence[str], index: pd.Index) -> np.ndarray:
     """A plan of inputs as an array (H, m) for the rows of a forecast; refused with another shape, stamps, or gaps."""
     shape = len(index), len(inputs)
+    if q is None:
+        raise ValueError("the plan is None; look at the status of the solver that made it.")
     if isinstance(q, pd.Series | pd.DataFrame):
         refuse_other_stamps(q, index, "the plan", "future")
     if isinstance(q, pd.DataFrame) and set(q) == set(inputs):
