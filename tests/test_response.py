@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from copy import deepcopy
 
 import matplotlib.pyplot as plt
@@ -12,7 +13,7 @@ from scipy import signal
 
 from skhybrid import GrayBoxRC, HybridPredictor, RCNetwork, TwoStagePredictor
 from skhybrid.datasets import make_office
-from skhybrid.exceptions import UnitWarning
+from skhybrid.exceptions import PlanWarning, UnitWarning
 from skhybrid.forecasting import DisturbanceForecaster
 from skhybrid.identification import StateSpace, frequency_response, make_state_space, step_response
 from skhybrid.inspection import BodeDisplay, StepResponseDisplay
@@ -114,7 +115,7 @@ def test_one_period_needs_no_list(office):
 
 
 def test_what_has_no_response_is_refused():
-    with pytest.raises(ValueError, match="theta lacks R_zo, A_win"):
+    with pytest.raises(ValueError, match="theta lacks R_zo, A_win: .* under the inputs T_oa, q_sol"):
         make_state_space("1R1C", {"C_za": 1.0}, roles=["T_oa", "q_sol"])
 
 
@@ -264,7 +265,9 @@ def test_the_network_of_a_hybrid_responds_with_its_bends_as_the_blend_does():
     model = HybridPredictor(known={"Q_h": 6.0, "Q_c": -5.0}, purpose="plan", intervals=False)
     model.fit(data.X[:n], data.y[:n])
     for display, longer in ((StepResponseDisplay, {"duration": "6h"}), (BodeDisplay, {"periods": ["6h"]})):
-        found = display.from_estimator(model, X=data.X[n:], origin_step="1D", **longer).responses
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", PlanWarning)  # what the plant did is no plan
+            found = display.from_estimator(model, X=data.X[n:], origin_step="1D", **longer).responses
         np.testing.assert_allclose(found["network"], found["blend"], rtol=0.15)
 
 
@@ -274,6 +277,8 @@ def test_a_hybrid_needs_rows_after_its_training(hybrid):
         StepResponseDisplay.from_estimator(model)
     with pytest.raises(ValueError, match=r"X has 5 rows, but the response needs 13 \(13 h\)"):
         StepResponseDisplay.from_estimator(model, X=X[:5])
+    with pytest.raises(ValueError, match="HybridPredictor is neither a StateSpace nor .*; .*StepResponseDisplay draws"):
+        step_response(model)
 
 
 def test_a_two_stage_predictor_is_its_network():

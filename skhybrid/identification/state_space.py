@@ -46,7 +46,10 @@ def checked_theta(network: RCNetwork, theta: Mapping[str, float], roles: Iterabl
     """The value of every parameter under the given inputs; refused where one is absent or impossible."""
     parameters = network.parameters(roles)
     if absent := [p.name for p in parameters if p.name not in theta]:
-        raise ValueError(f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each.")
+        raise ValueError(
+            f"theta lacks {', '.join(absent)}: network {network.name} needs a value of each under the inputs "
+            f"{', '.join(roles)}."
+        )
     check_known(parameters, theta, "theta", may_be_0=("-", "m2", "kW"))
     return {p.name: float(theta[p.name]) for p in parameters}
 
@@ -107,7 +110,10 @@ def _read_model(model: Any, output: int) -> StateSpace:
     if not isinstance(model, StateSpace):
         if not hasattr(model, "simulate_states"):
             name = type(model).__name__
-            raise ValueError(f"{name} is neither a StateSpace nor a fitted identification of a network.")
+            raise ValueError(
+                f"{name} is neither a StateSpace nor a fitted identification of a network; "
+                "skhybrid.inspection.StepResponseDisplay draws a hybrid too, and a building by its own_."
+            )
         model = model.to_state_space()
     check_integer("output", output, 0, len(model.C) - 1)
     return model

@@ -79,7 +79,8 @@ _BLOCKS = {
     "hybrids": """
     A hybrid is drawn by member, its blend and its network, under heating and cooling alone, as the mean over origins
     in a band from the least to the most of them.  The band is how far the response changes with what is learned and
-    with the hour; it is not the error of the gain, which all origins may share.
+    with the hour; it is not the error of the gain, which all origins may share.  Where a stage's heat bends at part
+    load, the response is that at the stages in ``X``.
     """,
     "inputs": """
     inputs : sequence of str, optional

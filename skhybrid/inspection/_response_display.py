@@ -9,6 +9,8 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
+from .._warnings import warnings_dropped
+from ..exceptions import PlanWarning
 from ..identification import frequency_response, step_response
 from ._display import Display, frames_by_label
 from ._hybrid_response import Responses, frequency_responses, is_hybrid, periods_to_a_day, step_responses
@@ -70,7 +72,9 @@ class _ResponseDisplay(Display):
             if not is_hybrid(model):
                 found[str(label)] = respond(model)
                 continue
-            for member, frames in by_origin(model).items():
+            with warnings_dropped(PlanWarning):  # X holds what the plant did; nothing is planned
+                responses = by_origin(model)
+            for member, frames in responses.items():
                 name = f"{label}, {member}" if isinstance(models, Mapping) else member
                 several[name] = frames
                 found[name] = sum(frames[1:], frames[0]) / len(frames)
