@@ -10,7 +10,7 @@ import pandas as pd
 
 from .._table import ZoneTable, is_plant, listed
 from .._time import refuse_other_stamps
-from .._warnings import percent, warn_once, warn_user
+from .._warnings import warn_once, warn_user
 from ..exceptions import PlanWarning
 
 _BEYOND = 0.05  # share of the range of training by which a plan may leave it without a warning
@@ -105,11 +105,11 @@ def warn_uncovered(plan: Plan, given: Sequence[str], training: Mapping[str, np.n
     """Warn of a plan that leaves what training covered, of the inputs that were given."""
     for role, values, (low, high) in zip(plan.inputs, plan.values.T, _covered_by(training, plan.inputs), strict=True):
         margin = _BEYOND * (high - low) + 1e-9
-        share = float(((values < low - margin) | (values > high + margin)).mean())
-        if role in given and share > 0:
+        n_beyond = int(((values < low - margin) | (values > high + margin)).sum())
+        if role in given and n_beyond:
             warn_user(
                 f"the plan has {role} outside of the range that training covered, {low:.4g} to {high:.4g}, in "
-                f"{percent(share)} of the rows ahead: its effect there is extrapolated.",
+                f"{n_beyond} of {len(values)} rows ahead: its effect there is extrapolated.",
                 PlanWarning,
             )
 
