@@ -178,7 +178,7 @@ middle.set_ylabel("heat [kW]")
 below.step(ahead.index, price_of(X[day]), where="post", color="tab:red")
 below.set_ylabel("price\n[per kWh of heat]")
 below.xaxis.set_major_formatter(plt.matplotlib.dates.DateFormatter("%H:%M"))
-figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 plt.show()
 
 # %%
