@@ -271,6 +271,14 @@ def test_the_network_of_a_hybrid_responds_with_its_bends_as_the_blend_does():
         np.testing.assert_allclose(found["network"], found["blend"], rtol=0.15)
 
 
+def test_the_legend_of_two_zones_fits_its_figure():
+    frame = pd.DataFrame({"Q_hvac": [0.0, 1.0]}, pd.to_timedelta(["0h", "1h"]))
+    labels = [f"{zone}, {member}" for zone in ("living", "kitchen") for member in ("network", "blend")]
+    figure = StepResponseDisplay(dict.fromkeys(labels, frame), dict.fromkeys(labels, [frame] * 4)).plot().figure_
+    figure.canvas.draw()
+    assert figure.legends[0].get_window_extent().x1 <= figure.bbox.width
+
+
 def test_a_hybrid_needs_rows_after_its_training(hybrid):
     model, X = hybrid
     with pytest.raises(ValueError, match="pass X, the table of rows after its training"):

@@ -18,7 +18,7 @@ WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1, 1, 1)))
 #: of lines with few enough points, where dashes of long curves would look alike.
 MARKERS = ("o", "s", "^", "D", "v", "x")
-_PER_INCH, _HANDLE = 17.0, 9  # characters of a legend per inch, and those that a handle takes
+_PER_INCH, _HANDLE = 16.0, 9  # characters of a legend per inch, and those that a handle takes
 _LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 3.2}
 NARROW = 5.0  # width of a figure up to which there is room for one column and few stamps [in]
 
