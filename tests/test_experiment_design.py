@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from skhybrid import OutputDisturbanceID, RCNetwork
+from skhybrid import GrayBoxRC, HybridPredictor, OutputDisturbanceID, RCNetwork
 from skhybrid.datasets import make_office, make_prbs, make_weather
 from skhybrid.exceptions import UnitWarning
 from skhybrid.identification import ExperimentPlan, GainStatistics, plan_experiment
@@ -387,6 +387,12 @@ def test_several_zones_that_were_identified_are_refused_by_their_network():
         plan_experiment(fit, **SETTINGS)
 
 
+@pytest.mark.parametrize("model", [HybridPredictor(), GrayBoxRC()])
+def test_a_model_that_is_not_identified_is_refused(model):
+    with pytest.raises(ValueError, match=f"{type(model).__name__} is neither a network nor a fitted identification; give"):
+        plan_experiment(model, **SETTINGS)
+
+
 BAD = {
     "no theta": ({"theta": None}, "theta is missing"),
     "short theta": ({"theta": {k: v for k, v in THETA.items() if k != "R_zo"}}, "theta lacks R_zo"),
@@ -407,7 +413,8 @@ BAD = {
     "short mask": ({"when": np.ones(3, dtype=bool)}, "when has shape"),
     "empty perturbation": ({"perturbations": {"p": []}}, "perturbation 'p'"),
     "target": ({"target": 0.0}, "target=0.0"),
-    "target in words": ({"target": "10 %"}, "target='10 %' must be a positive relative error"),
+    "target in words": ({"target": "10 %"}, "target='10 %' must be a relative error"),
+    "target in percent": ({"target": 9}, "target=9 must be a relative error above 0 and up to 1, such as 0.1 for 10 %"),
     "step": ({"sampling_time": "45min"}, "sampling_time"),
     "no draws": ({"n_draws": 0}, "n_draws=0 must be an integer of at least 1"),
     "half a draw": ({"n_draws": 1.5}, "n_draws=1.5 must be an integer of at least 1"),

@@ -188,8 +188,8 @@ def plan_experiment(
     for name, wanted in as_mapping("perturbations", perturbations, "names to temperatures [degC]").items():
         levels = _levels(name, wanted)
         cases += [_Case(name, h, _perturbed(usual, levels, allowed, h, log)) for h in perturbed]
-    if not (is_number(target) and target > 0):
-        raise ValueError(f"target={target!r} must be a positive relative error, such as 0.1 for 10 %.")
+    if not (is_number(target) and 0 < target <= 1):
+        raise ValueError(f"target={target!r} must be a relative error above 0 and up to 1, such as 0.1 for 10 %.")
     if hysteresis is not None and not (is_number(hysteresis) and hysteresis >= 0):
         raise ValueError(f"hysteresis={hysteresis!r} must be 0 K or more, or None for a plant that modulates.")
     check_integer("n_draws", n_draws)
@@ -208,7 +208,10 @@ def _zone(
     if hasattr(network, "theta_"):
         theta = dict(network.theta_) if theta is None else theta
         known = {*(network.known or ())} & {*network.theta_.index} if known is None else known
-    net: RCNetwork = get_network(getattr(network, "network_", network))
+    if not isinstance(net := getattr(network, "network_", network), str | RCNetwork):  # the gain of a hybrid leads here
+        what = f"{type(network).__name__} is neither a network nor a fitted identification"
+        raise ValueError(f"{what}; give one, such as a PeriodicDisturbanceID fitted to the log.")
+    net = get_network(net)
     if len(net.measured_nodes) > 1 or len(net.disturbed_nodes) > 1:
         raise ValueError(f"network {net.name} has several measured or disturbed nodes; plan for one zone at a time.")
     if theta is None:
