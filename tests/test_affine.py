@@ -163,6 +163,16 @@ def test_the_state_space_is_plain_arrays(fitted, tables):
     assert np.abs(np.linalg.eigvals(space.A)).max() < 1.0
 
 
+def test_what_an_optimiser_gets_is_shown_in_a_line(fitted, tables):
+    X, future, T = _rows(tables, "two-stage")
+    model = fitted("two-stage").update(X[N_TRAIN:NOW])
+    rows = f"{DAY} rows from {future.index[0]} to {future.index[-1]}, inputs=('u_heat', 'u_cool')"
+    ahead, space = (make(None, future, T_za=T) for make in (model.affine_forecast, model.to_state_space))
+    assert (repr(ahead), repr(space)) == (f"AffineForecast({rows})", f"ControlModel({rows})")
+    assert ahead == ahead
+    assert ahead != model.affine_forecast(None, future, T_za=T)  # arrays would be asked whether they are true
+
+
 def test_measured_heat_is_limited_by_what_training_covered(fitted, tables):
     X, future, _ = _rows(tables, "schedule")
     space = fitted("schedule").to_state_space(X[N_TRAIN:NOW], future)

@@ -389,7 +389,7 @@ def test_several_zones_that_were_identified_are_refused_by_their_network():
 
 @pytest.mark.parametrize("model", [HybridPredictor(), GrayBoxRC()])
 def test_a_model_that_is_not_identified_is_refused(model):
-    with pytest.raises(ValueError, match=f"{type(model).__name__} is neither a network nor a fitted identification; give"):
+    with pytest.raises(ValueError, match=f"{type(model).__name__} is neither a network nor a fitted identif"):
         plan_experiment(model, **SETTINGS)
 
 

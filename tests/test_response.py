@@ -115,7 +115,7 @@ def test_one_period_needs_no_list(office):
 
 
 def test_what_has_no_response_is_refused():
-    with pytest.raises(ValueError, match="theta lacks R_zo, A_win: .* under the inputs T_oa, q_sol"):
+    with pytest.raises(ValueError, match=r"theta lacks R_zo, A_win: .* under the inputs T_oa, q_sol"):
         make_state_space("1R1C", {"C_za": 1.0}, roles=["T_oa", "q_sol"])
 
 
@@ -285,7 +285,7 @@ def test_a_hybrid_needs_rows_after_its_training(hybrid):
         StepResponseDisplay.from_estimator(model)
     with pytest.raises(ValueError, match=r"X has 5 rows, but the response needs 13 \(13 h\)"):
         StepResponseDisplay.from_estimator(model, X=X[:5])
-    with pytest.raises(ValueError, match="HybridPredictor is neither a StateSpace nor .*; .*StepResponseDisplay draws"):
+    with pytest.raises(ValueError, match=r"HybridPredictor is neither a StateSpace nor .*; .*StepResponseDisplay draws"):
         step_response(model)
 
 

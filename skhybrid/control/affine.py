@@ -12,7 +12,7 @@ from ..filtering import simulate_path
 from .heat_plan import as_plan
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)  # arrays have no equality, and are long
 class AffineForecast:
     """A forecast by the rows of a plan, ``T = free + gain @ q``.
 
@@ -43,6 +43,9 @@ class AffineForecast:
     inputs: tuple[str, ...]
     offsets: np.ndarray | None = None
 
+    def __repr__(self) -> str:
+        return _spelt(self)
+
     def temperature(self, q: np.ndarray) -> np.ndarray:
         """Temperature under a plan.
 
@@ -65,7 +68,7 @@ class AffineForecast:
         return self.free + np.tensordot(self.gain, plan, axes=((1, 2), (0, 1)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)  # arrays have no equality, and are long
 class ControlModel:
     """A discrete model of the rows ahead: ``x[k+1] = A x[k] + B u[k] + forcing[k]``, ``T[k] = C x[k]``.
 
@@ -103,6 +106,9 @@ class ControlModel:
     index: pd.Index
     sampling_time: pd.Timedelta
 
+    def __repr__(self) -> str:
+        return _spelt(self)
+
     def simulate(self, u: np.ndarray) -> np.ndarray:
         """Simulate the temperature under inputs.
 
@@ -123,6 +129,11 @@ class ControlModel:
         """
         plan = as_plan(u, self.inputs, self.index)
         return simulate_path(self.A, self.forcing + plan @ self.B.T, self.x0) @ self.C.T
+
+
+def _spelt(made: AffineForecast | ControlModel) -> str:
+    first, last = made.index[[0, -1]]
+    return f"{type(made).__name__}({len(made.index)} rows from {first} to {last}, inputs={made.inputs})"
 
 
 class LinearNetwork(NamedTuple):
