@@ -77,7 +77,7 @@ shared_docs = docs_from(
         prior : FleetPrior, optional
             Knowledge from fitted zones with the same columns, step and network, for a log of a few days.  For ARX it
             replaces the penalties that are otherwise chosen from the log; for the network it is used with less than a
-            week.
+            week.  Not with ``purpose="plan"``.
         """,
         "fitted": """
         zeta_ : Series
