@@ -285,7 +285,7 @@ def test_a_hybrid_needs_rows_after_its_training(hybrid):
         StepResponseDisplay.from_estimator(model)
     with pytest.raises(ValueError, match=r"X has 5 rows, but the response needs 13 \(13 h\)"):
         StepResponseDisplay.from_estimator(model, X=X[:5])
-    with pytest.raises(ValueError, match=r"HybridPredictor is neither a StateSpace nor .*; .*StepResponseDisplay draws"):
+    with pytest.raises(ValueError, match=r"HybridPredictor is neither a StateSpace .*; .*StepResponseDisplay draws"):
         step_response(model)
 
 
