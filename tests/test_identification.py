@@ -443,12 +443,12 @@ def test_a_sun_that_never_shines_and_heat_that_was_measured(office):
     network = get_network("2R2C")
     dark = _table.read_table(GrayBoxRC(), office.X[:480].assign(q_sol=0.0), reset=True)
     with pytest.warns(ExcitationWarning, match="q_sol is 0 in every row, so A_win, f cannot be identified"):
-        assert unexcited(network, dark, (), "a fit") == ("A_win", "f")
+        assert unexcited(network, dark, (), "a fit", disturbed=True) == ("A_win", "f")
     X = office.X[:480].assign(Q_hvac=6.0 * (office.X["u_heat"] - office.X["u_cool"])[:480])
     measured = _table.read_table(GrayBoxRC(), X.drop(columns=["u_heat", "u_cool"]), reset=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error", ExcitationWarning)  # it ran for days
-        assert unexcited(network, measured, (), "a fit") == ()
+        assert unexcited(network, measured, (), "a fit", disturbed=True) == ()
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,20 @@ def test_a_stage_that_hardly_ran_keeps_its_default_capacity():
     assert model.theta_["Q_h"] == next(p.default for p in model.parameters_ if p.name == "Q_h")
 
 
+def test_a_stage_that_ran_for_half_an_hour_tells_its_capacity_where_the_model_has_a_disturbance():
+    office = make_office(n_days=6, excitation=None, random_state=1)
+    X = office.X.assign(u_heat=0.0)
+    X.iloc[3 * 96 + 20 : 3 * 96 + 22, X.columns.get_loc("u_heat")] = 1.0
+    T = GrayBoxRC(known=office.theta).fit(X, office.y).simulate(X, heat_gain=office.heat_gain)
+    y = T + np.random.default_rng(1).normal(0.0, 0.03, len(X))
+    known = {"Q_c": office.theta["Q_c"]}
+    with pytest.warns(ExcitationWarning, match="u_heat ran for 0.5 h only, so Q_h can hardly be identified"):
+        model = OutputDisturbanceID(known=known, n_starts=1).fit(X, y)
+    assert model.theta_["Q_h"] == pytest.approx(office.theta["Q_h"], rel=0.15)
+    with pytest.warns(ExcitationWarning, match="Q_h cannot be identified and stays at its default"):
+        GrayBoxRC(known=known, n_starts=1).fit(X, y)
+
+
 def test_heat_that_was_measured_as_a_trace_is_named_by_the_identifications():
     X = quiet_office("Q_hvac")[:N_TRAIN]
     with pytest.warns(ExcitationWarning, match="Q_hvac ran for 0.5 h only, so C_w, C_za, R_zw, R_zo can hardly"):

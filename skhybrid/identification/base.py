@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -49,6 +49,7 @@ class SearchResult(NamedTuple):
 class NetworkIdentifier(ForecastingNetwork):
     """Base of the identifications; a subclass defines the problem, minimises it and stores what it found."""
 
+    _has_disturbance: ClassVar[bool] = True
     parameters_: tuple[Parameter, ...]
     theta_: pd.Series
     theta_std_: pd.Series
@@ -248,7 +249,7 @@ class NetworkIdentifier(ForecastingNetwork):
         name, known = type(self).__name__, dict(self.known or {})
         if any(p.name not in known for p in parameters):
             warn_scale(network, table, {*known, *priors}, name)
-        idle = unexcited(network, table, known, name)
+        idle = unexcited(network, table, known, name, disturbed=self._has_disturbance)
         return {
             p.name: p.from_free(priors[p.name][0]) if p.name in priors else p.default
             for p in parameters

@@ -57,6 +57,8 @@ class GrayBoxRC(LeastSquaresIdentifier):
     1.0
     """
 
+    _has_disturbance = False
+
     def _disturbance(self, network: RCNetwork, experiment: Experiment) -> Conventional:
         step = pd.Timedelta(hours=experiment.hours)
         setting = Conventional(rows_covering(self.warmup, step))
