@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import sparse
 from sklearn.utils import check_array, column_or_1d
+from sklearn.utils.validation import _num_samples
 
 from ._arguments import as_mapping, is_integer
 from ._warnings import several, warn_user
@@ -224,6 +225,15 @@ def as_numbers(values: Any, label: str) -> np.ndarray:
     if not isinstance(values, pd.Series | pd.DataFrame) and _kind(values) in ("U", "S"):
         raise ValueError(f"{label} is text; give numbers.")
     return _floats(unmasked(values, label), label)
+
+
+def predicted_by(estimator: Any, X: Any) -> np.ndarray:
+    """(n_samples,) float64 predictions of anybody's regressor; refused where they are not one number per row of X."""
+    label, n_rows = f"what {type(estimator).__name__} predicts", _num_samples(X)
+    values = as_numbers(estimator.predict(X), label)
+    if values.shape not in ((n_rows,), (n_rows, 1)):
+        raise ValueError(f"{label} for {several(n_rows, 'row')} has the shape {values.shape}; return a number per row.")
+    return values.reshape(-1)
 
 
 def target_numbers(y: Any) -> np.ndarray:

@@ -44,6 +44,7 @@ from ._columns import is_set_point as is_set_point
 from ._columns import listed as listed
 from ._columns import numeric as numeric
 from ._columns import plant_roles as plant_roles
+from ._columns import predicted_by as predicted_by
 from ._columns import refuse_huge as refuse_huge
 from ._columns import refuse_infinite as refuse_infinite
 from ._columns import refuse_infinite_columns as refuse_infinite_columns

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import BaseEstimator
+from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.linear_model import Ridge
 
 from skhybrid._last_known import carried_forward, last_known_row
@@ -293,3 +293,35 @@ def test_a_regressor_is_cloned_seeded_and_near_the_linear_one():
     assert errors[0] < 1.2 * errors[1]
     assert model.set_params(model__alpha=5.0).model.alpha == 5.0
     assert not hasattr(model.set_params(model="profile").fit(table, y), "regressor_")
+
+
+class Predicts(RegressorMixin, BaseEstimator):
+    """Predicts what ``values`` makes of the number of rows."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def fit(self, X, y):
+        return self
+
+    def predict(self, X):
+        return self.values(len(X))
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (
+            lambda n: np.zeros(n - 1),
+            r"what Predicts predicts for \d+ rows has the shape \(\d+,\); return a number per row",
+        ),
+        (lambda n: None, "what Predicts predicts is None"),
+        (lambda n: np.where(np.arange(n) < 2, np.nan, 0.0), r"Predicts predicts NaN or inf in 2 of \d+ rows"),
+    ],
+    ids=["short", "none", "missing"],
+)
+def test_a_regressor_of_ones_own_forecasts_every_row(values, said):
+    X, y = _weeks(2)
+    forecaster = DisturbanceForecaster(Predicts(values)).fit(X, y)
+    with pytest.raises(ValueError, match=said):
+        forecaster.predict(X)

@@ -229,6 +229,38 @@ def test_a_plain_regressor_gives_its_predictions_at_every_lead():
     np.testing.assert_allclose(frame["y_pred"], frame["y_true"])
 
 
+class Predicts(RegressorMixin, BaseEstimator):
+    """Predicts what ``values`` makes of the number of rows."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def fit(self, X, y):
+        self.fitted_ = True
+        return self
+
+    def predict(self, X):
+        return self.values(len(X))
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (lambda n: np.zeros(n - 1), r"for 96 rows has the shape \(95,\); return a number per row"),
+        (lambda n: np.zeros((n, 2)), r"for 96 rows has the shape \(96, 2\)"),
+        (lambda n: None, "is None"),
+        (lambda n: ["warm"] * n, "is text"),
+    ],
+    ids=["short", "wide", "none", "text"],
+)
+def test_a_plain_regressor_predicts_a_number_per_row(values, said):
+    X, y = _table(4)
+    with pytest.raises(ValueError, match=f"what Predicts predicts {said}"):
+        backtest(Predicts(values).fit(X, y), X[["T_oa"]], y)
+    frame = backtest(Predicts(lambda n: np.full((n, 1), 20.0)).fit(X, y), X[["T_oa"]], y)
+    assert (frame["y_pred"] == 20.0).all()
+
+
 class ReadsTheRoom(RegressorMixin, BaseEstimator):
     """Gives the measured temperature of the row that it forecasts, or of a row before, and names no columns."""
 

@@ -17,7 +17,7 @@ from scipy.linalg import eigh
 from sklearn.base import clone
 
 from .._calendar import N_CELLS, clock_hour, day_type_hour, one_hot
-from .._table import ZoneTable
+from .._table import ZoneTable, predicted_by
 from .._time import rows_per_day, rows_per_hour
 from .features import clock_changes, held_target_rows, irradiance_roles, known_at, known_before, same_slot, target_rows
 
@@ -190,7 +190,11 @@ class PairRegressor:
         """The regressor on every pair."""
         features = self._features(table, self.expected(table), origins, n_leads)
         flat = ((features - self.mean_) / self.std_).reshape(-1, features.shape[-1])
-        return np.asarray(self.regressor_.predict(flat), dtype=np.float64).reshape(features.shape[:2])
+        values = predicted_by(self.regressor_, flat)
+        if n_bad := int((~np.isfinite(values)).sum()):
+            name = type(self.regressor_).__name__
+            raise ValueError(f"{name} predicts NaN or inf in {n_bad} of {len(flat)} rows; it must forecast every row.")
+        return values.reshape(features.shape[:2])
 
     @staticmethod
     def _features(table: ZoneTable, expected: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:

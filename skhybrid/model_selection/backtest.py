@@ -12,7 +12,16 @@ from sklearn.utils.validation import _num_samples, check_is_fitted
 from .._arguments import check_bool
 from .._ranges import check_range
 from .._rolling import RollingForecastMixin
-from .._table import ZoneTable, as_numbers, float_columns, listed, refuse_infinite, refuse_order, refuse_other_quantity
+from .._table import (
+    ZoneTable,
+    as_numbers,
+    float_columns,
+    listed,
+    predicted_by,
+    refuse_infinite,
+    refuse_order,
+    refuse_other_quantity,
+)
 from .._time import assumed_clock, even_step, positive_duration, read_instant, rows_of, spell, wall_clock
 from .._warnings import several
 from ..forecasting.features import target_rows
@@ -123,7 +132,7 @@ def backtest(
     elif hasattr(forecaster, "predict_from"):
         paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
     else:
-        predicted = np.asarray(forecaster.predict(table), dtype=np.float64)
+        predicted = predicted_by(forecaster, table)
         refuse_later_measurements(estimator, X, truth[:, 0], predicted, origins, n_leads)
         paths = predicted[np.minimum(target_rows(origins, n_leads), len(wall) - 1)]
     if quantiles is not None and bands is None:
