@@ -580,3 +580,15 @@ def test_kinds_of_disturbance_are_told_apart_where_parts_are_the_defaults(office
     grid = {"disturbance": ["output", "input"]}  # the first identifies a network, the second is the schedule model
     search = DesignMatrixSearchCV(HybridPredictor(), grid, cv=CV, refit=False, verbose=0).fit(office.X, office.y)
     assert search.results_["error"].isna().all()
+
+
+def test_a_matrix_of_forecasters_is_refused_for_the_schedule_model(office):
+    for estimator in (HybridPredictor(), make_pipeline(HybridPredictor(known={"Q_h": 6.0}))):
+        search = DesignMatrixSearchCV(estimator, design_matrix(["ridge", "profile"]), cv=CV, verbose=0)
+        with pytest.raises(
+            ValueError, match=r"HybridPredictor is the schedule model, .*; give one of them, or a TwoStage"
+        ):
+            search.fit(office.X, office.y)
+    outputs = design_matrix(["ridge", "profile"], disturbance="output")
+    search = DesignMatrixSearchCV(HybridPredictor(), outputs, cv=CV, refit=False, verbose=0)
+    assert search.fit(office.X, office.y).results_["error"].isna().all()

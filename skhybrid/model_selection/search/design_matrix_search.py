@@ -21,6 +21,8 @@ from ..._arguments import as_mapping, check_bool, check_integer, check_verbose, 
 from ..._transaction import unchanged_on_failure
 from ..._warnings import first_sentence
 from ...forecasting.named_models import is_network, require_networks
+from ...hybrid import HybridPredictor
+from ...hybrid.predictor import takes_two_stages
 from ...parallel.workers import Workers
 from ..splitters import default_split
 from .candidates import BASELINE, forecaster_prefix, last_step, model_of, settings_of
@@ -125,7 +127,8 @@ class DesignMatrixSearchCV(BaseSearchCV):
         ------
         ValueError
             If y is missing, the store was made with other data or settings, a setting is unknown, ``cv`` is an int
-            for a model of rows in time, or every candidate fails on every split.
+            for a model of rows in time, a design matrix is given for the schedule model, or every candidate fails on
+            every split.
         """
         if y is None:
             raise ValueError("DesignMatrixSearchCV requires y to be passed, but the target y is None.")
@@ -191,7 +194,14 @@ class DesignMatrixSearchCV(BaseSearchCV):
 
     def _candidates(self) -> list[dict[str, Any]]:
         if isinstance(self.matrix, DesignMatrix):
-            return self.matrix.candidates(forecaster_prefix(self.estimator))
+            found, model = self.matrix.candidates(forecaster_prefix(self.estimator)), last_step(self.estimator)
+            schedules = isinstance(model, HybridPredictor) and not takes_two_stages(model)
+            if schedules and (self.matrix.table["disturbance"] == "input").any():
+                raise ValueError(
+                    "without a gray_box or a forecaster, HybridPredictor is the schedule model, which has no "
+                    "forecaster to choose; give one of them, or a TwoStagePredictor()."
+                )
+            return found
         found = list(ParameterGrid(self.matrix))
         if not found:
             raise ValueError("the parameter grid is empty; give at least one candidate.")
