@@ -57,7 +57,9 @@ def backtest(
         which may therefore not read what is measured after an origin: ``T_za``, ``zeta``, or y under another name, in
         another unit, or lagged by less than the horizon.
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
-        Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.
+        Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.  A model
+        goes on from the rows that it knows, as in use, if X begins right after them; rows of the training in X are
+        history like any other.
     y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for a BuildingPredictor
         Measured zone temperature [degC]; NaN is kept as it is.
     horizon : timedelta-like, default="1D"
