@@ -410,6 +410,8 @@ def test_cases_of_several_frameworks_are_not_lumped(results):
         ValueError, match=r"'case01' contains candidates with 2 values of .*pass by=\('name', 'disturbance'\)"
     ):
         RobustnessComparison().fit(results)
+    with pytest.raises(ValueError, match="case of row 1 is empty; leave out rows without a case, such as baselines"):
+        RobustnessComparison().fit(pd.DataFrame({"case": ["a", None], "rmse": [0.5, 0.6]}))
 
 
 # -------------------------------------------------------------------------------------------------------- bad chains
@@ -598,6 +600,9 @@ def test_a_choice_from_beginning_to_end(results):
     assert choice.table.loc["profile input", "verdict"] == "worse than the choice"
     assert choice.table.loc["DEEP_MLP_FORECAST-case02 output", "verdict"] == "lacks time features, ID"
     assert str(choice).startswith("DEEP_AR_LSTM_FORECAST-case01 (ID), median error 0.4")
+    n_left = (~choice.table["verdict"].str.startswith("lacks") & (choice.table["kind"] == "case")).sum()
+    assert 0 < n_left < (choice.table["kind"] == "case").sum()
+    assert f"Of {n_left} cases left, DEEP_AR_LSTM_FORECAST-case01 (ID) has the lowest median error" in str(choice)
     assert "A baseline is sufficient: ridge input, with 0.320 K, is better than the choice" in str(choice)
 
 

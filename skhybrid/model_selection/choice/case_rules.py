@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..._arguments import check_level
+from ..._warnings import several
 from ...forecasting import ModelCase
 from ..search.design_matrix import IDENTITY
 from .pattern_expressiveness import PatternExpressiveness
@@ -235,8 +236,8 @@ def _choose_by_rules(
     left = overview.loc[robust.indistinguishable_]
     best = overview.loc[robust.best_]
     reasons = [
-        f"{best['name']} ({_KIND[str(best['disturbance'])]}) has the lowest median error, {best['median']:.3f} K; "
-        f"{len(left) - 1} of the {len(robust.probability_) - 1} other cases are indistinguishable from it."
+        f"Of {several(len(robust.probability_), 'case')} left, {best['name']} ({_KIND[str(best['disturbance'])]}) has "
+        f"the lowest median error, {best['median']:.3f} K; indistinguishable from it: {len(left) - 1}."
     ]
     if len(left) > 1:
         least = left["history"].min()

@@ -171,7 +171,7 @@ def _errors_by_case(results: pd.DataFrame, by: list[str]) -> pd.Series:
     for column in by:
         if table[column].isna().any():
             row = table[column].isna().idxmax()
-            raise ValueError(f"{column} of row {row!r} is empty; every row must name its case.")
+            raise ValueError(f"{column} of row {row!r} is empty; leave out rows without a case, such as baselines.")
     keys = table[by].astype(str).agg(" ".join, axis=1)
     for column in set(_ONE_PER_CASE) & set(table.columns) - set(by):
         mixed = table[column].groupby(keys).nunique()
