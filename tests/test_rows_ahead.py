@@ -278,6 +278,16 @@ def test_measured_heat_in_a_row_without_weather_is_no_plan(frame, zone, tmp_path
         day_ahead(held, log)
 
 
+def test_weather_from_midnight_follows_a_log_whose_last_heat_is_not_known(frame, zone, tmp_path):
+    """A meter that counts tells the heat of a row with the next reading; the log has the weather of this row."""
+    log = frame[:N].assign(Q_hvac=frame["Q_hvac"].where(frame.index < frame.index[N - 1]))
+    whole = day_ahead(zone, log, tomorrow(frame, tmp_path / "whole.csv"), SCHEDULE)
+    frame.loc[frame.index[N] :, ["T_oa", "q_sol"]].rename_axis("time").to_csv(tmp_path / "tomorrow.csv")
+    found = day_ahead(zone, log, tmp_path / "tomorrow.csv", SCHEDULE)
+    assert found.frame.index[0] == frame.index[N - 1]
+    assert_same(found, whole)
+
+
 def test_a_log_that_ends_before_what_the_model_has_seen_is_told(frame, zone, tmp_path):
     weather = tmp_path / "w.csv"
     frame[["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)

@@ -96,7 +96,10 @@ def day_ahead(
     refuse_cut_value(frame, settings, origin)
     later = _not_past(frame[frame.index > origin], measured)
     end = origin + pd.Timedelta(settings.horizon)
-    given = later if weather is None else read_ahead(weather, settings, origin.tz, range(origin.year, end.year + 1))
+    given = later
+    if weather is not None:
+        given = read_ahead(weather, settings, origin.tz, range(origin.year, end.year + 1))
+        given = _from_origin(given, frame[frame.index > origin].drop(columns=measured))
     inputs = [str(role) for role in inputs_of(history) if role not in (*measured, *settings.setpoints)]
     ahead, planned = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead).drop(columns=settings.roles_of("zeta"), errors="ignore")
@@ -140,6 +143,16 @@ def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
         after = later.iloc[int(np.flatnonzero(past)[-1]) + 1 :]
         later = later.drop(columns=[role for role in later if after[role].isna().all() and role not in measured])
     return later.drop(columns=measured)
+
+
+def _from_origin(given: pd.DataFrame, later: pd.DataFrame) -> pd.DataFrame:
+    """Weather, with the rows of the log after the origin that come before it, as while a meter's reading is awaited."""
+    if pd.DatetimeIndex(given.index).tz is None and pd.DatetimeIndex(later.index).tz is not None:
+        return given  # refused later
+    before = later.loc[later.index < given.index[0], later.columns.intersection(given.columns)]
+    out = pd.concat([before, given]) if len(before) else given
+    out.attrs = dict(given.attrs)
+    return out
 
 
 def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, years: Iterable[int]) -> pd.DataFrame:
