@@ -131,6 +131,23 @@ def test_set_points_ahead_stand_for_the_heat(tmp_path):
     assert found["Q_hvac"].notna().all()
 
 
+def test_the_heat_of_the_last_step_may_be_unknown(tmp_path):
+    """A meter that counts tells it with the next reading; this step is then the first that is forecast."""
+    X = ZONE.assign(Q_hvac=6.0 * (ZONE["u_heat"] - ZONE["u_cool"])).drop(columns=["u_heat", "u_cool"])
+    X = X.assign(T_heat_set=np.where(np.arange(len(X)) % DAY < 6, 18.0, 21.0), T_cool_set=26.0)
+    counted = [X[: n * DAY].assign(Q_hvac=X["Q_hvac"].where(X.index < X.index[n * DAY - 1])) for n in (8, 9)]
+    model = HybridPredictor(intervals=False)
+    fleet = ZoneFleet(model, store=tmp_path / "store").fit({"a": counted[0]})
+    alone = clone(model).fit(X[: 8 * DAY - 1], X["T_za"][: 8 * DAY - 1])
+    np.testing.assert_array_equal(fleet.predict({"a": X})["T_za"], alone.predict(X))
+    fleet.tick({"a": counted[0]})
+    assert "there is no forecast" in str(fleet.warnings_)
+    ahead = X[9 * DAY : 10 * DAY].assign(T_za=np.nan, Q_hvac=np.nan)
+    found = fleet.tick({"a": pd.concat([counted[1], ahead])})
+    assert fleet.errors_ == {}
+    assert list(found.index) == list(X.index[9 * DAY - 1 : 10 * DAY])
+
+
 def test_a_zone_learns_over_outages_of_days(tmp_path):
     """Inputs are interpolated and set-points held, and no temperature of the outage is known."""
     X = ZONE[: 8 * DAY].assign(T_heat_set=np.where(np.arange(8 * DAY) % DAY < 6, 18.0, 21.0)).rename_axis("time")

@@ -239,10 +239,25 @@ def _rows(path: str, model: Any) -> pd.DataFrame:
 
 def _over_outages(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows with bridges over outages before the last measurement, and without short gaps of any kind."""
-    whole = _filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP)
+    whole = _without_step_under_way(_filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP), model)
     measured = np.flatnonzero(_with_target(whole, model)[1].notna().to_numpy())
     n_past = measured[-1] + 1 if len(measured) else 0
     return pd.concat([_bridged(whole[:n_past], model), whole[n_past:]])
+
+
+def _without_step_under_way(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
+    """Rows without their last temperature if an input ends in the row before, as a counter until its next reading."""
+    measured = np.flatnonzero(_with_target(rows, model)[1].notna().to_numpy())
+    if TARGET in rows or len(measured) < 2:
+        return rows
+    known = rows[_inputs(rows, model)].notna().to_numpy()
+    if not (known[measured[-1] - 1] & ~known[measured[-1]]).any():
+        return rows
+    if measured[-1] == len(rows) - 1:
+        return rows[:-1]
+    out = rows.copy()
+    out.iloc[measured[-1], list(out).index(_measured_column(model))] = np.nan
+    return out
 
 
 def _row_after_outage(stamps: pd.Index, least: pd.Timedelta) -> int:
@@ -265,13 +280,18 @@ def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows with bridges over outages: inputs are interpolated there, and no temperature is known."""
     whole = _restored(rows, LONGEST_BRIDGE)
     filled = _filled(whole, model, LONGEST_BRIDGE)
-    roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
     measured = [column for column in (TARGET, _measured_column(model)) if column in whole]
-    named = {column: str(roles.get(column, column)) for column in whole if column not in measured}
-    inputs = [column for column, role in named.items() if role_of(role) and not is_set_point(role)]
+    inputs = _inputs(whole, model)
     out = (whole[inputs].isna() & filled[inputs].notna()).any(axis=1)
     filled.loc[out, measured] = np.nan
     return filled
+
+
+def _inputs(rows: pd.DataFrame, model: Any) -> list[Any]:
+    """Columns of weather and plants."""
+    roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
+    named = {c: str(roles.get(c, c)) for c in rows if c not in (TARGET, _measured_column(model))}
+    return [column for column, role in named.items() if role_of(role) and not is_set_point(role)]
 
 
 def _restored(rows: pd.DataFrame, longest: pd.Timedelta) -> pd.DataFrame:
