@@ -6,6 +6,7 @@ import base64
 import re
 import shutil
 import subprocess
+from datetime import date
 from html.parser import HTMLParser
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 
 from skhybrid.study.report import study_picture, verdict, write_report
 from skhybrid.study.report.figures import backtest_figure, day_figure, lead_figure, schedule_figure
+from skhybrid.study.report.words import flat
 from skhybrid.study.tariff import Cost
 
 INDEX = pd.date_range("2024-01-01", periods=24, freq="1h", tz="UTC")
@@ -128,7 +130,7 @@ def test_it_tells_the_numbers(page):
         "network.name",
         "2R2C",
         "Monday 1 January 2024",
-        "last day of the log",
+        "last complete day of the log",
         "0 to 2\u00a0h 75\u00a0% 25\u00a0% 2 to 8\u00a0h 50\u00a0% 50\u00a0% 8 to 24\u00a0h",
         "it contained 81\u00a0% of the",
         "Q_h [kW]",
@@ -138,6 +140,11 @@ def test_it_tells_the_numbers(page):
     assert "timezone" not in text
     assert page.index("<td>hybrid</td>") < page.index("<td>ARX</td>")
     assert page.count('<tr class="best">') == 1
+
+
+def test_settings_name_holidays_as_days():
+    settings = {"holidays": [date(2023, 10, 9), date(2023, 10, 10)], "load": {"setpoint": [20, 26]}}
+    assert flat(settings) == {"holidays": "2023-10-09, 2023-10-10", "load.setpoint": [20, 26]}
 
 
 def test_what_it_is_given_is_escaped(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,7 +15,7 @@ from skhybrid.study import Settings, split_log
 from skhybrid.study.compared_models import HYBRID
 from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
 from skhybrid.study.identified_building import describe, identified_only, parameter_table
-from skhybrid.study.judgement import Load, ZoneLoads, load_of, of_whole_plant
+from skhybrid.study.judgement import Doubts, Load, ZoneLoads, load_of, of_whole_plant
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import is_scaled
@@ -140,6 +142,23 @@ def test_a_day_beyond_what_training_covered_is_told_with_its_columns():
     assert "(the outdoor temperature reaches -4 degC, training had 0 to 10)" in reason
     assert not day_beyond(day[:8], ranges_of(train))  # within the margin
     assert not day_beyond(day.assign(T_oa=[5.0] * 9 + [-4.0]), ranges_of(train))  # one row in ten
+
+
+@pytest.mark.parametrize(
+    ("held_out", "named"),
+    [(True, "100 % of the last complete day, 2024-01-11, lies"), (False, "of the day to come lies")],
+)
+def test_a_measured_day_beyond_training_is_named(held_out, named, monkeypatch):
+    """Nobody takes it for tomorrow."""
+    for name in ("drift_days", "drifted", "at_ends"):
+        monkeypatch.setattr(f"skhybrid.study.judgement.{name}", lambda *_: [])
+    stamps = pd.date_range("2024-01-01", periods=24 * 11, freq="1h")
+    rows = pd.DataFrame({"T_za": 20.0, "T_oa": np.arange(len(stamps)) % 24.0, "Q_hvac": 2.0}, stamps)
+    day = rows[-24:].assign(T_oa=-20.0)
+    data = StudyData(rows[:192], rows[192:240], stamps[192], rows[:240], day, day["T_za"], held_out)
+    doubts = Doubts.of(SimpleNamespace(gray_box_=None), data.later, data)
+    assert named in doubts.temperature[0]
+    assert named in doubts.load[0]
 
 
 @pytest.mark.parametrize(

@@ -53,14 +53,16 @@ def beyond_training(rows: pd.DataFrame, ranges: Mapping[str, tuple[float, float]
     return pd.DataFrame(out, index=rows.index)
 
 
-def day_beyond(rows: pd.DataFrame, ranges: Mapping[str, tuple[float, float]]) -> list[str]:
-    """A reason where much of the day to come lies beyond what training covered, with the columns that do."""
+def day_beyond(
+    rows: pd.DataFrame, ranges: Mapping[str, tuple[float, float]], day: str = "the day to come"
+) -> list[str]:
+    """A reason where much of a day lies beyond what training covered, with the columns that do."""
     beyond = beyond_training(rows, ranges)
     share = float(beyond.any(axis=1).mean()) if len(beyond) else 0.0
     if not share > OUTSIDE:
         return []
     which = "; ".join(_excess(rows[role], *ranges[str(role)]) for role in beyond if beyond[role].any())
-    return [f"{percent(share)} of the day to come lies beyond what training covered ({which})"]
+    return [f"{percent(share)} of {day} lies beyond what training covered ({which})"]
 
 
 def _excess(values: pd.Series, low: float, high: float) -> str:

@@ -86,9 +86,10 @@ class Doubts(NamedTuple):
             ahead, of_load = without_setpoints(ahead), without_setpoints(of_load)
             of_load = of_load.assign(**{_HELD: data.setpoint.loc[ahead.index]})
             ranges |= ranges_of(data.train[["T_za"]].set_axis([_HELD], axis=1))
+        day = f"the last complete day, {ahead.index[0]:%Y-%m-%d}," if data.held_out else "the day to come"
         return cls(
-            [*drifted(days), *day_beyond(ahead, ranges), *ends],
-            [*drifted(days, "its temperature errors"), *day_beyond(of_load, ranges), *ends, *of_capacities],
+            [*drifted(days), *day_beyond(ahead, ranges, day), *ends],
+            [*drifted(days, "its temperature errors"), *day_beyond(of_load, ranges, day), *ends, *of_capacities],
         )
 
 

@@ -155,8 +155,8 @@ def _neighbours(result: BuildingResult) -> str:
 def _tomorrow(result: BuildingResult) -> str:
     day = "This is the day after the last measurement."
     if result.data.held_out:
-        day = "This is the last day of the log. The forecast used no temperature of that day; the measurements are "
-        day += "drawn for comparison."
+        day = "This is the last complete day of the log. The forecast used no temperature of that day; the "
+        day += "measurements are drawn for comparison."
     measured = result.settings.load.get("setpoint", "measured") == "measured" and result.data.held_out
     held = " (here the temperatures that were measured)" if measured else ""
     shaded = has_intervals(result.frames[HYBRID])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import date
 from itertools import pairwise
 from typing import Any
 
@@ -49,7 +50,8 @@ def flat(settings: Mapping[str, Any], above: str = "") -> dict[str, Any]:
         if isinstance(value, Mapping):
             out |= flat(value, f"{name}.")
         elif value is not None:
-            out[name] = value
+            is_days = isinstance(value, list) and all(isinstance(day, date) for day in value)
+            out[name] = ", ".join(map(str, value)) if is_days else value
     return out
 
 

@@ -131,8 +131,8 @@ def _head(
 def _tomorrow(forecast: pd.DataFrame, holds_measured: bool) -> str:
     words = "This is the day after the last measurement."
     if "T_za_measured" in forecast:
-        words = "This is the last day of the log. The temperature forecast used no measurement of that day; the "
-        words += "measurements are drawn for comparison."
+        words = "This is the last complete day of the log. The temperature forecast used no measurement of that "
+        words += "day; the measurements are drawn for comparison."
     if any(role in forecast for role in SETPOINT_ROLES):
         words += " Both curves are forecast from the weather and the set-points of that day, by the learned thermostat."
     else:
