@@ -17,6 +17,7 @@ from skhybrid.exceptions import SkhybridWarning
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead
+from skhybrid.zone.day_ahead import _unused
 from skhybrid.zone.other_units import refuse_other_units
 from skhybrid.zone.outages import Unread, complete_rows
 from skhybrid.zone.training_rows import training_rows
@@ -323,6 +324,14 @@ def test_a_log_with_one_set_point_is_forecast_with_it(frame, tmp_path):
     assert not any("left out" in text for text in day_ahead(heated, log[:N], path, Schedule.of_text("20")).remarks)
     with pytest.raises(ValueError, match=r"T_heat_set is not given for the rows ahead, .* such as --setpoint 21\."):
         day_ahead(heated, log[:N], path, Schedule.of_text(",24"))
+
+
+def test_set_points_of_several_zones_are_left_out_in_one_sentence(frame):
+    idle = {"T_cool_set_hall": "cooled", "T_heat_set_loft": "heated", "T_cool_set_loft": "cooled"}
+    assert list(_unused(frame[:0], settings_from(SETTINGS), SCHEDULE, idle)) == [
+        "T_cool_set_hall, T_cool_set_loft of --setpoint are left out, since nothing cooled in the training",
+        "T_heat_set_loft of --setpoint is left out, since nothing heated in the training",
+    ]
 
 
 def test_a_plant_holds_set_points_where_it_acted_or_will_and_those_of_the_log():

@@ -180,7 +180,7 @@ def test_a_step_under_way_is_forecast_from_and_taken_in_when_it_is_over(right, l
 def test_a_status_says_that_other_set_points_were_in_force(log, zone, cheap, monkeypatch, tmp_path):
     """Errors of a forecast under other set-points are none of the model."""
     told = []
-    for first, moved in ((DAYS, 0.1), (DAYS + 1, -3.0)):
+    for first, moved in ((DAYS, 0.1), (DAYS + 1, -3.0125)):
 
         def at_a_set_point(zone, frame, weather=None, schedule=None, moved=moved):
             frame = _same_as_now(zone, frame).frame
@@ -194,7 +194,7 @@ def test_a_status_says_that_other_set_points_were_in_force(log, zone, cheap, mon
     assert told[0] == []
     assert told[1] == 2 * [
         "in 50 % of the hours forecast other set-points were in force than forecast with, such as T_heat_set "
-        f"{last['T_heat_set']:g} for {last['T_heat_set'] - 3.0:g} degC at {last.name}"
+        f"{last['T_heat_set']:.1f} for {last['T_heat_set'] - 3.0125:.1f} degC at {last.name}"
     ]
 
 

@@ -127,8 +127,10 @@ def _unused(
     roles = sorted(str(role) for role in given if is_plant(role) or role in settings.setpoints)
     if roles:
         yield f"{listed(roles)} of the rows ahead are not used, since --setpoint is given"
-    for role, did in idle.items():
-        yield f"{role} of --setpoint is left out, since nothing {did} in the training"
+    for did in dict.fromkeys(idle.values()):
+        of_it = [role for role in idle if idle[role] == did]
+        verb = "is" if len(of_it) == 1 else "are"
+        yield f"{', '.join(of_it)} of --setpoint {verb} left out, since nothing {did} in the training"
 
 
 def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:

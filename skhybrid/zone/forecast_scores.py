@@ -104,7 +104,7 @@ def _other_setpoints(rows: pd.DataFrame, learned_until: pd.Timestamp) -> list[st
     last = rows[other[role]].iloc[-1]
     text = f"in {percent(share)} of the hours forecast other set-points were in force than forecast with"
     at = like_index(pd.Timestamp(last["time"]), pd.DatetimeIndex([learned_until]))
-    return [f"{text}, such as {role} {last[f'{role}_measured']:g} for {last[role]:g} degC at {at}"]
+    return [f"{text}, such as {role} {last[f'{role}_measured']:.3g} for {last[role]:.3g} degC at {at}"]
 
 
 def _beyond(ahead: pd.DataFrame) -> list[str]:
