@@ -538,7 +538,7 @@ def _fake_comparison(overview, keys):
             "mlp case03 input",
             "2 cases, the one with the lowest median",
         ),
-        (["mlp case10 input"], "mlp case10 input", "0 of the"),
+        (["mlp case10 input"], "mlp case10 input", "indistinguishable from it: 0"),
     ],
 )
 def test_history_then_kind_then_framework_then_median_decide(overview, left, chosen, said):
