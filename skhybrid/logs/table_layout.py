@@ -144,7 +144,7 @@ def _beside_stamps(units: list[str], width: int, place: int) -> list[str]:
 def _grouped(header: list[str], above: Sequence[str], place: int) -> list[str]:
     """The names after those of their groups, such as rooms in merged cells above them.
 
-    Where names occur twice, or some are units: in such a line a cell may be empty below its name.
+    They are joined if names occur twice or some are units; a line with units may have empty cells below names.
     """
     named = [cell for j, cell in enumerate(header) if cell and j != place]
     groups = [cell for j, cell in enumerate(above) if cell and j != place]
