@@ -94,6 +94,14 @@ def test_a_back_test_is_the_forecast_from_each_origin(model, later):
             np.testing.assert_array_equal(own["Q_hvac_true"], later[f"Q_hvac_{zone}"][own["time"] - pd.Timedelta("1h")])
 
 
+@pytest.mark.parametrize("heat_known", [True, False])
+def test_a_back_test_goes_on_from_the_training_that_is_in_its_table(model, log, later, heat_known):
+    given = {"quantiles": LEVELS, "heat_known": heat_known, "start": later.index[0]}
+    assert (model.n_known_of(log), model.n_known_of(later)) == (TRAINED, 0)
+    frame = backtest(model, log, log[T_OF], **given)
+    pd.testing.assert_frame_equal(frame, backtest(model, later, later[T_OF], **given))
+
+
 def test_errors_of_the_weather_forecast_are_those_of_each_origin_in_all_zones(model, later):
     given = {"start": later.index[4 * DAY], "quantiles": LEVELS, "heat_known": False}
     exact = backtest(model, later[: 6 * DAY + 1], later[T_OF][: 6 * DAY + 1], **given)

@@ -135,6 +135,24 @@ def test_a_back_test_of_the_closed_loop_has_its_paths_and_what_was_measured(log,
         assert row.u_cool_true == log["u_cool"][row.time - pd.Timedelta("1h")]
 
 
+@pytest.mark.parametrize(
+    "given", [{}, {"weather_error": "low"}, {"heat_known": False}, {"heat_known": False, "weather_error": "low"}]
+)
+def test_a_back_test_goes_on_from_the_training_that_is_in_its_table(log, model, given):
+    """It read the training in X as another history, and its errors under set-points were up to 15 % larger."""
+    given |= {"quantiles": (0.1, 0.9)}
+    later = log[TRAINED:]
+    assert (model.n_known_of(log), model.n_known_of(log[: TRAINED - 1]), model.n_known_of(later)) == (TRAINED, 0, 0)
+    known = log[TRAINED - 2 * DAY :]
+    frame = backtest(model, known, known["T_za"], **given)
+    after = frame[frame["origin"] >= later.index[0]].reset_index(drop=True)
+    pd.testing.assert_frame_equal(after, backtest(model, later, later["T_za"], **given))
+    assert frame["origin"].nunique() == after["origin"].nunique() + 2  # those of the training are there too
+    # rows that only look like the training are another history
+    warmer = known.assign(T_za=known["T_za"].where(known.index >= later.index[0], known["T_za"] + 1.0))
+    assert model.n_known_of(warmer) == 0
+
+
 def test_nothing_is_forecast_after_the_last_row(log, model):
     later = log[TRAINED : TRAINED + DAY]
     found = model.closed_loop_from(later, [DAY - 5], quantiles=(0.1, 0.9))

@@ -143,6 +143,21 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         end = self._scheme.rows.end()
         return pd.DataFrame({**end.inputs, **end.history}, index=end.index)
 
+    def n_known_of(self, X: Any) -> int:
+        """Count the first rows of a table that the model knows from :meth:`fit`, :meth:`update` or :meth:`partial_fit`.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+
+        Returns
+        -------
+        int
+            0 where X has no stamps, begins after the known rows or ends before they do, or has other values in them.
+        """
+        check_is_fitted(self)
+        return self._scheme.rows.n_known_of(self._read_X(X))
+
     @property
     def thermostat_learned_(self) -> bool:
         """Whether the training had set-points, so that a thermostat was learned."""

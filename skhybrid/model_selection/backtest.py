@@ -25,10 +25,10 @@ from .._table import (
 from .._time import assumed_clock, even_step, positive_duration, read_instant, rows_of, spell, wall_clock
 from .._warnings import several
 from ..forecasting.features import target_rows
-from ..forecasting.quantiles import quantile_columns, quantile_levels, read_quantiles
+from ..forecasting.quantiles import quantile_levels, read_quantiles
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
-from .origin_paths import paths_under, paths_under_setpoints
+from .origin_paths import Asked, columns_from
 from .single_reading import read_once, reading_of, takes_tables
 
 _DAY = pd.Timedelta("1D")
@@ -57,9 +57,8 @@ def backtest(
         which may therefore not read what is measured after an origin: ``T_za``, ``zeta``, or y under another name, in
         another unit, or lagged by less than the horizon.
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
-        Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.  A model
-        goes on from the rows that it knows, as in use, if X begins right after them; rows of the training in X are
-        history like any other.
+        Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.  After the
+        rows that a hybrid predictor or a BuildingPredictor knows, it goes on from them, as in use.
     y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for a BuildingPredictor
         Measured zone temperature [degC]; NaN is kept as it is.
     horizon : timedelta-like, default="1D"
@@ -119,29 +118,16 @@ def backtest(
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
-    weather, bands = read_weather_error(weather_error), None
-    loads: dict[str, np.ndarray] = {}
-    if (quantiles is not None or weather is not None or not heat_known) and takes_tables(forecaster):
-        table = read_once(table, **reading_of(forecaster), fits=False)
-    if weather is not None and heat_known and len(zones) > 1:
-        raise ValueError(
-            "weather_error of several zones is for set-points; take heat_known=False, or back-test the own_ estimators."
-        )
-    if not heat_known:
-        paths, bands, loads = paths_under_setpoints(forecaster, table, origins, n_leads * sampling, quantiles, weather)
-    elif weather is not None:
-        paths, bands = paths_under(forecaster, table, origins, n_leads, quantiles, weather)
-    elif hasattr(forecaster, "predict_from"):
-        paths = forecaster.predict_from(table, origins, horizon=pd.Timedelta(horizon))
-    else:
+    asked = Asked(n_leads * sampling, n_leads, quantiles, read_weather_error(weather_error), heat_known)
+    if asked.weather is None and heat_known and not hasattr(forecaster, "predict_from"):
         predicted = predicted_by(forecaster, table)
         refuse_later_measurements(estimator, X, truth[:, 0], predicted, origins, n_leads)
-        paths = predicted[np.minimum(target_rows(origins, n_leads), len(wall) - 1)]
-    if quantiles is not None and bands is None:
-        bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=pd.Timedelta(horizon))
-    names = () if quantiles is None else quantile_columns(quantiles)
-    columns = {"y_pred": paths} | dict(zip(names, () if bands is None else np.moveaxis(bands, -1, 0), strict=True))
-    return _in_rows(stamps, origins, n_leads * sampling, truth, columns | loads, zones)
+        columns = {"y_pred": predicted[np.minimum(target_rows(origins, n_leads), len(wall) - 1)]}
+    else:
+        if takes_tables(forecaster):
+            table = read_once(table, **reading_of(forecaster), fits=False)
+        columns = columns_from(forecaster, table, origins, asked)
+    return _in_rows(stamps, origins, asked.horizon, truth, columns, zones)
 
 
 def _in_rows(

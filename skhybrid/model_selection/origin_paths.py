@@ -1,10 +1,10 @@
-"""Forecasts from every origin under a weather forecast of its own, and under set-points with the load of the plant."""
+"""Forecasts from every origin: with the heat known, under weather forecasts, or under set-points with the load."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,54 @@ from ..hybrid.thermostat_law.closed_loop_paths import ClosedLoopPaths
 from .single_reading import takes_tables
 
 
-def paths_under(
+class Asked(NamedTuple):
+    """Properties of the forecasts from every origin."""
+
+    horizon: pd.Timedelta
+    n_leads: int
+    quantiles: Sequence[float] | None
+    weather: WeatherError | None
+    heat_known: bool
+
+
+def columns_from(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked) -> dict[str, np.ndarray]:
+    """Columns (n_origins, n_leads, ...) of forecasts from increasing origins of a table; NaN after its last row.
+
+    After the rows that a model knows, its forecasts go on from them, as in use.
+    """
+    n_known = forecaster.n_known_of(table) if hasattr(forecaster, "n_known_of") else 0
+    after = origins >= n_known
+    if not n_known or not after.any():
+        return _columns(forecaster, table, origins, asked)
+    later = table.rows(slice(n_known, None)) if isinstance(table, ZoneTable) else table.iloc[n_known:]
+    parts = [_columns(forecaster, later, origins[after] - n_known, asked)]
+    if not after.all():
+        parts.insert(0, _columns(forecaster, table, origins[~after], asked))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _columns(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked) -> dict[str, np.ndarray]:
+    """The columns of :func:`columns_from`, all read in one way."""
+    horizon, n_leads, quantiles, weather, heat_known = asked
+    bands, loads = None, dict[str, np.ndarray]()
+    if not heat_known:
+        paths, bands, loads = _paths_under_setpoints(forecaster, table, origins, horizon, quantiles, weather)
+    elif weather is not None:
+        if hasattr(forecaster, "zones_"):
+            raise ValueError(
+                "weather_error of several zones is for set-points; take heat_known=False, or back-test the own_ "
+                "estimators."
+            )
+        paths, bands = _paths_under(forecaster, table, origins, n_leads, quantiles, weather)
+    else:
+        paths = forecaster.predict_from(table, origins, horizon=horizon)
+        if quantiles is not None:
+            bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=horizon)
+    names = () if quantiles is None or bands is None else quantile_columns(quantiles)
+    return {"y_pred": paths} | dict(zip(names, () if bands is None else np.moveaxis(bands, -1, 0), strict=True)) | loads
+
+
+def _paths_under(
     forecaster: Any,
     table: Any,
     origins: np.ndarray,
@@ -76,7 +123,7 @@ def _walker(forecaster: Any, table: ZoneTable, first: int) -> tuple[Any, int]:
     return walker, first + 1
 
 
-def paths_under_setpoints(
+def _paths_under_setpoints(
     forecaster: Any,
     table: Any,
     origins: np.ndarray,

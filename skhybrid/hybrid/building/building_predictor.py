@@ -226,6 +226,17 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         check_is_fitted(self)
         return self._first.known_until_
 
+    def n_known_of(self, X: Any) -> int:
+        """Count the first rows of a table that the models of all zones know, as :meth:`HybridPredictor.n_known_of`.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_features)
+        """
+        check_is_fitted(self)
+        X = self._prepared(self._read(X))
+        return min(model.n_known_of(X) for model in self.own_.values())
+
     @property
     def thermostat_learned_(self) -> dict[str, bool]:
         """Whether the training had set-points of a zone, so that its thermostat was learned, by zone."""
