@@ -185,6 +185,8 @@ def test_estimators_that_share_a_network_live_apart(office, estimator):
         fitted.forecast(None, now), clone(estimator).fit(office.X[rows], office.y[rows]).forecast(None, now)
     )
     assert [one.scheme_ for one in made] == ["two-stage"] * 2
+    with pytest.raises(TypeError, match=r"must be a sequence of forecasters; give \[forecaster\]"):
+        fitted.with_forecasters(DisturbanceForecaster("ridge"))
     with pytest.raises(ValueError, match="rows were taken in"):
         made[0].with_forecasters(forecasters)
     with pytest.raises(ValueError, match="the schedule model learns network and disturbance as one"):

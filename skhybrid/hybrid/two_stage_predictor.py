@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Literal, Self
 
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils.validation import check_is_fitted
 
@@ -183,9 +183,13 @@ class BaseTwoStage(BaseHybrid):
         ------
         ValueError
             If this estimator has taken the schedule model, or rows were taken in since ``fit``.
+        TypeError
+            If ``forecasters`` is one estimator.
         """
         check_is_fitted(self)
         scheme = self._scheme
+        if isinstance(forecasters, str | BaseEstimator):
+            raise TypeError(f"forecasters={forecasters!r} must be a sequence of forecasters; give [forecaster].")
         if not isinstance(scheme, TwoStageScheme):
             raise ValueError("the schedule model learns network and disturbance as one, and has no other forecaster.")
         if scheme.rows.latest is not scheme.rows.training:
