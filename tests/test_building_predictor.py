@@ -28,7 +28,8 @@ from skhybrid.exceptions import MeasurementWarning, PlanWarning, ScaleNotIdentif
 from skhybrid.forecasting.quantiles import LeftOut
 from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.blending.rolling_blend import RollingBlend
-from skhybrid.hybrid.building import building_forecast, building_predictor
+from skhybrid.hybrid.building import base, building_predictor
+from skhybrid.hybrid.building.building_forecast import FittedZones
 from skhybrid.hybrid.building.coupled_zone import CoupledZone, couple
 from skhybrid.hybrid.building.zone_columns import ZoneColumns, found_neighbours
 from skhybrid.model_selection import backtest, score_intervals
@@ -101,10 +102,9 @@ def test_zones_whose_temperatures_have_nothing_in_common_are_no_neighbours():
 
 
 def test_the_last_known_temperature_of_each_zone_is_kept():
-    model = BuildingPredictor()
-    model.zones_, model._last = ["a", "b"], {"a": np.nan, "b": 19.0}
-    model._take_in(pd.DataFrame({"a": [20.0, 21.0, np.nan], "b": np.nan}))
-    assert model._last == {"a": 21.0, "b": 19.0}
+    zones = FittedZones(ZoneColumns(("a", "b"), {}), {}, {}, {"a": np.nan, "b": 19.0})
+    measured = pd.DataFrame({"a": [20.0, 21.0, np.nan], "b": np.nan})
+    assert zones.last_after(measured) == {"a": 21.0, "b": 19.0}
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +249,7 @@ def test_rows_that_are_read_once_give_what_rows_read_by_zone_give(building, late
     NOW, BANDS = {"T_za": [20.0, 18.0, 19.0]}, {"quantiles": (0.1, 0.9)}
     monkeypatch.setattr(frames_reading, "read_table", counted)
     at_once, n_at_once = step(building)
-    for module in (building_forecast, building_predictor):
+    for module in (base, building_predictor):
         monkeypatch.setattr(module, "tables_of_zones", lambda *args, **kwargs: None)
     by_zone, n_by_zone = step(building)
     pd.testing.assert_frame_equal(at_once, by_zone, rtol=0.0, atol=1e-10)

@@ -221,7 +221,7 @@ def test_a_zone_without_a_plant_is_free_and_has_no_load(log, model):
     assert frame.loc["living"].notna().all(axis=None)
     own = free.coupled_["bedroom"]
     driven = own.model.predict_from(
-        free._with_measured(later, free._known(later)),
+        free._zones.with_measured(later),
         [0],
         boundary={"T_next_living": free.own_["living"].closed_loop_from(later, [0]).paths.temperature},
     )

@@ -10,13 +10,12 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.base import clone
 from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted
 
 from ..._arguments import check_n_jobs
 from ..._rolling import r2_of_measured
-from ..._summary import SummaryMixin
 from ..._table import as_numbers, as_pandas
 from ..._threads import one_blas_thread
 from ..._time import rows_of
@@ -29,15 +28,16 @@ from ..base import BaseHybrid
 from ..parts import fit_preprocess
 from ..predictor import HybridPredictor, takes_two_stages
 from ..schedule_predictor import DEFAULT_NETWORK
-from .building_plans import BuildingPlansMixin, JointErrors
+from .base import BaseBuilding
+from .building_plans import JointErrors
 from .building_tables import of_zone, tables_of_zones, with_neighbour_temperatures
-from .coupled_zone import CoupledZone, couple, with_neighbours
+from .coupled_zone import couple, with_neighbours
 from .zone_columns import NEXT, ZoneColumns, found_neighbours, neighbours_of, read_temperatures, refuse_same
 
 _SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
 
-class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
+class BuildingPredictor(BaseBuilding):
     """Day-ahead forecast of temperature and load of all zones of a building.
 
     Each zone has two predictors: one that knows only the zone itself, and one that takes its neighbours' temperatures
@@ -120,15 +120,14 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self._columns.refuse_exchanged(X, T)
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
-        self._last = dict.fromkeys(self.zones_, np.nan)
+        self.coupled_, self._last = {}, dict.fromkeys(self.zones_, np.nan)
         self.own_ = self._work_by_zone({zone: (self._fit_zone, template, X, T[zone]) for zone in self.zones_})
         coupled = {zone: others for zone, others in neighbours.items() if others}
-        X = self._with_measured(X, T) if coupled else X
+        X = self._zones.with_measured(X, T) if coupled else X
         among = {z: (self._fit_zone, template, X, T[z], others, self.own_[z]) for z, others in coupled.items()}
         self._couple(X, self._work_by_zone(among), neighbours)
         self._learn_usual()
-        self._take_in(T)
-        self.training_ = self._first.training_
+        self._last, self.training_ = self._zones.last_after(T), self._zones.first.training_
         return self
 
     def _learn_usual(self) -> None:
@@ -179,7 +178,6 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         """Weigh the forecasts with neighbours."""
         wanted = models or all(model.intervals for model in self.own_.values())
         own = {zone: model.left_out_errors() for zone, model in self.own_.items()} if wanted else {}
-        self.coupled_: dict[str, CoupledZone] = {}
         errors: dict[str, LeftOut] = dict(own)
         for zone, model in models.items():
             others = neighbours[zone]
@@ -198,10 +196,6 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         history, future = X[-n_leads - n_known : -n_leads], X[-n_leads:]
         return model.affine_forecast(history, future, [NEXT + other for other in neighbours]).gain
 
-    def _take_in(self, T: pd.DataFrame) -> None:
-        """Keep the last known temperature of each zone."""
-        self._last = {zone: float(values[-1]) for zone, values in self._carried_on(T).items()}
-
     def without_neighbours(self) -> Self:
         """A copy that forecasts each zone by itself.
 
@@ -217,14 +211,12 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
     @property
     def shares_(self) -> pd.DataFrame:
         """Share of the forecast with neighbours, by zone and group of leads."""
-        check_is_fitted(self)
-        return pd.DataFrame({zone: one.shares for zone, one in self.coupled_.items()}).T
+        return pd.DataFrame({zone: one.shares for zone, one in self._zones.coupled.items()}).T
 
     @property
     def known_until_(self) -> pd.Timestamp | None:
         """Stamp of the last row that the model knows, in the time zone of the training; None if that had no stamps."""
-        check_is_fitted(self)
-        return self._first.known_until_
+        return self._zones.first.known_until_
 
     def n_known_of(self, X: Any) -> int:
         """Count the first rows of a table that the models of all zones know, as :meth:`HybridPredictor.n_known_of`.
@@ -240,8 +232,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
     @property
     def thermostat_learned_(self) -> dict[str, bool]:
         """Whether the training had set-points of a zone, so that its thermostat was learned, by zone."""
-        check_is_fitted(self)
-        return {zone: model.thermostat_learned_ for zone, model in self.own_.items()}
+        return self._zones.of_each(lambda model: model.thermostat_learned_)
 
     @unchanged_on_failure
     @warnings_joined()
@@ -263,8 +254,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         if not hasattr(self, "own_"):
             return self.fit(X, y)
         X, before = self._prepared(self._read(X)), self.known_until_
-        T = self._known(X, y)
-        among = self._with_measured(X, T) if self.coupled_ else X
+        T = self._columns.known(X, y)
+        among = self._zones.with_measured(X, T) if self.coupled_ else X
 
         def learned(zone: str, model: BaseHybrid, X: Any) -> BaseHybrid:
             with of_zone(zone):
@@ -276,8 +267,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self.coupled_ = {zone: replace(one, model=coupled[zone]) for zone, one in self.coupled_.items()}
         self._learn_usual()
         if before is None or self.known_until_ != before:
-            self._take_in(T)
-        self.training_ = self._first.training_
+            self._last = self._zones.last_after(T)
+        self.training_ = self._zones.first.training_
         return self
 
     @unchanged_on_failure
@@ -308,7 +299,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
                 f"X has no column {absent[0]!r}; give what was measured there or as y, with NaN where missing (rows "
                 "ahead are for predict and forecast)."
             )
-        T = self._known(X, y)
+        T = self._columns.known(X, y)
         for zone in self._silent(T):
             warn_user(
                 f"zone {zone!r} has no temperature from {T.index[0]} to {T.index[-1]}: it is forecast from what was "
@@ -316,8 +307,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
                 MeasurementWarning,
             )
         tables = None if y is not None else tables_of_zones(self.own_, self._columns, X, measured=True)
-        X = self._with_measured(X, T) if self.coupled_ and tables is None else X
-        known = self._carried_on(T)
+        X = self._zones.with_measured(X, T) if self.coupled_ and tables is None else X
+        known = self._zones.carried_on(T)
 
         def after(zone: str, model: BaseHybrid, neighbours: Sequence[str] = ()) -> BaseHybrid:
             with of_zone(zone):
@@ -329,13 +320,13 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         self.own_ = {zone: after(zone, model) for zone, model in self.own_.items()}
         coupled = self.coupled_.items()
         self.coupled_ = {zone: replace(one, model=after(zone, one.model, one.neighbours)) for zone, one in coupled}
-        self._take_in(T)
+        self._last = self._zones.last_after(T)
         return self
 
     def _silent(self, T: pd.DataFrame) -> list[str]:
         """Zones of which nothing was measured for an hour or more, where others were measured."""
         seen = np.isfinite(T.to_numpy(dtype=float)).any(axis=0)
-        long = self._span(len(T)) >= pd.Timedelta("1h")
+        long = len(T) * self._zones.first.sampling_time_ >= pd.Timedelta("1h")
         return [zone for zone, known in zip(self.zones_, seen, strict=True) if not known and long and seen.any()]
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
@@ -353,7 +344,7 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
             If there is no row in which all zones were measured, or X or ``y`` cannot be read.
         """
         predicted = np.asarray(self.predict(X))
-        measured = as_numbers(self._known(X, y), "y").reshape(predicted.shape)
+        measured = as_numbers(self._columns.known(X, y), "y").reshape(predicted.shape)
         return r2_of_measured(measured, predicted, sample_weight)
 
     def drift(self, X: Any = None) -> pd.DataFrame:
@@ -368,9 +359,8 @@ class BuildingPredictor(BuildingPlansMixin, SummaryMixin, MultiOutputMixin, Regr
         DataFrame
             With the zone as first level of the index.
         """
-        check_is_fitted(self)
-        X = None if X is None else self._prepared(self._read(X))
-        return pd.concat(self._of_each(lambda model: model.drift(X)), names=["zone"])
+        zones, X = self._zones, None if X is None else self._prepared(self._read(X))
+        return pd.concat(zones.of_each(lambda model: model.drift(X)), names=["zone"])
 
     def _facts(self) -> dict[str, str]:
         pairs = {tuple(sorted((zone, other))) for zone, one in self.coupled_.items() for other in one.neighbours}

@@ -8,25 +8,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_consistent_length, validate_data
 
 from ..._ranges import is_in_watts
-from ..._table import (
-    HISTORY_ROLES,
-    SETPOINT_ROLES,
-    ZoneTable,
-    as_numbers,
-    as_pandas,
-    checked_columns,
-    read_array,
-    refuse_shape,
-)
+from ..._table import HISTORY_ROLES, SETPOINT_ROLES, ZoneTable
 from ..._warnings import raise_warning, warn_once, warnings_of_zone, warnings_to
 from ...exceptions import SkhybridWarning
 from ..base import BaseHybrid
-from ..parts import preprocessed
-from .coupled_zone import CoupledZone
-from .zone_columns import NEXT, ZoneColumns, carried_on, temperatures_of
+from .zone_columns import NEXT, ZoneColumns
 
 
 @contextmanager
@@ -48,60 +36,6 @@ def warn_of_usual(model: BaseHybrid) -> None:
             SkhybridWarning,
             model.training_,
         )
-
-
-class BuildingTablesMixin:
-    """Reading of tables of all zones, and of what was measured in each."""
-
-    estimator: Any
-    preprocess_: Any
-    zones_: list[str]
-    own_: dict[str, BaseHybrid]
-    coupled_: dict[str, CoupledZone]
-    _columns: ZoneColumns
-    _last: dict[str, float]
-    _single: bool
-
-    @property
-    def _first(self) -> BaseHybrid:
-        """The predictor of the first zone by itself."""
-        return self.own_[self.zones_[0]]
-
-    def _read(self, X: Any, *, reset: bool = False) -> Any:
-        if not isinstance(X := as_pandas(X), pd.DataFrame):
-            return read_array(self, X, reset=reset, ensure_all_finite=False)
-        refuse_shape(X, 0)
-        if reset:
-            validate_data(self, X, skip_check_array=True)
-        return X
-
-    def _prepared(self, X: Any) -> Any:
-        """A table after the estimator's ``preprocess``."""
-        names = dict.fromkeys([*getattr(self.preprocess_, "feature_names_in_", ()), *getattr(X, "columns", ())])
-        role_of = {column: role for role, column in checked_columns(getattr(self.estimator, "columns", None)).items()}
-        return preprocessed(self.preprocess_, X, [n for n in names if str(role_of.get(n, n)).startswith("T_za")])
-
-    def _known(self, X: Any, y: Any = None) -> pd.DataFrame:
-        """Measured temperature of each zone (n, n_zones), NaN where missing [degC]."""
-        if y is not None:
-            T = temperatures_of(y, X, self.zones_)
-            check_consistent_length(X, T)
-            self._columns.refuse_exchanged(X, T)
-            return T
-        return pd.DataFrame({zone: self._measured(X, zone) for zone in self.zones_}, getattr(X, "index", None))
-
-    def _measured(self, X: Any, zone: str) -> np.ndarray:
-        column = self._columns.measured(zone)
-        here = isinstance(X, pd.DataFrame) and column in X
-        return as_numbers(X[column], str(column)) if here else np.full(len(X), np.nan)
-
-    def _carried_on(self, T: pd.DataFrame) -> dict[str, np.ndarray]:
-        """Measured temperatures (n, n_zones) by zone, the last known one where one is missing."""
-        return {zone: carried_on(T[zone].to_numpy(dtype=float), self._last[zone]) for zone in self.zones_}
-
-    def _with_measured(self, X: Any, T: pd.DataFrame) -> Any:
-        """X with the measured temperatures as boundaries of neighbours."""
-        return with_next(X, self._carried_on(T)) if isinstance(X, pd.DataFrame) else X
 
 
 def with_next(X: pd.DataFrame, T: Mapping[str, np.ndarray]) -> pd.DataFrame:

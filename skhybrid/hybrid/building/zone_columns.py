@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.utils import check_consistent_length
 
 from ..._last_known import carried_forward
 from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, ending_zone, is_plant, listed, numeric, role_of
@@ -102,6 +103,37 @@ class ZoneColumns:
     def measured(self, zone: str) -> Any:
         """The column of a zone's measured temperature."""
         return self.columns.get(MEASURED + zone, self.columns.get("T_za", MEASURED + zone))
+
+    def known(self, X: Any, y: Any = None) -> pd.DataFrame:
+        """Measured temperature of each zone (n, n_zones), NaN where missing [degC]: the target y, or those in X."""
+        if y is not None:
+            given = temperatures_of(y, X, list(self.zones))
+            check_consistent_length(X, given)
+            self.refuse_exchanged(X, given)
+            return given
+        own, here = {zone: self.measured(zone) for zone in self.zones}, getattr(X, "columns", ())
+        T = {zone: as_numbers(X[c], str(c)) if c in here else np.full(len(X), np.nan) for zone, c in own.items()}
+        return pd.DataFrame(T, getattr(X, "index", None))
+
+    def planned(self, rows: pd.DataFrame, roles: Sequence[str]) -> np.ndarray:
+        """(n, n_roles) heat and stages in rows ahead, 0 where a column is absent."""
+        columns = [self.columns[role] for role in roles]
+        return np.column_stack([as_numbers(rows[c], str(c)) if c in rows else np.zeros(len(rows)) for c in columns])
+
+    @property
+    def shared_plants(self) -> list[str]:
+        """Columns of stages and heat of plants that serve several zones."""
+        shared = [role for role in self.columns if is_plant(role) and self.owner(role) is None]
+        return [str(self.columns[role]) for role in shared if len(self.zones) > 1]
+
+    def refuse_shared_plants(self) -> None:
+        """Refuse set-points where a plant serves several zones."""
+        if self.shared_plants:
+            raise ValueError(
+                f"column {self.shared_plants[0]!r} is of a plant that several zones share, which cannot hold the "
+                "set-points of each; give its stages or heat ahead to forecast, or plan them with affine_forecast and "
+                "an optimiser."
+            )
 
     def refuse_exchanged(self, X: Any, T: pd.DataFrame) -> None:
         """Refuse targets (n, n_zones) of which one is the temperature of another zone in X, and not of its own."""
