@@ -28,7 +28,7 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import PlanWarning
 from skhybrid.forecasting.quantiles import path_clock
 from skhybrid.hybrid import ControlModel
-from skhybrid.hybrid.affine_frames import AffineFramesMixin
+from skhybrid.hybrid.affine_frames import recent_offsets
 from skhybrid.hybrid.blending.rolling_blend import RollingBlend
 from skhybrid.hybrid.schedule_scheme import ScheduleScheme
 from skhybrid.hybrid.scheme import RecentErrors
@@ -328,8 +328,7 @@ def test_recorded_errors_count_by_the_hour_at_which_they_ended(office):
     recent, met = RecentErrors(np.zeros((2, 3)), back, leads), []
     intervals = SimpleNamespace(factor_at=lambda errors, share: met.append(errors[1]), offsets=lambda *_: "offsets")
     clock = path_clock(table, np.array([origin]), table.n_rows - 1 - origin)
-    model = SimpleNamespace(intervals_=intervals)
-    assert AffineFramesMixin._recent_offsets(model, clock, table, recent, np.array([0.5])) == "offsets"
+    assert recent_offsets(intervals, clock, table, recent, np.array([0.5])) == "offsets"
     np.testing.assert_array_equal(met[0].slot, day_type_hour(table)[origin + leads - back[:, None]])
 
 

@@ -285,7 +285,7 @@ PLACES = {
     ),
     "two-stage": (
         ("two_stage_scheme.fit_forecaster", "fit"),
-        ("scheme_intervals.intervals_from", "fit"),
+        ("base.intervals_from", "fit"),
         ("known_rows.KnownRows.appended", "update"),
         ("hourly_aggregation.HourlyAggregation.added", "update"),
         ("weekly_refit.fit_forecaster", "partial_fit"),

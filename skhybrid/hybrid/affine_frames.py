@@ -26,7 +26,7 @@ from ..control import (
     warn_uncovered,
 )
 from ..exceptions import GainWarning
-from ..forecasting.intervals import PathClock
+from ..forecasting.intervals import LeadIntervals, PathClock
 from ..forecasting.quantiles import path_clock, read_quantiles
 from .frames_forecast import FramesForecastMixin
 from .scheme import Ahead, RecentErrors
@@ -169,19 +169,20 @@ class AffineFramesMixin(FramesForecastMixin):
         if recent is None:
             found = self._quantile_offsets(table, origin, n_leads, levels)[1][0]
         else:
-            found = self._recent_offsets(path_clock(table, origin, n_leads), table, recent, levels)
+            found = recent_offsets(self.intervals_, path_clock(table, origin, n_leads), table, recent, levels)
         out[ahead.n_rows - n_leads :] = found
         return out
 
-    def _recent_offsets(
-        self, clock: PathClock, table: ZoneTable, recent: RecentErrors, levels: np.ndarray
-    ) -> np.ndarray:
-        """(n_leads, n_levels) quantiles of the error of a path to the table's end, by recorded errors."""
-        intervals, hours = self.intervals_, table.step_hours
-        ends = recent.leads - recent.back[:, None]  # rows from the origin
-        since_last = ends - clock.lead.shape[1]
-        slots = day_type_hours(table, since_last.ravel()).reshape(ends.shape)
-        lead = np.broadcast_to(recent.leads * hours, ends.shape)
-        errors = recent.values, PathClock(lead, slots, ends * hours / 24.0)
-        factor = intervals.factor_at(errors, 0.0)
-        return intervals.offsets(clock._replace(day=clock.day - clock.day), levels, errors, 0.0, None, factor)
+
+def recent_offsets(
+    intervals: LeadIntervals, clock: PathClock, table: ZoneTable, recent: RecentErrors, levels: np.ndarray
+) -> np.ndarray:
+    """(n_leads, n_levels) quantiles of the error of a path to the table's end, by recorded errors."""
+    hours = table.step_hours
+    ends = recent.leads - recent.back[:, None]  # rows from the origin
+    since_last = ends - clock.lead.shape[1]
+    slots = day_type_hours(table, since_last.ravel()).reshape(ends.shape)
+    lead = np.broadcast_to(recent.leads * hours, ends.shape)
+    errors = recent.values, PathClock(lead, slots, ends * hours / 24.0)
+    factor = intervals.factor_at(errors, 0.0)
+    return intervals.offsets(clock._replace(day=clock.day - clock.day), levels, errors, 0.0, None, factor)

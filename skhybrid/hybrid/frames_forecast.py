@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,22 +14,14 @@ from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
 from .._time import rows_of
-from ..control import Band, Limits, LoadPaths, read_limits, read_plant_limits, read_setpoint, refuse_boundary
-from ..exceptions import TooFewDaysError
-from ..forecasting.quantiles import load_quantile_columns, quantile_columns, read_quantiles
-from ..forecasting.weather_error import WeatherError, read_weather_error, weather_of_quantiles
+from ..control import read_limits, read_plant_limits, read_setpoint, refuse_boundary
+from ..forecasting.quantiles import quantile_columns, read_quantiles
+from ..forecasting.weather_error import read_weather_error, weather_of_quantiles
 from .frames_reading import FramesReadingMixin
-from .scheme import Paths, Scheme, read_boundary
-from .setpoint_columns import band_of, setpoints_in, with_band
+from .plant_run import PlantRun, Wanted
+from .scheme import Paths, read_boundary
+from .setpoint_columns import setpoints_in, with_band
 from .thermostat_law.closed_loop_paths import ClosedLoopPaths
-
-
-class Wanted(NamedTuple):
-    """Wishes for a forecast of rows ahead."""
-
-    now: float | None = None  # temperature measured in the first row, where it is [degC]
-    levels: np.ndarray | None = None  # of quantiles
-    weather: WeatherError | None = None  # by which they are wider
 
 
 class FramesForecastMixin(FramesReadingMixin):
@@ -142,15 +134,12 @@ class FramesForecastMixin(FramesReadingMixin):
         limits: tuple[float | None, float | None] | None,
     ) -> pd.DataFrame:
         """The forecast in which the plant follows set-points."""
-        now, levels, weather = wanted
-        n_ahead, scheme = len(future.index), self._present_scheme()
-        idle = self._idle(future)
+        now, run, idle = wanted.now, self._run, self._idle(future)
         table, _ = (
             self._after_known(self._read_future(idle), now) if history is None else self._read_both(history, idle, now)
         )
-        table = self._with_earlier(table)
-        origin = np.array([table.n_rows - n_ahead - (now is None)])
-        ahead = table.rows(slice(table.n_rows - n_ahead, None))
+        table = run.with_earlier(table)
+        ahead = table.rows(slice(table.n_rows - len(future.index), None))
         if setpoint is None:
             if self._law is None:
                 raise ValueError(
@@ -160,60 +149,11 @@ class FramesForecastMixin(FramesReadingMixin):
             self._check_setpoints_ahead(ahead)
         else:
             table = with_band(table, read_setpoint(setpoint, ahead))
-        within = read_plant_limits(limits, ahead)
-        # the heat of the last known row has been delivered; that of a row whose temperature is now is to be decided
-        delivered = None if now is not None else scheme.plant_heat(table)[origin]
-        if self._law is None:
-            load = self._ideal(scheme, table, int(origin[0]), levels, within, delivered)
-            return load.iloc[-n_ahead:].set_axis(future.index)
-        found = self._law.paths(
-            scheme, table, origin, n_ahead + (now is None), levels, within, delivered, weather=weather
-        )
-        if now is not None:
-            found = found.after(now)
-        heat, temperature, zeta = found.paths
-        path = LoadPaths(heat[:, -n_ahead:], temperature[:, :n_ahead], zeta[:, -n_ahead:])
-        out = _delivered(scheme.heat_frame(future.index, path))
-        if levels is None or found.heat_bands is None or found.temperature_bands is None:
-            return out
-        return _with_bands(out, levels, found.temperature_bands[0, :n_ahead], found.heat_bands[0, -n_ahead:])
+        return run.ahead(table, future.index, wanted, read_plant_limits(limits, ahead))
 
-    def _with_earlier(self, table: ZoneTable) -> ZoneTable:
-        """The table after all known rows that the law reads."""
-        rows = self._scheme.rows
-        return table if self._law is None else rows.with_earlier(table, self._law.rows_back(rows))
-
-    def _ideal(
-        self,
-        scheme: Scheme,
-        table: ZoneTable,
-        origin: int,
-        levels: np.ndarray | None,
-        limits: tuple[float, float] | None,
-        delivered: np.ndarray | None,
-    ) -> pd.DataFrame:
-        """The least heat that keeps the set-points, where no law was learned."""
-        if levels is not None:
-            raise TooFewDaysError(
-                "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set."
-            )
-        free = self._plant_limits(table.n_rows - origin)
-        if limits is not None:
-            free = free.within(*limits)
-        if delivered is not None:
-            for side in free:
-                side[:1] = delivered
-        band = band_of(table).rows(slice(origin, None))
-        return _delivered(scheme.required_heat(table, np.array([origin]), band, free))
-
-    def _plant_limits(self, n_rows: int) -> Limits:
-        """Limits of a plant whose heat was measured: one that never cooled in training, or never heated, does not."""
-        inputs, roles = self._scheme.rows.training.inputs, self._plant
-        heat = np.sum([inputs[role] for role in roles], axis=0) if roles else np.zeros(1)
-        measured = all(role.startswith("Q_") for role in roles)
-        cools, heats = (not measured or (sign * heat).max() > 0.0 for sign in (-1.0, 1.0))
-        lowest, highest = -np.inf if cools or not heats else 0.0, np.inf if heats or not cools else 0.0
-        return Limits.constant(lowest, highest, n_rows)
+    @property
+    def _run(self) -> PlantRun:
+        return PlantRun(self._present_scheme(), self._law)
 
     def _has_setpoints_only(self, future: Any) -> bool:
         """Whether rows ahead have set-points and no column of the plant."""
@@ -280,20 +220,11 @@ class FramesForecastMixin(FramesReadingMixin):
         """The frame of :meth:`predict_load`; of a zone without a plant its load is 0."""
         levels = None if quantiles is None else read_quantiles(quantiles)
         table, _, origins = self._load_rows(X, self._plant)
-        table = self._with_earlier(table)
-        origins, here = origins + table.n_history, table.rows(slice(table.n_history, None))
-        wanted = read_setpoint(setpoint, here)
-        within = self._plant_limits(here.n_rows) if limits is None else read_limits(limits, here)
-        scheme = self._present_scheme()
-        load = scheme.required_heat(table, origins, wanted, within).set_axis(here.index)
-        if self._law is not None and limits is None and not np.array_equal(*wanted):
-            return self._learned_load(scheme, table, origins, wanted, load, levels)
-        if levels is not None:
-            raise ValueError(
-                "intervals of a load need a learned thermostat: fit on a week or more with T_heat_set or T_cool_set, "
-                "give setpoint as a pair, and no limits."
-            )
-        return load
+        run = self._run
+        table = run.with_earlier(table)
+        here = table.rows(slice(table.n_history, None))
+        wanted, within = read_setpoint(setpoint, here), None if limits is None else read_limits(limits, here)
+        return run.load(table, origins + table.n_history, wanted, within, levels)
 
     @one_blas_thread
     def closed_loop_from(
@@ -339,7 +270,8 @@ class FramesForecastMixin(FramesReadingMixin):
         rows = checked_origins(origins, table.n_rows - n_tail)
         if not len(rows) or (np.diff(rows) <= 0).any():
             raise ValueError("origins must be increasing row numbers of X, at least one.")
-        table = self._with_earlier(table)
+        run = self._run
+        table = run.with_earlier(table)
         here = table.rows(slice(table.n_history, None))
         if self._law is None or not (self._runs_as_usual or setpoints_in(here)):
             raise ValueError(
@@ -348,45 +280,8 @@ class FramesForecastMixin(FramesReadingMixin):
             )
         self._check_setpoints_ahead(here)
         n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
-        scheme, rows, weather = self._present_scheme(), rows + table.n_history, read_weather_error(weather_error)
+        scheme, rows, weather = run.scheme, rows + table.n_history, read_weather_error(weather_error)
         boundary = read_boundary(boundary)
         refuse_boundary(boundary, scheme.planned_boundaries, (len(rows), n_leads))
         found = self._law.paths(scheme, table, rows, n_leads, levels, boundary=boundary, weather=weather)
         return found.by_role(scheme, table, rows)
-
-    def _learned_load(
-        self,
-        scheme: Scheme,
-        table: ZoneTable,
-        origins: np.ndarray,
-        wanted: Band,
-        load: pd.DataFrame,
-        levels: np.ndarray | None,
-    ) -> pd.DataFrame:
-        """An ideal ``load`` with what the learned plant does in its place, each origin up to the next one."""
-        assert self._law is not None
-        spans = np.diff(np.append(origins, table.n_rows))
-        found = self._law.paths(scheme, with_band(table, wanted), origins, int(spans.max()), levels)
-        lead = np.concatenate([np.arange(n) for n in spans])
-        of = np.repeat(np.arange(len(origins)), spans)
-        at_origin, before = lead == 0, np.maximum(lead - 1, 0)
-        T = np.where(at_origin, load["T_za"], found.paths.temperature[of, before])
-        path = LoadPaths(found.paths.heat[of, lead][None], T[None], load["zeta"].to_numpy()[None])
-        frame = _delivered(scheme.heat_frame(load.index, path))
-        load = load.assign(**{str(name): frame[name] for name in frame})
-        if levels is None or found.heat_bands is None or found.temperature_bands is None:
-            return load
-        bands = np.where(at_origin[:, None], T[:, None], found.temperature_bands[of, before])
-        return _with_bands(load, levels, bands, found.heat_bands[of, lead])
-
-
-def _delivered(load: pd.DataFrame) -> pd.DataFrame:
-    """The columns of a load without what would be needed, the temperature first."""
-    names = [str(name) for name in load if name != "T_za" and not str(name).endswith("_unclipped")]
-    return load[["T_za", *names]]
-
-
-def _with_bands(load: pd.DataFrame, levels: np.ndarray, temperature: np.ndarray, heat: np.ndarray) -> pd.DataFrame:
-    """A load with quantiles (n_rows, n_levels), which may be hundreds: ``q_0.1`` of T_za, and ``Q_hvac_0.1``."""
-    names = [*quantile_columns(levels), *load_quantile_columns(levels)]
-    return load.join(pd.DataFrame(np.hstack([temperature, heat]), load.index, names))

@@ -1,8 +1,8 @@
-"""Reading of the tables that a predictor is given: rows like those of the training, a history and rows ahead."""
+"""Reading of the tables that a predictor is given, and of the rows before them, for forecasts by its scheme."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,16 @@ from .._table import (
     refuse_gap,
     refuse_other_clock,
 )
+from .._time import rows_of, rows_per_day
 from .._warnings import several, warn_once
 from ..control import Plan, refuse_where, warn_uncovered
 from ..exceptions import MeasurementWarning
+from ..forecasting.intervals import DAYS_BACK
+from ..forecasting.quantiles import QuantileForecastMixin
 from ..thermal import RCNetwork
 from .parts import preprocessed
-from .scheme_intervals import HybridQuantilesMixin
+from .plausible_range import PlausibleRange
+from .scheme import Scheme
 from .setpoint_columns import check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
 
@@ -44,14 +48,21 @@ def _at_now(table: ZoneTable, first: int, T_za: float | None) -> tuple[ZoneTable
     return with_measured(table, first, T_za), np.array([first])
 
 
-class FramesReadingMixin(HybridQuantilesMixin):
-    """Reading of tables, and refusals of those that lack the plant."""
+class FramesReadingMixin(QuantileForecastMixin):
+    """Reading of tables, refusals of those that lack the plant, and rolling forecasts by a scheme."""
 
     columns: Mapping[str, Any] | None
     sampling_time: Any
     holidays: Any
     preprocess_: Any
+    adapt: str | None
+    _scheme: Scheme
     _law: ClosedLoop | None
+    _learned_to: pd.Timestamp | None  # the last stamp that was learned from
+    _no_intervals = (
+        "no intervals were learned: the training table was too short, or the model is a candidate of a search; fit on "
+        "more days, with T_za measured."
+    )
 
     def _reading(self) -> dict[str, Any]:
         """Arguments with which tables are read."""
@@ -192,3 +203,37 @@ class FramesReadingMixin(HybridQuantilesMixin):
     def _warn_of_plan(self, table: ZoneTable, n_ahead: int) -> None:
         """Warn where the plant of the last rows of a table leaves what training covered."""
         warn_uncovered(Plan.of(table, self._plant, n_ahead), self._plant, self._scheme.rows.training.inputs)
+
+    def _check_adapt(self) -> None:
+        if self.adapt not in (None, "linear", "full"):
+            raise ValueError(f"adapt={self.adapt!r} is not one of None, 'linear', 'full'.")
+
+    def _present_scheme(self) -> Scheme:
+        """The fitted scheme; ``adapt`` may have been set since, as ``horizon`` may."""
+        self._check_adapt()
+        return self._scheme if self._scheme.adapt == self.adapt else self._scheme.adapting(self.adapt)
+
+    def _most_leads(self, step: pd.Timedelta) -> int:
+        """Leads of a day, or of a longer horizon."""
+        return max(rows_per_day(step), rows_of(self.horizon or "1D", step))
+
+    def _quantile_paths(self, table: ZoneTable, origins: np.ndarray, *args: Any, **kwargs: Any) -> np.ndarray:
+        bands = super()._quantile_paths(table, origins, *args, **kwargs)
+        lowest, highest = self._present_scheme().plausible(table, origins)
+        return PlausibleRange(lowest[..., None], highest[..., None]).clip(bands)
+
+    def _quantile_offsets(
+        self, table: ZoneTable, origins: np.ndarray, *args: Any, **kwargs: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
+        # of the kept rows all whose errors count, as if the table followed the training
+        missing = DAYS_BACK * rows_per_day(table.step) - int(origins.min(initial=table.n_rows))
+        longer = self._scheme.rows.with_earlier(table, table.n_history + missing)
+        return super()._quantile_offsets(longer, origins + longer.n_rows - table.n_rows, *args, **kwargs)
+
+    def _each_path(self, tables: Sequence[ZoneTable], origin: int, n_leads: int) -> np.ndarray:
+        return self._present_scheme().forecast_each(tables, origin, n_leads)[:, None]
+
+    def _first_past(self, table: ZoneTable) -> int:
+        if table.utc is None or self._learned_to is None:
+            return table.n_history
+        return min(int((table.utc <= self._learned_to).sum()), table.n_history)  # rows taken in since count too

@@ -15,7 +15,7 @@ from ..._warnings import ignore, warnings_to
 from ...forecasting.quantiles import read_quantiles
 from ...forecasting.weather_error import WeatherError
 from ..base import BaseHybrid
-from ..frames_forecast import Wanted
+from ..plant_run import Wanted
 from .arguments_by_zone import ArgumentsByZone
 from .building_tables import arrays_by_name, of_zone, warn_of_usual, with_neighbour_temperatures, with_next
 from .coupled_zone import CoupledZone
