@@ -25,10 +25,11 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import MeasurementWarning, PlanWarning, UnitWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.hybrid.setpoint_columns import band_of
-from skhybrid.hybrid.thermostat_law import law_refits
+from skhybrid.hybrid.thermostat_law import law_refits, member_intervals
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
 from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop, _Errors
 from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
+from skhybrid.hybrid.thermostat_law.member_intervals import reaching
 from skhybrid.hybrid.thermostat_law.plant_capacity import PlantCapacity
 from skhybrid.hybrid.thermostat_law.plant_law import LawPairs, make_pairs
 from skhybrid.model_selection import backtest
@@ -151,6 +152,29 @@ def test_a_back_test_goes_on_from_the_training_that_is_in_its_table(log, model, 
     # rows that only look like the training are another history
     warmer = known.assign(T_za=known["T_za"].where(known.index >= later.index[0], known["T_za"] + 1.0))
     assert model.n_known_of(warmer) == 0
+
+
+def test_quantiles_reach_a_member_by_their_distance_from_the_median():
+    offsets = np.array([[-1.0, 0.1, 1.0], [-1.0, 0.1, 1.0], [-1.0, 0.1, 1.0]])
+    found = reaching(offsets, np.array([4.0, -4.0, 0.5]), np.array([0.1, 0.5, 0.7]))
+    np.testing.assert_allclose(found, [[-1.0, 0.1, 2.0], [-4.0, 0.1, 1.0], [-1.0, 0.1, 1.0]])
+
+
+def test_an_interval_reaches_a_load_that_no_tree_has_seen(log, monkeypatch):
+    """On the first cold Monday the plant gave twice what was forecast, far outside an interval of 2 kW."""
+    metered = log.drop(columns=PLANT).assign(Q_hvac=6.0 * (log["u_heat"] - log["u_cool"]))
+    train, future = metered[:TRAINED], metered[TRAINED : TRAINED + DAY].drop(columns=["T_za", "Q_hvac"])
+    model = SchedulePredictor("2R2C").fit(train, train["T_za"])
+    future["T_oa"] -= 20.0
+    found = model.forecast(None, future, quantiles=(0.1, 0.9))
+    assert found["Q_hvac_0.9"].max() > 1.5 * train["Q_hvac"].max()
+    monkeypatch.setattr(member_intervals, "_REACHED", np.inf)
+    before = model.forecast(None, future, quantiles=(0.1, 0.9))
+    pd.testing.assert_frame_equal(found.drop(columns="Q_hvac_0.9"), before.drop(columns="Q_hvac_0.9"))
+    wider = found["Q_hvac_0.9"] - before["Q_hvac_0.9"]
+    assert wider.max() > 0.5
+    assert wider.min() == 0.0
+    assert (wider > 0.0).sum() < 4  # of 24 hours
 
 
 def test_nothing_is_forecast_after_the_last_row(log, model):

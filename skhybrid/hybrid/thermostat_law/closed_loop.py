@@ -27,7 +27,7 @@ from ..setpoint_columns import UsualTemperature, band_of
 from .closed_loop_paths import ClosedLoopPaths
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
-from .member_intervals import MemberIntervals, MemberValues
+from .member_intervals import MemberIntervals, MemberValues, reaching
 from .plant_capacity import PlantCapacity
 from .plant_law import MEMBERS, PRIOR, PlantLaw, learn, make_pairs, member_errors, member_paths
 
@@ -159,7 +159,8 @@ class ClosedLoop:
         of_past, of_origins = IdealPaths(past, ideal.of(past)), IdealPaths(origins, free)
         errors, members = self._by_law(rows, weeks, laws, of_past, of_origins, n_leads)
         unshifted = np.zeros((2, len(origins), n_leads))
-        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], capacity, unshifted)
+        seen = self._capacity.seen(rows, weeks.begin, origins)
+        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], capacity, seen, unshifted)
         if limits is not None:
             asked = asked._replace(limits=capacity.within(*limits))
             shift = _between(loads_from(origins, n_leads, asked), free, n_leads)
@@ -319,7 +320,12 @@ class ClosedLoop:
         origin, spread = wanted.origins[i], None if wanted.spread is None else wanted.spread[i, quantity]
         clock, now = path_clock(table, origin[None], len(weights)), origin * table.step_hours / 24.0
         paths = MemberValues(wanted.members[i, None, :, quantity], weights, clock)
-        return self._tail.intervals[quantity].offsets(paths, levels, recent, now, spread)
+        offsets = self._tail.intervals[quantity].offsets(paths, levels, recent, now, spread)
+        if quantity == 0:  # trees give no load beyond those that they learned from, but the network does
+            ideal, lowest, highest = wanted.members[i, :, 0, 0], wanted.seen.lower[i], wanted.seen.upper[i]
+            farther = np.where(np.clip(ideal, lowest, highest) != ideal, ideal - paths.of_blend()[0], 0.0)
+            offsets = reaching(offsets, farther, levels)
+        return offsets
 
 
 class _Wanted(NamedTuple):
@@ -330,6 +336,7 @@ class _Wanted(NamedTuple):
     members: np.ndarray  # (O, L, 2, M) load [kW] and temperature [degC]
     zeta: np.ndarray  # (O, L)
     limits: Limits  # (O,) of the plant [kW]
+    seen: Limits  # (O,) least and most heat that the trees may have learned from [kW]
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
 

@@ -11,6 +11,7 @@ from ...forecasting.intervals import LEAST_ERRORS, LeadIntervals, PathClock
 #: weight of the usual disagreement beside that of a row, as members that agree may all be wrong (five EnergyPlus
 #: buildings; 1 to 3 did about as well)
 _USUAL = 2.0
+_REACHED = 0.4  # distance from the median of the levels whose quantiles reach a member that may be right alone
 _LEAST = 1e-12  # variance of members that always agree
 
 
@@ -61,3 +62,10 @@ class MemberIntervals(NamedTuple):
     def _clock(self, members: MemberValues) -> PathClock:
         """Their clock, with the spread of the members."""
         return members.clock._replace(spread=np.sqrt(members.variance() + _USUAL * self.usual + _LEAST))
+
+
+def reaching(offsets: np.ndarray, farther: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """Offsets (n_leads, n_levels) of quantiles, of which the 10 and 90 % ones reach as far as a member (n_leads,)."""
+    side, share = np.sign(levels - 0.5), np.minimum(np.abs(levels - 0.5) / _REACHED, 1.0)
+    reach = side * farther[:, None] * share
+    return np.where(reach > 0.0, side * np.maximum(side * offsets, reach), offsets)

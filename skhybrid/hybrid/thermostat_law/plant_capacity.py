@@ -62,20 +62,31 @@ class PlantCapacity:
         """The least and most heat (O,) as known at origins, by the training and the rows from ``begin`` on."""
         if self._stages is not None:
             return Limits.constant(*self._stages, len(origins))
-        since = _days(rows, begin, origins)
-        cooling, heating = (self._most(*pair) for pair in zip(self._training, since, strict=True))
+        cooling, heating = (self._most(side) for side in self._known(rows, begin, origins))
         return Limits(-cooling, heating)
 
-    def _most(self, training: _Days, since: _Days) -> np.ndarray:
+    def seen(self, rows: LawRows, begin: int, origins: np.ndarray) -> Limits:
+        """The least and most heat (O,) that was measured before origins; of stages what they can give."""
+        if self._stages is not None:
+            return Limits.constant(*self._stages, len(origins))
+        cooling, heating = (side.most.max(axis=1, initial=0.0) for side in self._known(rows, begin, origins))
+        return Limits(-cooling, heating)
+
+    def _known(self, rows: LawRows, begin: int, origins: np.ndarray) -> list[_Days]:
+        """Cooling and heating of the days of the training, and of the rows from ``begin`` on, before origins."""
+        n = len(origins)
+        sides = zip(self._training, _days(rows, begin, origins), strict=True)
+        return [
+            _Days(*(np.hstack([np.broadcast_to(of, (n, of.shape[1])), new]) for of, new in zip(*side, strict=True)))
+            for side in sides
+        ]
+
+    def _most(self, days: _Days) -> np.ndarray:
         """The most heat (O,) on one side."""
-        n = len(since.most)
-        most, missed = (
-            np.hstack([np.broadcast_to(of, (n, of.shape[1])), new]) for of, new in zip(training, since, strict=True)
-        )
-        largest = most.max(axis=1, initial=0.0)
+        largest = days.most.max(axis=1, initial=0.0)
         large = _FULL * largest[:, None]
-        growth = 1.0 + _UNSEEN / np.maximum((most >= large).sum(axis=1), 1)
-        growth[(missed >= large).any(axis=1)] = 1.0
+        growth = 1.0 + _UNSEEN / np.maximum((days.most >= large).sum(axis=1), 1)
+        growth[(days.missed >= large).any(axis=1)] = 1.0
         return largest * (_USUAL if self._is_usual else np.maximum(growth, _WIDER))
 
 
