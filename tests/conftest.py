@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 import pytest
 
 matplotlib.use("Agg")
@@ -30,19 +31,32 @@ def closed_figures():
     plt.close("all")
 
 
+def one_tree(X, y, weight=None):
+    """A tree whose splits are tried at random, in a moment, in place of the boosted ones of ``fit_trees``."""
+    from sklearn.tree import ExtraTreeRegressor
+
+    from skhybrid.hybrid.thermostat_law.boosted_trees import BoostedTrees
+
+    X = np.where(np.isfinite(X).any(axis=0), X, 0.0)
+    tree = ExtraTreeRegressor(max_depth=5, min_samples_leaf=10, random_state=0).fit(X, y, weight).tree_
+    leaf, own = tree.children_left < 0, np.arange(tree.node_count)
+    left, right = (np.where(leaf, own, child) for child in (tree.children_left, tree.children_right))
+    nodes = (np.where(leaf, 0, tree.feature), tree.threshold, left, right, tree.missing_go_to_left.astype(bool))
+    return BoostedTrees(0.0, *(part[None] for part in nodes), tree.value[None, :, 0, 0].astype(np.float32))
+
+
 @pytest.fixture(scope="module")
 def quick_fits():
-    """Models are learned in a moment, and less well: few trees, one start, two steps of each search."""
+    """Models are learned in a moment, and less well: a tree for many, one start, two steps of each search."""
     from skhybrid.forecasting import boosting
-    from skhybrid.hybrid.thermostat_law import boosted_trees
+    from skhybrid.hybrid.thermostat_law import plant_law
     from skhybrid.schedule import fit
 
     def few_steps(problem, best, max_steps, minimise=fit.minimise, **given):
         return minimise(problem, best, min(max_steps, 2), **given)
 
     with pytest.MonkeyPatch.context() as patch:
-        for name, few in (("max_iter", 5), ("max_bins", 7)):
-            patch.setitem(boosted_trees.SETTINGS, name, few)
+        patch.setattr(plant_law, "fit_trees", one_tree)
         patch.setattr(boosting, "_FEW_TREES", 5)
         patch.setattr(boosting, "_LEAST_PAIRS", sys.maxsize)  # so that no trial chooses the number of trees
         for name in ("_SCALES", "_PACES", "_GAINS", "_UAS", "_DAY_TYPES"):
