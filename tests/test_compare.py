@@ -20,6 +20,8 @@ from skhybrid.model_selection.assessment import Assessment, hold_out, log_densit
 from skhybrid.model_selection.recommendation import _within_standard_error, likelihood_ratio, nesting, recommend
 from skhybrid.model_selection.splitters import default_split
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 SMALL = {"C_w": 6.0, "C_za": 1.0, "R_zw": 1.5, "R_zo": 6.0, "f": 0.3, "A_win": 3.0, "Q_h": 6.0, "Q_c": -6.0}
 
 

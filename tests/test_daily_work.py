@@ -26,6 +26,8 @@ from skhybrid.zone.forecast_archive import open_archive
 from skhybrid.zone.posted_rows import keep_log, keep_posted, read_posted
 from skhybrid.zone.rows_ahead import rows_ahead
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 COLUMNS = {"T_za": "T_za", "T_oa": "T_oa"}
 
 

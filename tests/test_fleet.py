@@ -39,6 +39,8 @@ from skhybrid.fleet.zone_rows import read_rows
 from skhybrid.model_selection import backtest
 from skhybrid.study.spans import TRAINING_DAYS
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 DAY = 24
 ZONES = {
     name: make_office(n_days=10, sampling_time="1h", start="2024-01-08", random_state=seed).X

@@ -20,6 +20,8 @@ from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.model_store import ModelStore
 from skhybrid.fleet.zone_rows import read_rows
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 DAY = 24
 ZONES = {
     name: make_office(n_days=11, sampling_time="1h", start="2024-01-08", random_state=seed).X

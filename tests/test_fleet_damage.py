@@ -18,6 +18,8 @@ from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.zone_rows import read_rows
 from skhybrid.persistence import model_file, save_model
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 DAY = 24
 ZONES = {
     name: make_office(n_days=9, sampling_time="1h", start="2024-01-08", random_state=seed).X

@@ -22,6 +22,8 @@ from skhybrid import (
 from skhybrid.datasets import make_office
 from skhybrid.forecasting import BoostedRegressor
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 N_TRAIN = 14 * 96
 #: as docs/reference/data_contract.rst says; those of the second line say how a table is read, or refuse it
 READ_AGAIN = {"horizon", "origin_step", "adapt"}

@@ -47,10 +47,25 @@ def log():
     return office.X.join(office.setpoints)
 
 
-@pytest.fixture(scope="module")
-def model(log):
+def fit(log):
     train = log[:TRAINED]
     return SchedulePredictor("2R2C", known={"Q_h": 6.0}).fit(train, train["T_za"])
+
+
+@pytest.fixture(scope="module")
+def full_model(log):
+    """A model of full quality, for what is said of it."""
+    return fit(log)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def others_quick(full_model, quick_fits):
+    """All other models are learned in a moment."""
+
+
+@pytest.fixture(scope="module")
+def model(log):
+    return fit(log)
 
 
 @pytest.fixture(scope="module")
@@ -97,10 +112,10 @@ def test_boundary_temperatures_are_a_mapping_of_those_of_the_network(log, model,
             getattr(model, method)(log[TRAINED:], [5], boundary=wrong)
 
 
-def test_the_thermostat_holds_the_room_and_its_load_is_near_the_measured_one(log, model):
+def test_the_thermostat_holds_the_room_and_its_load_is_near_the_measured_one(log, full_model):
     origins = np.arange(0, 3 * DAY, 5)
     later = log[TRAINED:]
-    found = model.closed_loop_from(later, origins, quantiles=(0.1, 0.9))
+    found = full_model.closed_loop_from(later, origins, quantiles=(0.1, 0.9))
     rows = origins[:, None] + np.arange(DAY)
     known = rows + 1 < len(later)
     rows = np.minimum(rows, len(later) - 2)
@@ -556,12 +571,11 @@ def test_one_side_and_other_schemes(log):
     assert (found["u_heat"] >= 0).all()
 
 
-def test_a_saved_model_forecasts_the_same(log, model, tmp_path):
-    save_model(model, tmp_path / "model.skops")
+def test_a_saved_model_forecasts_the_same(log, full_model, tmp_path):
+    save_model(full_model, tmp_path / "model.skops")
     future = ahead(log, TRAINED)
-    pd.testing.assert_frame_equal(
-        load_model(tmp_path / "model.skops").forecast(None, future), model.forecast(None, future)
-    )
+    found = load_model(tmp_path / "model.skops").forecast(None, future)
+    pd.testing.assert_frame_equal(found, full_model.forecast(None, future))
 
 
 def test_trees_as_arrays_are_those_of_scikit_learn():

@@ -22,6 +22,8 @@ from skhybrid.study.settings import is_scaled
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
 from skhybrid.zone.zone_backtest import backtest_zone
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 
 def _errors(size, n_blocks=20, seed=0):
     drawn = np.random.default_rng(seed).normal(size=24 * n_blocks)
