@@ -28,6 +28,8 @@ from skhybrid.hybrid.known_rows import KnownRows, _fewer
 from skhybrid.hybrid.weekly_refit import WeeklyRefit
 from skhybrid.persistence import load_model, save_model
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
 DAY = 96
 #: the training ends within an hour, so that the first step is one of training rows and new ones
 N_TRAIN = 9 * DAY + 2
@@ -225,6 +227,11 @@ def either(request, office):
     return model.update(office.X[N_TRAIN : N_TRAIN + 5])
 
 
+@pytest.fixture(scope="module")
+def said(either, office):
+    return _all_that_it_says(either, office)
+
+
 @pytest.fixture
 def places(request, either):
     return PLACES[request.node.callspec.params["either"]]
@@ -252,10 +259,10 @@ def _assert_unchanged(model, before, office):
 
 @pytest.mark.parametrize("bad", [9.96921e36, -9999.0, 1e300])
 @pytest.mark.parametrize("method", ["update", "partial_fit", "fit", "predict"])
-def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, either, office):
+def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, either, said, office):
     """Such as the fill value of netCDF files."""
     model = deepcopy(either)
-    before, attributes = _all_that_it_says(model, office), dict(vars(model))
+    attributes = dict(vars(model))
     for column in ("T_za", "T_oa"):
         X = office.X[N_TRAIN + 5 : N_TRAIN + 25].copy()
         X.iloc[7, X.columns.get_loc(column)] = bad
@@ -271,7 +278,7 @@ def test_a_temperature_that_cannot_be_leaves_the_model_as_it_was(method, bad, ei
             getattr(model, method)(X, y)
     assert vars(model).keys() == attributes.keys()
     assert all(vars(model)[name] is value for name, value in attributes.items())
-    _assert_unchanged(model, before, office)
+    _assert_unchanged(model, said, office)
 
 
 PLACES = {
@@ -301,10 +308,10 @@ PLACES = {
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
-def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, places, office, monkeypatch):
+def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, said, places, office, monkeypatch):
     """Wherever it is interrupted, and however much it has done by then."""
     model = deepcopy(either)
-    before, attributes = _all_that_it_says(model, office), dict(vars(model))
+    attributes = dict(vars(model))
     rows = slice(N_TRAIN + 5, N_TRAIN + 5 + DAY)
     warmer = office.X[rows].assign(T_za=office.y[rows] + 1.0)  # nothing of these rows must stay
 
@@ -319,7 +326,7 @@ def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, places, o
                 getattr(model, method)(*given)
         assert vars(model).keys() == attributes.keys(), place
         assert all(vars(model)[name] is value for name, value in attributes.items()), place
-    _assert_unchanged(model, before, office)
+    _assert_unchanged(model, said, office)
     twin = deepcopy(either).partial_fit(office.X[rows], office.y[rows])
     model.partial_fit(office.X[rows], office.y[rows])
     later = office.X[rows.stop : rows.stop + DAY]
