@@ -501,6 +501,7 @@ def test_metrics_hold_no_number_that_json_lacks(result):
     assert found["models"] == json.loads(metrics_text(result))["models"]
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_report_is_one_file(files, result, monkeypatch, capsys):
     monkeypatch.setattr("skhybrid.study.run_study", lambda *_: result)
     given = ["report", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out"]

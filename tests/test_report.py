@@ -147,6 +147,7 @@ def test_settings_name_holidays_as_days():
     assert flat(settings) == {"holidays": "2023-10-09, 2023-10-10", "load.setpoint": [20, 26]}
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_what_it_is_given_is_escaped(tmp_path):
     evil = "<script>alert(1)</script>"
     study = _study(title=evil, notes=[evil], settings={evil: evil})
@@ -160,6 +161,7 @@ def test_what_it_is_given_is_escaped(tmp_path):
     assert "&lt;script&gt;" in page
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_it_does_without_what_is_not_there(tmp_path):
     nothing = dict.fromkeys(("zeta", "spans", "settings", "schedule", "weights", "identification", "coverage"))
     study = _study(notes=(), **nothing)
@@ -200,6 +202,7 @@ def test_the_verdict_is_what_the_table_says(own, other, words):
     assert words in verdict(pd.DataFrame({"rmse": [own, other]}, index=["hybrid", "ARX"]))
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_it_shows_what_the_day_costs(tmp_path):
     write_report(tmp_path / "r.html", **_study(cost=Cost(4.218, None, "electricity", "EUR")))
     text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
@@ -259,6 +262,7 @@ def test_it_fits_a_phone_and_its_tables_fit_the_paper(tmp_path):
     assert int(clipped_on_paper) == 0
 
 
+@pytest.mark.usefixtures("empty_pictures")
 @pytest.mark.parametrize("remark", ["", "given"])
 def test_a_column_of_remarks_is_left_out_where_there_are_none(tmp_path, remark):
     study = _study()
