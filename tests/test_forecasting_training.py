@@ -438,8 +438,9 @@ def test_networks_forecast_an_output_disturbance_as_well_as_an_input_one():
     for kind in ("input", "output"):
         for name, settings in {"rnn": {"max_epochs": 2, "n_repeats": 2, "random_state": 0}, "profile": {}}.items():
             make = DisturbanceForecaster.published if name == "rnn" else DisturbanceForecaster
+            forecaster = make(name, **settings)
             hybrid = HybridPredictor(
-                GrayBoxRC(known=office.theta), make(name, **settings), disturbance=kind, adapt=None
+                GrayBoxRC(known=office.theta), forecaster, disturbance=kind, adapt=None, intervals=False
             )
             found = hybrid.fit(office.X.iloc[: 15 * 96], office.y.iloc[: 15 * 96]).forecast(history, future)
             assert np.isfinite(found.to_numpy()).all()
