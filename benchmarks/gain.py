@@ -142,7 +142,8 @@ def assess(row: Row, name: str, store: Path) -> None:
         warnings.simplefilter("ignore", SkhybridWarning)
         model = COMPARED[name](row.data, 0).fit(train, train["T_za"])
         gains = np.array([_step(model, later, origin) for origin in later.index.get_indexer(row.stamps)])
-    facts = {"row": row.data.name, "model": name, "date": str(datetime.date.today())}
+    stated = model.gain_std_.reindex(pd.to_timedelta(list(TARGET), unit="h")).tolist() if name == PLAN else []
+    facts = {"row": row.data.name, "model": name, "date": str(datetime.date.today()), "stated": stated}
     path = path_of(row.data.name, name, 0, store)
     path.parent.mkdir(parents=True, exist_ok=True)
     table = pd.DataFrame(np.hstack([gains, row.plant]), row.stamps.rename("origin"), _columns())
@@ -169,12 +170,15 @@ def _columns() -> list[str]:
 # ------------------------------------------------------------------------------------------------------------- tables
 def tables(store: Path, order: Sequence[str]) -> dict[str, pd.DataFrame]:
     """Summaries by model, the plants, and the ratios of every row by lead."""
-    plants, ratios = {}, {}
+    plants, ratios, stated = {}, {}, {}
     for path in sorted(store.glob("*/*__0.csv")):
         facts, table = read_facts(path), pd.read_csv(path, skiprows=1, index_col="origin")
         model, plant = (table[_columns()[at]] for at in (slice(5), slice(5, None)))
         plants[facts["row"]] = [spread(list(plant[c])) for c in plant]
-        ratios[facts["model"], facts["row"]] = model.mean().to_numpy() / plant.mean().to_numpy()
+        ratio = model.mean().to_numpy() / plant.mean().to_numpy()
+        ratios[facts["model"], facts["row"]] = ratio
+        if facts["model"] == PLAN:
+            stated[facts["row"]] = np.concatenate([np.abs(ratio - 1.0), facts["stated"]])
     heads = [f"{lead:g} h" for lead in TARGET]
     frame = pd.DataFrame(ratios, index=heads).T.rename_axis(["model", "row"])
     names = [n for n in order if n in plants]
@@ -189,6 +193,9 @@ def tables(store: Path, order: Sequence[str]) -> dict[str, pd.DataFrame]:
         wide = frame.reset_index().pivot_table(head, "row", "model")
         wide = wide.loc[names, [m for m in COMPARED if m in wide]]
         out[f"Ratio to the plant after {head}"] = wide.round(2)
+    both = [f"{what}, {head}" for what in ("error", "stated") for head in heads]
+    found = pd.DataFrame(stated, index=both).T.reindex([n for n in names if n in stated]).rename_axis("row")
+    out["Relative error of the gain for planning, and gain_std_"] = found.round(2)
     return out
 
 
