@@ -224,7 +224,7 @@ class FramesForecastMixin(FramesReadingMixin):
         table = run.with_earlier(table)
         here = table.rows(slice(table.n_history, None))
         wanted, within = read_setpoint(setpoint, here), None if limits is None else read_limits(limits, here)
-        return run.load(table, origins + table.n_history, wanted, within, levels)
+        return run.held(table, origins + table.n_history, wanted, within, levels)
 
     @one_blas_thread
     def closed_loop_from(

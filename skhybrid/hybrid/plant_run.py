@@ -87,7 +87,7 @@ class PlantRun:
         lowest, highest = -np.inf if cools or not heats else 0.0, np.inf if heats or not cools else 0.0
         return Limits.constant(lowest, highest, n_rows)
 
-    def load(
+    def held(
         self, table: ZoneTable, origins: np.ndarray, band: Band, limits: Limits | None, levels: np.ndarray | None
     ) -> pd.DataFrame:
         """The load that keeps the rows of a table after its history within a band, each origin up to the next one."""
