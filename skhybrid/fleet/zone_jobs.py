@@ -240,14 +240,14 @@ def _rows(path: str, model: Any) -> pd.DataFrame:
 def _over_outages(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows with bridges over outages before the last measurement, and without short gaps of any kind."""
     whole = _without_step_under_way(_filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP), model)
-    measured = np.flatnonzero(_with_target(whole, model)[1].notna().to_numpy())
+    measured = _measured(whole, model)
     n_past = measured[-1] + 1 if len(measured) else 0
     return pd.concat([_bridged(whole[:n_past], model), whole[n_past:]])
 
 
 def _without_step_under_way(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows without their last temperature if an input ends in the row before, as a counter until its next reading."""
-    measured = np.flatnonzero(_with_target(rows, model)[1].notna().to_numpy())
+    measured = _measured(rows, model)
     if TARGET in rows or len(measured) < 2:
         return rows
     known = rows[_inputs(rows, model)].notna().to_numpy()
@@ -258,6 +258,11 @@ def _without_step_under_way(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     out = rows.copy()
     out.iloc[measured[-1], list(out).index(_measured_column(model))] = np.nan
     return out
+
+
+def _measured(rows: pd.DataFrame, model: Any) -> np.ndarray:
+    """Numbers of the rows in which the target was measured."""
+    return np.flatnonzero(_with_target(rows, model)[1].notna().to_numpy())
 
 
 def _row_after_outage(stamps: pd.Index, least: pd.Timedelta) -> int:

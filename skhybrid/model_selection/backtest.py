@@ -118,7 +118,7 @@ def backtest(
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
-    asked = Asked(n_leads * sampling, n_leads, quantiles, read_weather_error(weather_error), heat_known)
+    asked = Asked(n_leads * sampling, quantiles, read_weather_error(weather_error), heat_known)
     if asked.weather is None and heat_known and not hasattr(forecaster, "predict_from"):
         predicted = predicted_by(forecaster, table)
         refuse_later_measurements(estimator, X, truth[:, 0], predicted, origins, n_leads)

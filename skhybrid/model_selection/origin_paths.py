@@ -24,7 +24,6 @@ class Asked(NamedTuple):
     """Properties of the forecasts from every origin."""
 
     horizon: pd.Timedelta
-    n_leads: int
     quantiles: Sequence[float] | None
     weather: WeatherError | None
     heat_known: bool
@@ -48,30 +47,32 @@ def columns_from(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked)
 
 def _columns(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked) -> dict[str, np.ndarray]:
     """The columns of :func:`columns_from`, all read in one way."""
-    horizon, n_leads, quantiles, weather, heat_known = asked
+    horizon, quantiles, weather, heat_known = asked
     bands, loads = None, dict[str, np.ndarray]()
     if not heat_known:
         paths, bands, loads = _paths_under_setpoints(forecaster, table, origins, horizon, quantiles, weather)
     elif weather is not None:
-        if hasattr(forecaster, "zones_"):
+        if len(getattr(forecaster, "zones_", ())) > 1:
             raise ValueError(
                 "weather_error of several zones is for set-points; take heat_known=False, or back-test the own_ "
                 "estimators."
             )
-        paths, bands = _paths_under(forecaster, table, origins, n_leads, quantiles, weather)
+        paths, bands = _paths_under(forecaster, table, origins, horizon, quantiles, weather)
     else:
         paths = forecaster.predict_from(table, origins, horizon=horizon)
         if quantiles is not None:
             bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=horizon)
-    names = () if quantiles is None or bands is None else quantile_columns(quantiles)
-    return {"y_pred": paths} | dict(zip(names, () if bands is None else np.moveaxis(bands, -1, 0), strict=True)) | loads
+    columns = {"y_pred": paths}
+    if quantiles is not None and bands is not None:
+        columns |= dict(zip(quantile_columns(quantiles), np.moveaxis(bands, -1, 0), strict=True))
+    return columns | loads
 
 
 def _paths_under(
     forecaster: Any,
     table: Any,
     origins: np.ndarray,
-    n_leads: int,
+    horizon: pd.Timedelta,
     quantiles: Sequence[float] | None,
     weather: WeatherError,
 ) -> tuple[np.ndarray, np.ndarray | None]:
@@ -88,16 +89,17 @@ def _paths_under(
         )
     walker, begin = _walker(forecaster, table, int(origins[0]))
     bands_asked = {} if quantiles is None else {"quantiles": quantiles, "weather_error": weather}
+    n_leads = rows_of(horizon, table.step)
     shape = (len(origins), n_leads)
     paths, bands = np.full(shape, np.nan), None if quantiles is None else np.full((*shape, len(quantiles)), np.nan)
     for i, origin in enumerate(origins.tolist()):
         there = min(n_leads, table.n_rows - 1 - origin)
         seen = weather.forecast(table, origin, n_leads)
         if walker is None:
-            span = pd.Timedelta(n_leads * table.step)
-            paths[i] = forecaster.predict_from(seen, [origin], span)[0]
+            asked = {"origins": [origin], "horizon": horizon}
+            paths[i] = forecaster.predict_from(seen, **asked)[0]
             if bands is not None:
-                bands[i] = forecaster.predict_quantiles_from(seen, [origin], quantiles, span, weather_error=weather)[0]
+                bands[i] = forecaster.predict_quantiles_from(seen, **asked, **bands_asked)[0]
             continue
         if origin >= begin:
             walker.update(table.rows(slice(begin, origin + 1)))

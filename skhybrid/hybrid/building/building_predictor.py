@@ -225,9 +225,8 @@ class BuildingPredictor(BaseBuilding):
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
         """
-        check_is_fitted(self)
-        X = self._prepared(self._read(X))
-        return min(model.n_known_of(X) for model in self.own_.values())
+        zones, X = self._zones, self._prepared(self._read(X))
+        return min(zones.of_each(lambda model: model.n_known_of(X)).values())
 
     @property
     def thermostat_learned_(self) -> dict[str, bool]:

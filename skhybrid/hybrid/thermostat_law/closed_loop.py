@@ -159,8 +159,7 @@ class ClosedLoop:
         of_past, of_origins = IdealPaths(past, ideal.of(past)), IdealPaths(origins, free)
         errors, members = self._by_law(rows, weeks, laws, of_past, of_origins, n_leads)
         unshifted = np.zeros((2, len(origins), n_leads))
-        seen = self._capacity.seen(rows, weeks.begin, origins)
-        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], capacity, seen, unshifted)
+        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], capacity, unshifted)
         if limits is not None:
             asked = asked._replace(limits=capacity.within(*limits))
             shift = _between(loads_from(origins, n_leads, asked), free, n_leads)
@@ -171,6 +170,8 @@ class ClosedLoop:
                 loads_from(origins, n_leads, asked._replace(delivered=q)) for q in (delivered, expected)
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
+        if levels is not None:
+            wanted = wanted._replace(seen=self._capacity.seen(rows, weeks.begin, origins))
         if levels is not None and weather is not None:
             spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
             wanted = wanted._replace(spread=spread)
@@ -321,7 +322,8 @@ class ClosedLoop:
         clock, now = path_clock(table, origin[None], len(weights)), origin * table.step_hours / 24.0
         paths = MemberValues(wanted.members[i, None, :, quantity], weights, clock)
         offsets = self._tail.intervals[quantity].offsets(paths, levels, recent, now, spread)
-        if quantity == 0:  # trees give no load beyond those that they learned from, but the network does
+        # trees give no load beyond those that they learned from, but the network does
+        if quantity == 0 and wanted.seen is not None:
             ideal, lowest, highest = wanted.members[i, :, 0, 0], wanted.seen.lower[i], wanted.seen.upper[i]
             farther = np.where(np.clip(ideal, lowest, highest) != ideal, ideal - paths.of_blend()[0], 0.0)
             offsets = reaching(offsets, farther, levels)
@@ -336,8 +338,8 @@ class _Wanted(NamedTuple):
     members: np.ndarray  # (O, L, 2, M) load [kW] and temperature [degC]
     zeta: np.ndarray  # (O, L)
     limits: Limits  # (O,) of the plant [kW]
-    seen: Limits  # (O,) least and most heat that the trees may have learned from [kW]
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
+    seen: Limits | None = None  # (O,) least and most heat that the trees may have learned from [kW], for quantiles
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
 
 

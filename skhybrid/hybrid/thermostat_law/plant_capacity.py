@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -23,6 +24,15 @@ class _Days(NamedTuple):
 
     most: np.ndarray  # (O, D) largest heat of each day [kW]
     missed: np.ndarray  # (O, D) largest that did not drop while the set-point was missed row after row
+
+    def largest(self) -> np.ndarray:
+        """(O,) largest heat of all days."""
+        return np.asarray(self.most.max(axis=1, initial=0.0))
+
+    def followed_by(self, since: _Days) -> _Days:
+        """These days, which are the same before each origin, and those that came since."""
+        n, pairs = len(since.most), zip(self, since, strict=True)
+        return _Days(*(np.hstack([np.broadcast_to(of, (n, of.shape[1])), new]) for of, new in pairs))
 
 
 class PlantCapacity:
@@ -60,30 +70,23 @@ class PlantCapacity:
 
     def at(self, rows: LawRows, begin: int, origins: np.ndarray) -> Limits:
         """The least and most heat (O,) as known at origins, by the training and the rows from ``begin`` on."""
-        if self._stages is not None:
-            return Limits.constant(*self._stages, len(origins))
-        cooling, heating = (self._most(side) for side in self._known(rows, begin, origins))
-        return Limits(-cooling, heating)
+        return self._limits(rows, begin, origins, self._most)
 
     def seen(self, rows: LawRows, begin: int, origins: np.ndarray) -> Limits:
         """The least and most heat (O,) that was measured before origins; of stages what they can give."""
+        return self._limits(rows, begin, origins, _Days.largest)
+
+    def _limits(self, rows: LawRows, begin: int, origins: np.ndarray, most: Callable[[_Days], np.ndarray]) -> Limits:
+        """Limits (O,) of full stages; else the ``most`` of each side by the days of the training and since."""
         if self._stages is not None:
             return Limits.constant(*self._stages, len(origins))
-        cooling, heating = (side.most.max(axis=1, initial=0.0) for side in self._known(rows, begin, origins))
-        return Limits(-cooling, heating)
-
-    def _known(self, rows: LawRows, begin: int, origins: np.ndarray) -> list[_Days]:
-        """Cooling and heating of the days of the training, and of the rows from ``begin`` on, before origins."""
-        n = len(origins)
         sides = zip(self._training, _days(rows, begin, origins), strict=True)
-        return [
-            _Days(*(np.hstack([np.broadcast_to(of, (n, of.shape[1])), new]) for of, new in zip(*side, strict=True)))
-            for side in sides
-        ]
+        cooling, heating = (most(training.followed_by(since)) for training, since in sides)
+        return Limits(-cooling, heating)
 
     def _most(self, days: _Days) -> np.ndarray:
         """The most heat (O,) on one side."""
-        largest = days.most.max(axis=1, initial=0.0)
+        largest = days.largest()
         large = _FULL * largest[:, None]
         growth = 1.0 + _UNSEEN / np.maximum((days.most >= large).sum(axis=1), 1)
         growth[(days.missed >= large).any(axis=1)] = 1.0
