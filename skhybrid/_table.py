@@ -372,7 +372,7 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str |
     if role is not None:
         check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history)
         if role in table.history:
-            refuse_other_quantity(table.history[role], target, role)
+            refuse_other_quantity(table.history[role], target, role, learns=max_missing is not UNLIMITED)
         if role.startswith("T_"):
             if max_missing is not UNLIMITED:
                 warn_if_still(target, table.step)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ._arguments import is_number
 from ._warnings import percent, warn_user
-from .exceptions import ExcitationWarning, UnitWarning
+from .exceptions import ExcitationWarning, SkhybridWarning, UnitWarning
 
 #: ``max_missing`` of a target that is not learned from
 UNLIMITED: Any = object()
@@ -53,8 +53,11 @@ def refuse_order(given: pd.Index, index: pd.Index) -> None:
         )
 
 
-def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None:
-    """Refuse a history in X (n,) that is not y (n,): another unit, scaled, of other rows or of other times."""
+def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str, *, learns: bool = True) -> None:
+    """Refuse a history in X (n,) that is not y (n,): another unit, scaled, of other rows or of other times.
+
+    Where nothing is learned, other rows are a warning: the importance of the history is measured by permuted ones.
+    """
     both = np.isfinite(history) & np.isfinite(y)
     if not both.any():
         return
@@ -74,7 +77,10 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str) -> None
             )
     together = np.corrcoef(known, wanted)[0, 1] if np.ptp(known) > 0 else 0.0
     if np.std(known - wanted) > 0.9 * np.std(wanted) and together < 0.3:
-        raise ValueError(f"{means}, but they do not move together; give both the same rows in the same order.")
+        text = f"{means}, but they do not move together; give both the same rows in the same order."
+        if learns:
+            raise ValueError(text)
+        warn_user(text, SkhybridWarning)
 
 
 def _cause(known: np.ndarray, wanted: np.ndarray, role: str) -> str:

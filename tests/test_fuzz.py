@@ -99,7 +99,7 @@ FOUND = {
     Call("backtest", arguments=(("start", "word"),)): "is not a time stamp",
     Call("split_log", Table(spoilt=(Spoilt("u_cool", "inf"),))): "column 'u_cool' contains inf in",
     Call("backtest", arguments=(("start", "row"),)): "is a number, but X has time stamps",
-    Call("HybridPredictor.score", Table(spoilt=(Spoilt("T_za", "sparse", "last"),) * 2)): "do not move together",
+    Call("HybridPredictor.fit", Table(spoilt=(Spoilt("T_za", "sparse", "last"),) * 2)): "do not move together",
     Call("ARXRegressor.fit", Table(spoilt=(Spoilt("q_sol", "boolean NA", "last"),), container="masked array")): (
         "not numeric"
     ),

@@ -413,11 +413,15 @@ def test_a_backtest_refuses_measurements_that_are_not_the_past_in_x():
     for wrong, match in (
         (y * 1.8 + 32.0, "likely y is in degF"),
         (y.shift(1).bfill(), "role 'T_za' of X is y one row later"),
-        (y.sample(frac=1.0, random_state=0).set_axis(y.index), "they do not move together"),
     ):
         for scored in (lambda y: backtest(model, X, y), lambda y: model.score(X, y)):
             with pytest.raises(ValueError, match=match):
                 scored(wrong)
+    shuffled, match = y.sample(frac=1.0, random_state=0).set_axis(y.index), "they do not move together"
+    with pytest.raises(ValueError, match=match):
+        backtest(model, X, shuffled)
+    with pytest.warns(SkhybridWarning, match=match):
+        assert model.score(X, shuffled) < 0.0
 
 
 def test_a_backtest_that_cannot_be_made_says_why():

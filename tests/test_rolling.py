@@ -7,11 +7,13 @@ import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
+from sklearn.inspection import permutation_importance
 
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor
 from skhybrid._rolling import RollingForecastMixin
 from skhybrid._table import read_table
 from skhybrid.datasets import make_office
+from skhybrid.exceptions import SkhybridWarning
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +125,15 @@ def test_score_leaves_out_what_was_not_measured(office):
     assert model.score(office.X, y, sample_weight=weight) != pytest.approx(expected)
     with pytest.raises(ValueError, match="no measured row"):
         model.score(office.X, np.full(len(y), np.nan))
+
+
+def test_the_importance_of_a_column_is_measured_by_permuting_it(office):
+    """A permuted T_za was refused as another quantity than y, although it shows what the history is worth."""
+    X = office.X[["T_oa", "u_heat", "T_za"]]
+    model = ARXRegressor().fit(X, office.y)
+    with pytest.warns(SkhybridWarning, match="they do not move together"):
+        found = permutation_importance(model, X, office.y, n_repeats=2, random_state=0)
+    assert (found.importances_mean[1:] > 0.1).all()  # the weather of four days says little
 
 
 def test_an_estimator_is_not_fitted_after_a_refused_fit(office):
