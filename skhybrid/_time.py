@@ -21,6 +21,7 @@ _FINEST = pd.Timedelta("1s")  # no building is logged more often
 _ROUNDING = 0.2  # most by which steps in decimals differ, as a share: hours are often written with few digits
 _SHUFFLED = 10  # steps back in time among others, or of other lengths, from which on rows may have been drawn
 _SPLIT = "split rows with skhybrid.model_selection.RollingOriginSplit"
+_IN_ORDER = f"{_SPLIT}, never shuffled (a halving search over n_samples shuffles them; use GridSearchCV)"
 _STAMPS = (
     "give a DataFrame with a DatetimeIndex (a step before this one in a Pipeline keeps it with "
     ".set_output(transform='pandas')), or pass sampling_time=, such as '15min'"
@@ -119,7 +120,7 @@ def even_step(index: pd.DatetimeIndex) -> pd.Timedelta:
     hint = ", or localize it if this is daylight saving" if index.tz is None else ""
     if (gaps <= 0).any():
         if min((gaps < 0).sum(), (gaps > 0).sum()) >= _SHUFFLED:
-            raise ValueError(f"the index is shuffled: {index[0]} is followed by {index[1]}; {_SPLIT}, never shuffled.")
+            raise ValueError(f"the index is shuffled: {index[0]} is followed by {index[1]}; {_IN_ORDER}.")
         row = int(np.argmax(gaps <= 0))
         what = "has duplicates" if gaps[row] == 0 else "goes back in time"
         raise ValueError(
@@ -185,7 +186,7 @@ def refuse_disorder(index: pd.Index) -> None:
         row = int(np.argmax(gaps <= 0))
         raise ValueError(
             f"the rows are not in time order: index {index[row]} is followed by {index[row + 1]}; rows are consecutive "
-            f"time steps, so {_SPLIT}, never shuffled."
+            f"time steps, so {_IN_ORDER}."
         )
     usual = np.median(gaps) if len(gaps) else 1.0
     uneven = np.abs(gaps - usual) > (0.0 if pd.api.types.is_integer_dtype(index) else _ROUNDING * usual)

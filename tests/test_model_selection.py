@@ -11,8 +11,9 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.compose import ColumnTransformer
 from sklearn.ensemble import HistGradientBoostingRegressor, VotingRegressor
 from sklearn.exceptions import NotFittedError
+from sklearn.experimental import enable_halving_search_cv  # noqa: F401 - makes the class below importable
 from sklearn.linear_model import LinearRegression, Ridge
-from sklearn.model_selection import GridSearchCV, cross_val_score
+from sklearn.model_selection import GridSearchCV, HalvingGridSearchCV, cross_val_score
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
@@ -422,6 +423,14 @@ def test_a_backtest_refuses_measurements_that_are_not_the_past_in_x():
         backtest(model, X, shuffled)
     with pytest.warns(SkhybridWarning, match=match):
         assert model.score(X, shuffled) < 0.0
+
+
+def test_a_halving_search_over_rows_is_told_that_it_shuffles_them():
+    """The splitter to which the refusal pointed was in use already: the search itself draws rows from its splits."""
+    X, y = _room()
+    search = HalvingGridSearchCV(ARXRegressor(), {"alpha": [0.1, 1.0]}, cv=RollingOriginSplit(train="2D"), factor=2)
+    with pytest.raises(ValueError, match=r"shuffled \(a halving search over n_samples .*use GridSearchCV"):
+        search.fit(X, y)
 
 
 def test_a_backtest_that_cannot_be_made_says_why():
