@@ -8,6 +8,7 @@ import gc
 import json
 import os
 import pickle
+import re
 import shutil
 import signal
 import subprocess
@@ -127,7 +128,7 @@ def test_new_rows_are_taken_in_as_by_a_single_zone(alone, fleet):
     for zone, X in ZONES.items():
         expected = alone[zone].update(X[NEW]).forecast(None, of(future(), zone), quantiles=(0.1, 0.9))
         pd.testing.assert_frame_equal(of(found, zone), expected, check_exact=True, check_freq=False)
-    with pytest.raises(ValueError, match="no zone succeeded; the first of 3, a: "):
+    with pytest.raises(ValueError, match="no zone succeeded; 3 zones, the first a: "):
         again.update(rows(slice(9 * DAY, 10 * DAY)))  # a day is missing before them
 
 
@@ -260,6 +261,16 @@ def test_a_fit_that_fails_for_all_zones_leaves_the_fleet_as_it_was():
     pd.testing.assert_frame_equal(fleet.predict({"a": ZONES["a"][NEW]}), before, check_exact=True)
 
 
+def test_a_fit_that_fails_for_all_zones_tells_every_cause_with_its_number_of_zones():
+    """One zone's cause was told, as if it were that of all."""
+    X = ZONES["a"][TRAIN]
+    still = [X.assign(T_oa=X["T_oa"].mask(X.index == X.index[row], -999.0)) for row in (30, 50)]
+    with pytest.raises(ValueError) as said:
+        ZoneFleet(ARX).fit({"none": X[:0], "a": still[0], "b": still[1]})
+    wanted = r"no zone succeeded; 2 zones, the first a: .*T_oa.* -999 .*\. zone none: there are no rows; .*\."
+    assert re.fullmatch(wanted, str(said.value)), str(said.value)
+
+
 def test_the_status_tells_why_no_zone_could_be_fitted(tmp_path):
     fleet = ZoneFleet(ARX, store=tmp_path / "store")
     with pytest.raises(ValueError, match=r"no zone succeeded; .*T_oa"):
@@ -360,7 +371,7 @@ def test_a_zone_without_rows_or_with_a_stamp_twice_is_refused_as_alone():
         fleet = ZoneFleet(ARX).fit({"a": ZONES["a"][TRAIN], "none": ZONES["a"][:0], "twice": twice})
     assert fleet.errors_["twice"] == str(said.value)
     assert fleet.errors_["none"] == "there are no rows; write those of the zone, or leave it out."
-    with pytest.raises(ValueError, match="no zone succeeded; the first of 1, none: "):
+    with pytest.raises(ValueError, match="no zone succeeded; zone none: "):
         ZoneFleet(ARX).fit({"none": ZONES["a"][:0]})
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from joblib import delayed
 
 from .._threads import one_blas_thread
-from .._warnings import warnings_to
+from .._warnings import several, warnings_to
 from ..parallel.workers import Workers
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # errors that every further zone would meet as well
@@ -18,6 +19,8 @@ _DEATHS = {"BrokenExecutor", "KilledWorker", "RayActorError", "WorkerCrashedErro
 _DIED = (
     "the worker died at this zone, twice, as where memory runs out; give workers more memory, or the zone fewer rows."
 )
+_MOST_CAUSES = 3  # that an error names
+_NUMBER = re.compile(r"\d[\d.]*")
 
 
 class ZoneOutcome(NamedTuple):
@@ -28,6 +31,18 @@ class ZoneOutcome(NamedTuple):
     error: str | None = None
     warnings: tuple[str, ...] = ()
     stop: OSError | None = None  # an error that ends the fleet's work
+
+
+def causes(failed: Iterable[ZoneOutcome]) -> str:
+    """The commonest errors of zones, each with its number of zones; stamps and numbers make no other error."""
+    alike: dict[str, list[ZoneOutcome]] = {}
+    for outcome in failed:
+        alike.setdefault(_NUMBER.sub("", outcome.error or ""), []).append(outcome)
+    ranked = sorted(alike.values(), key=len, reverse=True)
+    shown = [(f"{len(of)} zones, the first" if len(of) > 1 else "zone", of[0]) for of in ranked[:_MOST_CAUSES]]
+    told = [f"{zones} {first.zone}: {first.error}" for zones, first in shown]
+    n_others = sum(map(len, ranked[_MOST_CAUSES:]))
+    return " ".join([*told, f"{several(n_others, 'zone')}: other errors."] if n_others else told)
 
 
 @one_blas_thread

@@ -18,7 +18,7 @@ from .._transaction import unchanged_on_failure
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import VERSION, as_plain, is_estimator
-from .dispatch import ZoneOutcome, run
+from .dispatch import ZoneOutcome, causes, run
 from .fleet_page import write_fleet_page
 from .fleet_status import COLUMNS, status_table, zone_status
 from .long_table import joined_zones
@@ -383,7 +383,7 @@ class ZoneFleet(BaseEstimator):
         if ordered and not all_may_fail and all(o.error is not None for o in ordered):
             if fitting:  # the store tells why, also of a fit that raises
                 models.keep_failures({str(zone): why for zone, why in self.errors_.items()})
-            raise ValueError(f"no zone succeeded; the first of {len(ordered)}, {ordered[0].zone}: {ordered[0].error}")
+            raise ValueError(f"no zone succeeded; {causes(ordered)}")
         return ordered
 
     def _joined(self, outcomes: Sequence[ZoneOutcome], files: ZoneFiles) -> pd.DataFrame:
