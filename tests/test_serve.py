@@ -194,6 +194,8 @@ def test_the_page_shows_forecast_past_and_verdict_and_is_safe(made):
         "Temperature: ",
         "Load: ",
         "The day to come",
+        "Forecast from Thursday 27 September 2018, 00:00",
+        "is over, from Wednesday 26 September 2018, 00:00",
         "Forecast and measured",
         "80 % interval",
         "more than a day old",

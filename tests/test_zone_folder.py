@@ -105,7 +105,8 @@ def test_init_tick_and_status_from_the_command_line(log, zone, tmp_path, capsys)
     forecast, truth = made[1], log.loc[made[1].index]
     error = forecast["T_za"] - truth["T_za"]
     yesterday = found["yesterday's forecast"]
-    assert yesterday["from"] == str(log.index[24 * (DAYS + 1) - 1])
+    assert yesterday["from"] == str(made[1].index[0])
+    assert found["last forecast from"] == str(made[2].index[0])  # as a tick has it, and not the row before
     assert yesterday["temperature [K]"] == {
         "rmse": pytest.approx(np.sqrt((error**2).mean()), abs=2e-3),
         "bias": pytest.approx(error.mean(), abs=2e-3),

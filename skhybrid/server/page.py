@@ -57,6 +57,7 @@ def _tomorrow(views: Mapping[str, ZoneView], several: bool) -> str:
     origin = next(iter(views.values())).origin
     if origin is None or not rows:
         return "<p>There is no forecast yet: post rows, or run <code>skhybrid zone tick</code>.</p>"
+    first = next(iter(rows.values())).index[0]
     low, high = min(frame["T_za"].min() for frame in rows.values()), max(frame["T_za"].max() for frame in rows.values())
     of, bands = ("temperature of all zones", "bands are") if several else ("room temperature", "band is")
     cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", f"{of} in the day to come")]
@@ -71,7 +72,7 @@ def _tomorrow(views: Mapping[str, ZoneView], several: bool) -> str:
         return days_figure(rows, width, "kW" if scaled else "relative") if several else day_figure(rows[""], width)
 
     return (
-        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {_stamp_words(origin)}; the {bands} meant to "
+        f"{html_cards(cards)}<h2>The day to come</h2>\n<p>Forecast from {_stamp_words(first)}; the {bands} meant to "
         f"hold 80 % of the measurements.{scale}{_age_words(origin)}</p>\n"
         + in_two_widths(figure, "Forecast of temperature and heat.", "day")
     )
@@ -87,22 +88,22 @@ def _age_words(origin: pd.Timestamp) -> str:
 def _yesterday(views: Mapping[str, ZoneView], several: bool) -> str:
     """The last forecast that is over, if there is one, and what was measured."""
     head, rows = "<h2>Forecast and measured</h2>\n", {}
-    origin: pd.Timestamp | None = None
+    first: pd.Timestamp | None = None
     for zone, view in views.items():
         past = view.past
         if past.empty or past["T_za"].isna().all():
             continue
         last = past[past["origin"] == past["origin"].max()].set_index("time")
-        origin = last["origin"].iloc[0] if origin is None else origin
+        first = last.index[0] if first is None else first
         measured = last.drop(columns="origin").rename(columns={"Q_hvac_measured": "Q_hvac_delivered"})
         rows[zone] = measured.dropna(axis=1, how="all")
-    if origin is None:
+    if first is None:
         return head + "<p>No forecast is over yet.</p>"
 
     def figure(width: float) -> Any:
         return days_figure(rows, width) if several else day_figure(rows[""], width)
 
-    words = f"<p>The last forecast that is over, from {_stamp_words(origin)}.</p>\n"
+    words = f"<p>The last forecast that is over, from {_stamp_words(first)}.</p>\n"
     return head + words + in_two_widths(figure, "The last forecast that is over, and measurements.", "past")
 
 

@@ -93,7 +93,7 @@ class PastErrors(BaseModel):
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Errors | None]
-    origin: str | None = Field(None, alias="from", description="origin, where it is one forecast")
+    first_row: str | None = Field(None, alias="from", description="first row, where it is one forecast")
     forecasts: int | None = Field(None, description="number of forecasts, where there are several")
     temperature: Errors | None = Field(None, alias="temperature [K]", description="errors of the zone temperature [K]")
     load: Errors | None = Field(None, alias="load [kW]", description="errors of the heat of the plant [kW]")
@@ -122,7 +122,7 @@ class _Head(BaseModel):
 
     name: str = Field(description="name of the zone or the building")
     last_row: str | None = Field(alias="last row", description="time of the last measurement")
-    last_forecast: str | None = Field(alias="last forecast from", description="origin of the last forecast")
+    last_forecast: str | None = Field(alias="last forecast from", description="first row of the last forecast")
     learned_until: str = Field(alias="learned until", description="last row that the model learned from")
 
 

@@ -64,10 +64,11 @@ def archives_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Forecast
 
 def status_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
     """Report the last row, drift, verdicts and errors, as plain values; of several zones the worst zone first."""
+    forecast = archive.latest()
     found = {
         "name": zone.settings.name,
         "last row": _shown(archive.last_measured(), zone),
-        "last forecast from": _shown(archive.last_origin(), zone),
+        "last forecast from": _shown(None if forecast.empty else forecast.index[0], zone),
         "learned until": str(zone.learned_until),
     }
     parts, archives = zone.parts(), archives_of(archive, zone)
@@ -91,7 +92,7 @@ def _state_of(archive: ForecastArchive, zone: ZoneModel) -> dict[str, Any]:
     newest = rows[rows["origin"] == rows["origin"].iloc[-1]]
     return found | {
         "verdicts": [one._asdict() for one in verdicts_of(archive, zone, rows, days, doubts)],
-        "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["origin"].iloc[0]), zone), **errors_of(newest)},
+        "yesterday's forecast": {"from": _shown(pd.Timestamp(newest["time"].iloc[0]), zone), **errors_of(newest)},
         "last four weeks": {"forecasts": rows["origin"].nunique(), **errors_of(rows)},
     }
 
