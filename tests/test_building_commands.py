@@ -318,6 +318,20 @@ def test_set_points_may_be_given_per_zone(folder, log, tmp_path, capsys):
     assert "--setpoint names the zone 'attic'" in refusal(capsys, "forecast", *common, "--setpoint", "attic:20")
 
 
+def test_the_table_of_several_zones_is_one_of_each_with_its_set_points(folder, log, tmp_path, capsys):
+    """All zones side by side took 137 columns of a terminal for two of them, without any set-point."""
+    log[N_KNOWN : N_KNOWN + 24][["T_out_degC", "ghi_kW_m2"]].to_csv(tmp_path / "weather.csv")
+    common = ("--model", folder / "house.skops", "--log", folder / "known.csv", "--weather", tmp_path / "weather.csv")
+    assert run("forecast", *common, "--setpoint", "21", "--setpoint", "hall:12") == 0
+    lines = capsys.readouterr().out.splitlines()
+    for zone, setpoint in (("kitchen", "21.0"), ("hall", "12.0")):
+        head, units, *rows = lines[lines.index(zone) + 1 :][:10]
+        assert {"room", "heat", "outdoors", "sun"} <= set(head.split())
+        assert "heat to" in head
+        assert all(row.split()[-3] == setpoint for row in rows)
+        assert max(map(len, (head, units, *rows))) <= 100
+
+
 @pytest.fixture(scope="module")
 def held(log) -> tuple[ZoneModel, pd.DataFrame]:
     """A model and its log, in which the kitchen has set-points of its own, and the hall those of the building."""

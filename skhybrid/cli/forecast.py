@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ _TITLES = {
     "q_sol": ("sun", "[kW/m2]"),
 }  # fmt: skip
 _ENDS = {"T_za": ("q_0.1", "q_0.9"), "Q_hvac": ("Q_hvac_0.1", "Q_hvac_0.9")}  # of the 80 % intervals
+_SHARED = ("T_heat_set", "T_cool_set", "T_oa", "q_sol")  # by zones that have none of their own
 
 
 @as_command("forecast", "skhybrid forecast --model zone.skops --log today.csv --weather tomorrow.csv --setpoint 21,24")
@@ -53,7 +53,7 @@ def command(
     if as_json:
         print_json(forecast_content(found))
     else:
-        print(_text(found, zone.zones))
+        print(_text(found, zone.settings))
 
 
 def forecast_content(found: Any) -> dict[str, Any]:
@@ -65,38 +65,34 @@ def forecast_content(found: Any) -> dict[str, Any]:
     return {"summary": found.summary, "remarks": list(found.remarks), "forecast": rows}
 
 
-def _titles(zones: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict[str, list[str]]]:
-    """Title and unit of each column of the table, and the ends of intervals; without set-points of several zones."""
-    if not zones:
-        return _TITLES, {name: list(ends) for name, ends in _ENDS.items()}
-    titles: dict[str, tuple[str, str]] = {}
-    ends: dict[str, list[str]] = {}
-    for zone in zones:
-        titles |= {f"T_za_{zone}": (zone, "[degC]"), f"Q_hvac_{zone}": (f"{zone}, heat", "[kW]")}
-        titles |= {f"electricity_kW_{zone}": (f"{zone}, electricity", "[kW]")}
-        ends |= {f"{name}_{zone}": [f"{end}_{zone}" for end in _ENDS[name]] for name in _ENDS}
-    return titles | {name: _TITLES[name] for name in ("T_oa", "q_sol")}, ends
+def _text(found: Any, settings: Any = None) -> str:
+    """A table of each zone, and the sums of the day."""
+    from ..study.zone_part import forecast_of
+
+    frame, lines = found.frame, []
+    power = "[kW]" if "largest load [kW]" in found.summary else "[relative]"
+    for zone in (settings and settings.zones) or [""]:
+        own = forecast_of(frame, settings, zone)
+        shared = [name for name in _SHARED if name in frame and name not in own]
+        lines += [*([zone] if zone else []), _table(own.join(frame[shared]), power), ""]
+    return "\n".join([*lines, *summary_lines(found.summary)])
 
 
-def _text(found: Any, zones: Sequence[str] = ()) -> str:
-    """A row for some hours, with the units on top, and the sums of the day."""
+def _table(frame: Any, power: str) -> str:
+    """A row for some hours of one zone, with the units on top."""
     import pandas as pd
 
-    frame = found.frame
     hours = (frame.index[1] - frame.index[0]).total_seconds() / 3600.0 if len(frame) > 1 else 1.0
     shown = frame.iloc[:: max(1, round(_HOURS / hours))]
-    power = "[kW]" if "largest load [kW]" in found.summary else "[relative]"
     cells = {}
-    titles, intervals = _titles(zones)
-    for name, (title, unit) in titles.items():
+    for name, (title, unit) in _TITLES.items():
         if name in shown:
             top, digits = unit.replace("[kW]", power), 1 if unit == "[degC]" else 2
             cells[title, top] = [_numbers(value, digits=digits) for value in shown[name]]
-            if name in intervals and set(intervals[name]) <= set(shown):
-                ends = zip(*(shown[end] for end in intervals[name]), strict=True)
+            if name in _ENDS and set(_ENDS[name]) <= set(shown):
+                ends = zip(*(shown[end] for end in _ENDS[name]), strict=True)
                 cells[f"80 % of {title}", top] = [_numbers(*pair, digits=digits) for pair in ends]
-    table = pd.DataFrame(cells, index=shown.index.strftime("%a %H:%M"))
-    return "\n".join([table.rename_axis(None).to_string(), "", *summary_lines(found.summary)])
+    return pd.DataFrame(cells, index=shown.index.strftime("%a %H:%M")).rename_axis(None).to_string()
 
 
 def _numbers(*values: float, digits: int) -> str:
