@@ -150,6 +150,27 @@ def test_the_heat_of_the_last_step_may_be_unknown(tmp_path):
     assert list(found.index) == list(X.index[9 * DAY - 1 : 10 * DAY])
 
 
+def test_a_meter_that_is_silent_at_the_end_stops_no_zone(tmp_path):
+    """Forecasts start from the last row with all inputs, as in the folder of one zone, for up to twelve hours."""
+    X = ZONE.assign(T_heat_set=np.where(np.arange(len(ZONE)) % DAY < 6, 18.0, 21.0), T_cool_set=26.0)
+    silent = [X[: n * DAY].assign(u_heat=X["u_heat"].where(X.index < X.index[n * DAY - 5])) for n in (8, 9)]
+    model, meters = HybridPredictor(intervals=False), ["T_za", "u_heat", "u_cool"]
+    alone = clone(model).fit(X[: 8 * DAY - 5], X["T_za"][: 8 * DAY - 5])
+    fleet = ZoneFleet(model, store=tmp_path / "store").fit({"a": silent[0]})
+    assert "no values of 'u_heat' since" in str(fleet.warnings_)
+    ahead = X[9 * DAY : 10 * DAY].assign(**dict.fromkeys(meters, np.nan))
+    found = fleet.tick({"a": pd.concat([silent[1], ahead])})
+    alone.update(X[8 * DAY - 5 : 9 * DAY - 5])
+    expected = alone.forecast(None, X[9 * DAY - 5 : 10 * DAY].drop(columns=meters))
+    np.testing.assert_array_equal(found["T_za"], expected["T_za"])
+    long = X[: 9 * DAY].assign(u_heat=X["u_heat"].where(X.index < X.index[9 * DAY - 13]))
+    with pytest.raises(ValueError, match=r"no values of 'u_heat' since .*; see that they are logged again"):
+        fleet.tick({"a": pd.concat([long, ahead])})
+    fleet.update({"a": X[9 * DAY - 5 : 9 * DAY + 8].assign(u_cool=X["u_cool"].where(X.index < X.index[9 * DAY + 3]))})
+    known = alone.update(X[9 * DAY - 5 : 9 * DAY + 3]).known_until_
+    assert fleet.status()["last_row"].tolist() == [known]
+
+
 def test_a_zone_learns_over_outages_of_days(tmp_path):
     """Inputs are interpolated and set-points held, and no temperature of the outage is known."""
     X = ZONE[: 8 * DAY].assign(T_heat_set=np.where(np.arange(8 * DAY) % DAY < 6, 18.0, 21.0)).rename_axis("time")

@@ -16,10 +16,12 @@ from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
+from skhybrid.study.unread_rows import Unread
+from skhybrid.study.zone_part import log_columns
 from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _unused
 from skhybrid.zone.other_units import refuse_other_units
-from skhybrid.zone.outages import Unread, complete_rows
+from skhybrid.zone.outages import complete_rows
 from skhybrid.zone.training_rows import training_rows
 from skhybrid.zone.wanted_setpoints import idle_setpoints
 
@@ -214,7 +216,8 @@ def test_a_meter_without_values_is_named_by_its_column(frame):
     columns = {"T_za": "room", "T_oa": "outdoors", "Q_heat": "Heat Meter", "Q_cool": "Cold Meter"}
     rows = frame[["T_oa", "q_sol", "Q_hvac"]][:DAY].copy()
     rows.iloc[-3:, 1:] = np.nan
-    found = Unread.of(rows, settings_from({**SETTINGS, "columns": columns, "units": {}}))
+    settings = settings_from({**SETTINGS, "columns": columns, "units": {}})
+    found = Unread.of(rows, lambda roles: log_columns(roles, settings))
     assert found.inputs == ("Heat Meter", "Cold Meter")
 
 

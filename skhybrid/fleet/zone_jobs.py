@@ -19,6 +19,7 @@ from ..model_selection import backtest
 from ..preprocessing import GapFiller
 from ..study.likely_units import refuse_likely_units
 from ..study.scores import INTERVAL
+from ..study.unread_rows import Unread
 from .day_errors import forecasts_from_midnight, scored_days
 from .journal import Journal
 from .model_store import ModelStore
@@ -119,7 +120,8 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
     models = ModelStore(store)
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_over_outages(read_rows(paths[0]), model), journal.scored.index), model)
+    rows = _over_outages(read_rows(paths[0]), model, forecasts=True)
+    X, y = _with_target(_in_clock(rows, journal.scored.index), model)
     if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
         raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
     known = _in_clock_of(journal.facts["until"], X.index)
@@ -237,32 +239,39 @@ def _rows(path: str, model: Any) -> pd.DataFrame:
     return _filled(read_rows(path), model, SHORTEST_GAP)
 
 
-def _over_outages(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
-    """Rows with bridges over outages before the last measurement, and without short gaps of any kind."""
-    whole = _without_step_under_way(_filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP), model)
-    measured = _measured(whole, model)
-    n_past = measured[-1] + 1 if len(measured) else 0
+def _over_outages(rows: pd.DataFrame, model: Any, *, forecasts: bool = False) -> pd.DataFrame:
+    """Rows with bridges over outages before the last measurement, and without short gaps of any kind.
+
+    Where one ``forecasts``, inputs that end long before the temperatures are refused.
+    """
+    whole, unread = _without_unread(_filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP), model)
+    if unread is not None and not unread.is_step:
+        if forecasts:
+            unread.refuse_long()
+        warn_user(f"{unread}.", SkhybridWarning)
+    n_past = _n_past(whole, model)
     return pd.concat([_bridged(whole[:n_past], model), whole[n_past:]])
 
 
-def _without_step_under_way(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
-    """Rows without their last temperature if an input ends in the row before, as a counter until its next reading."""
-    measured = _measured(rows, model)
-    if TARGET in rows or len(measured) < 2:
-        return rows
-    known = rows[_inputs(rows, model)].notna().to_numpy()
-    if not (known[measured[-1] - 1] & ~known[measured[-1]]).any():
-        return rows
-    if measured[-1] == len(rows) - 1:
-        return rows[:-1]
-    out = rows.copy()
-    out.iloc[measured[-1], list(out).index(_measured_column(model))] = np.nan
-    return out
+def _without_unread(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, Unread | None]:
+    """Rows without the temperatures after the last row with all inputs, as in the folder of one zone; and these."""
+    n_past = _n_past(rows, model)
+    record = getattr(model, "training_", None)
+    read = [c for c, role in _inputs(rows, model).items() if record is None or role in record.ranges]
+    unread = None if TARGET in rows else Unread.of(rows[read].iloc[:n_past])
+    if unread is None:
+        return rows, None
+    n_known = n_past - unread.n_rows
+    if n_past == len(rows):
+        return rows.iloc[:n_known], unread
+    known = np.arange(len(rows))[:, None] < n_known  # after that the temperature is not, nor is heat without a plan
+    return rows.where(known | rows.iloc[n_past:].notna().any().to_numpy()), unread
 
 
-def _measured(rows: pd.DataFrame, model: Any) -> np.ndarray:
-    """Numbers of the rows in which the target was measured."""
-    return np.flatnonzero(_with_target(rows, model)[1].notna().to_numpy())
+def _n_past(rows: pd.DataFrame, model: Any) -> int:
+    """Number of the rows up to the last measurement of the target."""
+    measured = np.flatnonzero(_with_target(rows, model)[1].notna().to_numpy())
+    return int(measured[-1]) + 1 if len(measured) else 0
 
 
 def _row_after_outage(stamps: pd.Index, least: pd.Timedelta) -> int:
@@ -286,17 +295,17 @@ def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     whole = _restored(rows, LONGEST_BRIDGE)
     filled = _filled(whole, model, LONGEST_BRIDGE)
     measured = [column for column in (TARGET, _measured_column(model)) if column in whole]
-    inputs = _inputs(whole, model)
+    inputs = list(_inputs(whole, model))
     out = (whole[inputs].isna() & filled[inputs].notna()).any(axis=1)
     filled.loc[out, measured] = np.nan
     return filled
 
 
-def _inputs(rows: pd.DataFrame, model: Any) -> list[Any]:
-    """Columns of weather and plants."""
+def _inputs(rows: pd.DataFrame, model: Any) -> dict[Any, str]:
+    """Columns of weather and plants, and their roles."""
     roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
     named = {c: str(roles.get(c, c)) for c in rows if c not in (TARGET, _measured_column(model))}
-    return [column for column, role in named.items() if role_of(role) and not is_set_point(role)]
+    return {column: role for column, role in named.items() if role_of(role) and not is_set_point(role)}
 
 
 def _restored(rows: pd.DataFrame, longest: pd.Timedelta) -> pd.DataFrame:

@@ -25,7 +25,7 @@ from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from ..study.zone_part import each_zone, log_columns
-from .outages import BRIDGED, like_index, refuse_cut_value, refuse_stuck
+from .outages import like_index, refuse_cut_value, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
 from .wanted_setpoints import idle_setpoints
 from .zone_model import ZoneModel
@@ -89,8 +89,8 @@ def day_ahead(
     frame = log if isinstance(log, pd.DataFrame) else read_even_log(log, settings).frame
     history = zone.history(frame)
     origin, unread = history.index[-1], zone.unread(frame)
-    if unread is not None and unread.last - origin > BRIDGED:
-        raise ValueError(f"{unread}; see that they are logged again, or fit a model without them.")
+    if unread is not None:
+        unread.refuse_long()
     measured = settings.roles_of("T_za")
     refuse_stuck(frame, measured, origin)
     refuse_cut_value(frame, settings, origin)

@@ -11,8 +11,9 @@ from .._table import is_plant, listed
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..study.settings import Settings
+from ..study.unread_rows import BRIDGED
 from ..study.zone_part import log_columns, read_roles, roles_of
-from .outages import BRIDGED, up_to_measured
+from .outages import up_to_measured
 
 
 def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -17,41 +17,6 @@ from ..study.zone_part import log_columns
 _Stamps = TypeVar("_Stamps", pd.Timestamp, pd.DatetimeIndex)
 
 _LEAP, _USUAL = 8.0, 2.0  # between two rows: what no room does [K], also where it often moves; times its largest move
-BRIDGED = pd.Timedelta("12h")  # longest outage that is bridged: a filter is worse off when it starts anew
-
-
-class Unread(NamedTuple):
-    """Rows at the end of a log whose temperatures are known, but not all inputs."""
-
-    inputs: tuple[str, ...]  # names of columns
-    origin: pd.Timestamp  # the last row with all inputs
-    first: pd.Timestamp
-    last: pd.Timestamp
-
-    @classmethod
-    def of(cls, rows: pd.DataFrame, settings: Settings) -> Unread | None:
-        """Of rows of inputs up to the last temperature, with the settings of their log; None if all are known.
-
-        Some row must have all inputs.
-        """
-        missing = rows.isna()
-        n_rows = int(np.argmin(missing.any(axis=1).to_numpy()[::-1]))
-        if not n_rows:
-            return None
-        absent = [str(role) for role, gone in missing.iloc[-n_rows:].any().items() if gone]
-        names = tuple(log_columns(absent, settings)) or tuple(absent)
-        return cls(names, rows.index[-n_rows - 1], rows.index[-n_rows], rows.index[-1])
-
-    @property
-    def is_step(self) -> bool:
-        """Whether it is the last step only, which may be under way."""
-        return self.first == self.last
-
-    def __str__(self) -> str:
-        return (
-            f"no values of {listed(self.inputs)} since {self.first}, although temperatures are known until "
-            f"{self.last}: forecasts start from {self.origin}"
-        )
 
 
 def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> pd.DataFrame:

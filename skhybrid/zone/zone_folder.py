@@ -20,12 +20,13 @@ from ..study import propose_settings, read_settings
 from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.log_reading import EvenLog, read_even_log
 from ..study.settings import Settings
+from ..study.unread_rows import BRIDGED
 from .corrected_rows import corrected_since
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .other_units import refuse_other_temperatures
-from .outages import BRIDGED, complete_rows, like_index, up_to_measured
+from .outages import complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .rows_ahead import Schedules
 from .zone_model import ZoneModel

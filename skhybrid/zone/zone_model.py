@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 from typing import Any, Self
 
@@ -22,10 +23,11 @@ from ..study.log_split import with_facades
 from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
-from ..study.zone_part import measured_of, predictors_of, read_roles, roles_of, settings_of_zone
+from ..study.unread_rows import BRIDGED, Unread
+from ..study.zone_part import log_columns, measured_of, predictors_of, read_roles, roles_of, settings_of_zone
 from .dead_meters import not_learned, without_roles
 from .other_units import refuse_other_temperatures, refuse_other_units
-from .outages import BRIDGED, Unread, complete_rows, like_index, refuse_cut_value, up_to_measured
+from .outages import complete_rows, like_index, refuse_cut_value, up_to_measured
 from .training_rows import training_rows
 from .wanted_setpoints import has_plant, wanted_setpoints
 
@@ -267,7 +269,8 @@ class ZoneModel:
         frame : DataFrame, one column per role
         """
         measured = self.settings.roles_of("T_za")
-        return Unread.of(up_to_measured(self._read(frame), measured).drop(columns=measured), self.settings)
+        rows = up_to_measured(self._read(frame), measured).drop(columns=measured)
+        return Unread.of(rows, partial(log_columns, settings=self.settings))
 
     def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The complete rows of a log after those that the model knows.
