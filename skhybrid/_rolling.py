@@ -14,7 +14,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 
 from ._joining import warn_if_unmeasured
 from ._summary import SummaryMixin
-from ._table import UNLIMITED, ZoneTable, append_tables, fill_ahead, read_targets, refuse_gap, refuse_other_clock
+from ._table import SCORED, ZoneTable, append_tables, fill_ahead, read_targets, refuse_gap, refuse_other_clock
 from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 
@@ -142,7 +142,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
 
     def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
         """(n_rows,) or (n_rows, n_measured) measured values, of which any may be missing."""
-        return read_targets(y, table, self._past_roles(), max_missing=UNLIMITED)
+        return read_targets(y, table, self._past_roles(), max_missing=SCORED)
 
     def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()

@@ -53,6 +53,7 @@ from ._columns import role_of as role_of
 from ._columns import unmasked as unmasked
 from ._holidays import NO_HOLIDAYS, Holidays, read_holidays
 from ._ranges import check_range
+from ._target import SCORED as SCORED
 from ._target import UNLIMITED as UNLIMITED
 from ._target import is_target as is_target
 from ._target import refuse_missing, refuse_target_among, warn_if_still, warn_if_temperature
@@ -367,18 +368,19 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str |
     if isinstance(y, pd.Series | pd.DataFrame):
         refuse_order(y.index, table.index)
     refuse_infinite(target, "y", table.index)
-    if max_missing is not UNLIMITED:
+    learns = max_missing not in (UNLIMITED, SCORED)
+    if learns:
         refuse_missing(target, max_missing)
     if role is not None:
         check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history)
         if role in table.history:
-            refuse_other_quantity(table.history[role], target, role, learns=max_missing is not UNLIMITED)
+            refuse_other_quantity(table.history[role], target, role, scores=max_missing is SCORED)
         if role.startswith("T_"):
-            if max_missing is not UNLIMITED:
+            if learns:
                 warn_if_still(target, table.step)
             by_position = None if table.named else {column: j for j, column in enumerate(table.order)}
             refuse_target_among(table.inputs, target, columns=by_position)
-        elif max_missing is not UNLIMITED:
+        elif learns:
             warn_if_temperature(table.history, target)
     return target
 

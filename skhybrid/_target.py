@@ -12,8 +12,8 @@ from ._arguments import is_number
 from ._warnings import percent, warn_user
 from .exceptions import ExcitationWarning, SkhybridWarning, UnitWarning
 
-#: ``max_missing`` of a target that is not learned from
-UNLIMITED: Any = object()
+#: ``max_missing`` of rows that are taken in without learning, and of rows that forecasts are scored by
+UNLIMITED, SCORED = object(), object()
 #: for so long no room has one temperature, whatever the resolution of its sensor
 _STILL = pd.Timedelta("1D")
 #: largest usual difference between the history in X and y [degC]: two sensors of one zone
@@ -53,10 +53,10 @@ def refuse_order(given: pd.Index, index: pd.Index) -> None:
         )
 
 
-def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str, *, learns: bool = True) -> None:
+def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str, *, scores: bool = False) -> None:
     """Refuse a history in X (n,) that is not y (n,): another unit, scaled, of other rows or of other times.
 
-    Where nothing is learned, other rows are a warning: the importance of the history is measured by permuted ones.
+    Where one only ``scores``, other rows are a warning: the importance of the history is measured by permuted ones.
     """
     both = np.isfinite(history) & np.isfinite(y)
     if not both.any():
@@ -78,7 +78,7 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str, *, lear
     together = np.corrcoef(known, wanted)[0, 1] if np.ptp(known) > 0 else 0.0
     if np.std(known - wanted) > 0.9 * np.std(wanted) and together < 0.3:
         text = f"{means}, but they do not move together; give both the same rows in the same order."
-        if learns:
+        if not scores:
             raise ValueError(text)
         warn_user(text, SkhybridWarning)
 

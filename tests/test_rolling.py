@@ -136,6 +136,15 @@ def test_the_importance_of_a_column_is_measured_by_permuting_it(office):
     assert (found.importances_mean[1:] > 0.1).all()  # the weather of four days says little
 
 
+@pytest.mark.parametrize("model", [GrayBoxRC(), HybridPredictor(intervals=False)])
+def test_update_refuses_a_history_that_is_not_y(model, office):
+    X, y = office.X, office.y
+    model, later = model.fit(X[:-96], y[:-96]), X[-96:]
+    other = later.assign(T_za=later["T_za"].sample(frac=1.0, random_state=0).to_numpy())
+    with pytest.raises(ValueError, match="they do not move together"):
+        model.update(other, y[-96:])
+
+
 def test_an_estimator_is_not_fitted_after_a_refused_fit(office):
     model = GrayBoxRC(known=office.theta)
     with pytest.raises(ValueError, match="'T_oa' is empty: it contains NaN in all"):

@@ -21,7 +21,7 @@ from .._joining import (
     warn_if_unmeasured,
     with_measured,
 )
-from .._table import UNLIMITED, ZoneTable, append_tables, by_name, listed, plant_roles, refuse_gap
+from .._table import SCORED, UNLIMITED, ZoneTable, append_tables, by_name, listed, plant_roles, refuse_gap
 from .._threads import one_blas_thread
 from .._transaction import unchanged_on_failure
 from ..control import (
@@ -63,8 +63,8 @@ class ForecastingNetwork(NetworkModel):
     _warmup_rows: int  # of the warm-up, as it was in ``fit``
     _acts_on = "input"  # what the model expects beyond the network: heat, or (output) a temperature
 
-    def _read_target(self, y: Any, table: ZoneTable) -> np.ndarray:
-        return read_outputs(y, table, self.network_, max_missing=UNLIMITED)
+    def _read_target(self, y: Any, table: ZoneTable, max_missing: Any = SCORED) -> np.ndarray:
+        return read_outputs(y, table, self.network_, max_missing=max_missing)
 
     def _rows_remembered(self, outputs: np.ndarray) -> int:
         """Number of the last rows of ``outputs`` (N, o) that forecasts need: those of a warm-up, and the one before."""
@@ -98,7 +98,7 @@ class ForecastingNetwork(NetworkModel):
         refuse_gap(table)
         refuse_unless_following(table, self._tail, "X", LAST_KNOWN)
         if y is not None:
-            target = self._read_target(y, table)
+            target = self._read_target(y, table, UNLIMITED)
             table = table.replace(history=dict(zip(roles, np.atleast_2d(target.T), strict=True)))
         absent = [self._column_of(role) for role in roles if role not in table.history]
         if absent:
