@@ -13,9 +13,9 @@ from skhybrid.datasets import load_dutch_home, make_office
 from skhybrid.logs import LogReport, RawLog, read_log, to_left_label
 from skhybrid.logs.conversion import Channel, channels_of, roles_without_label, to_roles
 from skhybrid.logs.log_findings import (
-    _skipped_hours,
     clock_findings,
     counter_findings,
+    daylight_changes,
     doubts_on_temperatures,
     gap_findings,
     gaps_of,
@@ -572,12 +572,26 @@ def test_jumps_gaps_duplicates_and_the_clock(frame):
     assert any("culminates at 18:" in f.text for f in shifted.findings)
 
 
-@pytest.mark.parametrize(("day", "asked"), [("2023-10-29", True), ("2023-10-24", False)])
-def test_a_clock_that_was_put_back_is_suspected_on_a_sunday_of_autumn(day, asked):
+@pytest.mark.parametrize(("day", "n_told"), [("2023-10-29", 1), ("2023-10-24", 2)])
+def test_a_clock_that_was_put_back_is_told_on_a_sunday_of_autumn(day, n_told):
     index = pd.date_range(day, periods=48, freq="1h")
     twice = pd.DatetimeIndex([*index[:3], *index[2:]])
-    (text,) = [f.text for f in clock_findings(twice, pd.Timedelta("1h"), "left") if "occurs twice" in f.text]
-    assert ("end of daylight saving?" in text) == asked
+    texts = [f.text for f in clock_findings(twice, pd.Timedelta("1h"), "left") if f.level == "warning"]
+    assert len(texts) == n_told
+    assert texts[0].startswith(
+        f"the clock of the stamps has daylight saving: an hour occurs twice from {day} 02:00:00; give timezone"
+    ) == (n_told == 1)
+
+
+@pytest.mark.parametrize(("months", "hour"), [("2023-10", "occurs twice from 2023-10-29 02"),
+                                              ("2024-03", "is missing after 2024-03-31 01:45")])  # fmt: skip
+def test_one_change_of_clocks_is_one_warning(frame, months, hour):
+    index = pd.date_range(f"{months}-10", periods=len(frame) * 4, freq="15min", tz="Europe/Berlin")
+    sun = 0.5 * np.sin((index.tz_convert("UTC").hour - 6.0) / 12.0 * np.pi).to_numpy().clip(0.0)
+    log = pd.DataFrame({"Room [°C]": 20.0 + np.arange(len(index)) % 7, "Sun [kW/m2]": sun}, index.tz_localize(None))
+    (found,) = (f for f in LogReport(log).findings if f.level == "warning")
+    assert f"has daylight saving: an hour {hour}" in found.text
+    assert "sun rises and sets" in str(LogReport(log.drop(index=log.index[log.index.day_of_week == 6])))
 
 
 def test_electricity_is_not_taken_for_heat(frame):
@@ -716,7 +730,7 @@ def test_numbers_and_units_in_words(frame):
 @pytest.mark.parametrize(
     ("zone", "line"),
     [("Europe/Berlin", 'timezone = "Europe/Berlin"\n'), ("UTC", 'timezone = "UTC"  # better the local zone'),
-     ("-06:00", 'timezone = "-06:00"  # better the local zone'), (None, '# timezone = "UTC"  # better the local zone')],
+     ("-06:00", 'timezone = "-06:00"  # better the local zone'), (None, '# timezone = "..."  # the local zone')],
 )  # fmt: skip
 def test_a_proposal_asks_for_the_local_zone_where_the_log_has_none(frame, zone, line):
     index = pd.date_range("2024-01-15", periods=960, freq="15min", tz=zone, name="time")
@@ -779,8 +793,9 @@ def test_infinite_values_are_an_error(frame):
 
 def test_what_counts_as_a_finding():
     hours = pd.date_range("2024-03-31", periods=30, freq="1h")
-    assert "after 2024-03-31 01:00" in _skipped_hours(hours.delete(2), pd.Timedelta("1h"))  # a Sunday
-    assert _skipped_hours((hours - pd.Timedelta("4D")).delete(2), pd.Timedelta("1h")) == ""
+    assert list(daylight_changes(hours.delete(2))) == [pd.Timestamp("2024-03-31 01:00")]  # a Sunday
+    for other in (hours.delete(8), (hours - pd.Timedelta("4D")).delete(2), hours.delete(2).tz_localize("UTC")):
+        assert not len(daylight_changes(other))
     index = pd.date_range("2024-01-01", periods=200, freq="1h")
     full = pd.Series(20.0 + np.arange(200) % 7, index)
     assert list(sensor_findings("T_za", "room", full)) == []

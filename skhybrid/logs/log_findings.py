@@ -25,6 +25,7 @@ _LONG_GAP = 4.0  # steps without a row, from which on a gap is named
 _ABSENT = 0.02  # share of rows without a value, from which on it is named
 _CLASHING = 0.1  # share of rows with the stamp of another one that no change of clocks brings
 _LONELY = 0.01  # rows far from all others, relative to these, whose stamps may be wrong
+_SPRING, _AUTUMN, _MORNING = 3, (10, 11), 4  # months, and the hour of the night before which clocks are set
 _MOST_NAMED = 5  # findings of one kind that are listed
 _INDOORS = (10.0, 32.0)  # outdoor temperatures that stay within are like those of a room [degC]
 _COLDER = 5.0  # a room is not that much colder than it ever is outdoors, and moves more, at once [K]
@@ -51,12 +52,10 @@ def clock_findings(
     ticks = index.as_unit("ns").asi8
     if (back := int((np.diff(ticks) < 0).sum())) > 0:
         yield Finding("note", "clock", f"stamps go back {several(back, 'time')}; rows are sorted.")
-    if (twice := int(index.duplicated().sum())) > 0:
-        again = index[index.duplicated()]
-        first, sundays = again[0], bool((again.day_of_week == 6).all() and again.month.isin((10, 11)).all())
-        hint = ": a local clock at the end of daylight saving?" if index.tz is None and sundays else ""
+    changes, again = daylight_changes(index), index[index.duplicated()]
+    if twice := len(again := again[~again.normalize().isin(changes.normalize())]):
         occur = f"{several(twice, 'stamp')} {'occurs' if twice == 1 else 'occur'} twice"
-        text = f"{occur}, first {first}{hint}; the first value of each column is used."
+        text = f"{occur}, first {again[0]}; the first value of each column is used."
         yield Finding("warning", "clock", text)
     ordered = index.sort_values().unique()
     steps = own_steps(ordered, step.total_seconds())
@@ -64,9 +63,12 @@ def clock_findings(
         distance = spell(pd.Timedelta(seconds=round(steps[row + 1])))
         yield Finding("note", "clock", f"from {ordered[row + 1]} on, a row comes every {distance}.")
     if index.tz is None:
-        text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right"
-        skipped = _skipped_hours(index, step)
-        yield Finding("warning", "clock", f"{text}{skipped}.")
+        text = "stamps have no time zone; give timezone = a local one, so that hours and holidays are right."
+        if len(changes):
+            hour = "an hour is missing after" if changes[0].month == _SPRING else "an hour occurs twice from"
+            shown = f"the clock of the stamps has daylight saving: {hour} {changes[0]}"
+            text = f"{shown}; give timezone = its zone, so that this hour, days and holidays are right."
+        yield Finding("warning", "clock", text)
     elif not is_local(index):
         text = f"stamps are in {index.tz}, without daylight saving; give timezone = the local zone"
         yield Finding(
@@ -108,13 +110,18 @@ def guessed_label(first: pd.Timestamp, step: pd.Timedelta) -> str:
     return "right" if first - first.normalize() == step else "left"
 
 
-def _skipped_hours(index: pd.DatetimeIndex, step: pd.Timedelta) -> str:
-    """A remark where spring nights miss an hour."""
-    ordered = index.sort_values().unique()
-    missing = ordered[1:] - ordered[:-1] == step + pd.Timedelta("1h")
-    at = ordered[:-1][missing]
-    at = at[(at.month == 3) & (at.day_of_week == 6)]
-    return f" (an hour is missing after {at[0]}, as when daylight saving begins)" if len(at) else ""
+def daylight_changes(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
+    """Stamps without a zone at which a Sunday's night misses an hour in spring or has one twice in autumn."""
+    if index.tz is not None:
+        return index[:0]
+    ordered, again = index.sort_values().unique(), index[index.duplicated()].unique()
+    distance = ordered[1:] - ordered[:-1]
+    usual, days = distance.to_series().median(), again.normalize()
+    again = again[days.value_counts().reindex(days).to_numpy() <= pd.Timedelta("1h") / usual]
+    before = ordered[:-1][distance == usual + pd.Timedelta("1h")]
+    found = pd.DatetimeIndex(before[before.month == _SPRING].append(again[again.month.isin(_AUTUMN)])).sort_values()
+    found = found[(found.day_of_week == 6) & (found.hour < _MORNING)]
+    return found[~found.normalize().duplicated()]
 
 
 def gaps_of(index: pd.DatetimeIndex, step: pd.Timedelta) -> pd.DataFrame:
@@ -166,7 +173,8 @@ def sensor_findings(
     if role in _JUMP:
         yield from _jumping(name, known, _JUMP[role])
     if role.startswith("q_sol"):
-        yield from (Finding("warning", name, text) for text in (noon_text(known), *jump_texts(known)) if text)
+        jumps = jump_texts(known, daylight_changes(pd.DatetimeIndex(known.index)))
+        yield from (Finding("warning", name, text) for text in (noon_text(known), *jumps) if text)
     if role.startswith(("q_sol", "u_", "Q_")):
         yield from _odd_power(role, name, known, counts)
 

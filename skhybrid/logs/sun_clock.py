@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,7 @@ _NOON = (9.5, 14.5)  # hours between which the middle of a day's sun lies, on an
 _LIGHT = 0.005  # of the highest irradiance, above which it is day
 _BESIDE, _FEWEST = 10, 5  # days on each side of a change that show it, and the least of them with a known noon
 _LEAST_JUMP = 0.6  # hours, which neither seasons nor clouds bring from one week to the next, and
+_SAME = pd.Timedelta("3D")  # between two signs of one change, of which the sun's may be late
 _CLEAR = 3.0  # times what noons vary by within these days
 
 
@@ -32,9 +33,14 @@ def noon_text(known: pd.Series) -> str | None:
     return f"{text}; is the time zone right?{utc}"
 
 
-def jump_texts(known: pd.Series) -> Iterator[str]:
-    """A sentence on each day from which on the sun rises and sets at other hours, as where a clock was set."""
+def jump_texts(known: pd.Series, told: Iterable[pd.Timestamp] = ()) -> Iterator[str]:
+    """A sentence on each day from which on the sun rises and sets at other hours, as where a clock was set.
+
+    There is none beside stamps of which the user is ``told``.
+    """
     for day, hours in clock_jumps(known):
+        if any(abs(day - stamp) < _SAME for stamp in told):
+            continue
         way = f"{'later' if hours > 0 else 'earlier'} by the log's clock than before"
         text = f"from {day:%Y-%m-%d} on, the sun rises and sets about {round(2.0 * abs(hours)) / 2.0:g} h {way}"
         if pd.DatetimeIndex(known.index).tz is None:

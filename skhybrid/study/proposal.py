@@ -64,8 +64,9 @@ def propose_settings(log: str | PathLike[str], report: LogReport | None = None) 
 def _log_lines(report: LogReport, name: str) -> list[str]:
     index = pd.DatetimeIndex(report.raw.frame.index)
     # pandas writes a fixed offset as "UTC-06:00", and reads "-06:00"
-    zone = "UTC" if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
-    hint = "" if is_local(index) else '  # better the local zone, such as "Europe/Amsterdam"'
+    zone = "..." if index.tz is None else str(index.tz).removeprefix("UTC") or "UTC"
+    better = "" if index.tz is None else "better "
+    hint = "" if is_local(index) else f'  # {better}the local zone, such as "Europe/Amsterdam"'
     lines = [
         f"# Proposed for {name} ({report.raw.format}); check every line.",
         f"name = {as_toml(name)}",
