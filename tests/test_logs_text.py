@@ -125,6 +125,14 @@ def test_units_of_lines_below_the_names(write):
     assert log.units == {"Raum": "degC", "Heizung": "kWh", "T °C": "degC"}
 
 
+@pytest.mark.parametrize("of_stamps", ["", "yyyy-mm-dd"])
+def test_units_of_a_line_above_the_names(write, of_stamps):
+    rows = [f"2024-01-01 0{k}:00;68;{k};1\n" for k in range(9)]
+    log = read_log(write(f"Trend\n{of_stamps};°F;kWh;max\nZeit;Raum;Heizung;Wind\n" + "".join(rows)))
+    assert log.units == {"Raum": "degF", "Heizung": "kWh"}
+    assert list(log.frame) == ["Raum", "Heizung", "Wind"]
+
+
 @pytest.mark.parametrize(
     ("above", "below", "names", "units"),
     [

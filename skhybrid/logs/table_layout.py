@@ -118,21 +118,30 @@ def _below_names(rows: Sequence[Sequence[str]], width: int) -> tuple[int, int, i
 
 
 def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -> tuple[list[str], list[str]]:
-    """The names above the first row of data, and the units between them and it."""
+    """The names above the first row of data, and the units between them and it, or right above the names."""
     units: list[str] = []
     for i in range(first - 1, -1, -1):
         row = list(rows[i])
         rest = [cell for j, cell in enumerate(row) if cell and j != place]
         if not any(row):
             continue
-        if sum(map(is_unit, rest)) > 0.5 * len(rest):
+        if _are_units(row, place):
             # below the units there may be a line of "Avg", "Max"
             units = row if sum(unit_named(cell) is not None for cell in row) or not units else units
             continue
         if len(row) >= width - 1 and len(rest) >= 0.4 * (width - 1):
-            return _grouped(row, rows[i - 1] if i else [], place), _beside_stamps(units, width, place)
+            above = list(rows[i - 1]) if i else []
+            if not units and len(above) >= width - 1 and _are_units(above, place):
+                units, above = above, []
+            return _grouped(row, above, place), _beside_stamps(units, width, place)
         break
     return units if len(units) >= width - 1 else [], []  # a channel may be called "kW"
+
+
+def _are_units(row: Sequence[str], place: int) -> bool:
+    """Whether most cells of a line that are not blank are units, that of the stamps aside."""
+    rest = [cell for j, cell in enumerate(row) if cell and j != place]
+    return sum(map(is_unit, rest)) > 0.5 * len(rest)
 
 
 def _beside_stamps(units: list[str], width: int, place: int) -> list[str]:
