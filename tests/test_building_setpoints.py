@@ -23,6 +23,7 @@ from skhybrid.study.load_rules import LAST_WEEK, USUAL
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.study.next_day import unusable_setpoints
 from skhybrid.study.outputs import format_result
+from skhybrid.study.report import figures
 from skhybrid.study.report.building_page import _setpoints_known as report_on
 from skhybrid.study.report.words import percent_or_dash
 from skhybrid.study.setpoints_known import SetpointsKnown
@@ -352,7 +353,7 @@ def test_without_set_points_there_is_no_such_test_and_wrong_ones_are_told(log, m
 
 
 @pytest.mark.slow
-def test_a_study_of_zones_with_set_points_judges_them_by_that_task(log, tmp_path):
+def test_a_study_of_zones_with_set_points_judges_them_by_that_task(log, tmp_path, monkeypatch):
     settings = settings_of(log[: 21 * DAY], adjacency=[list(pair) for pair in DOORS])
     result = run_study(settings, split_log(log[: 21 * DAY], settings))
     held = result.setpoints_known
@@ -364,7 +365,10 @@ def test_a_study_of_zones_with_set_points_judges_them_by_that_task(log, tmp_path
         np.testing.assert_allclose(result.forecast[name], plain[name])
     assert "setpoint_living" not in result.forecast
     np.testing.assert_array_equal(result.forecast["T_heat_set_living"], day["T_heat_set_living"])
+    pictures = []
+    monkeypatch.setattr(figures, "save_png", lambda figure, path: pictures.append((figure, path.touch())))
     write_outputs(result, tmp_path / "out")
+    assert [ax.get_title(loc="right") for ax in pictures[0][0].axes[:3]] == ["back-test", "the next day", ""]
     page = (tmp_path / "out" / "report.html").read_text()
     assert (
         page.index(escape(held.words)) < page.index("Accuracy in daily use") < page.index("Accuracy with the heat kn")

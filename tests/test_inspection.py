@@ -29,7 +29,7 @@ from skhybrid.inspection import (
 )
 from skhybrid.inspection._style import time_axis
 from skhybrid.inspection.unshown_figure import blank_axes
-from skhybrid.inspection.zone_panels import weeks_figure
+from skhybrid.inspection.zone_panels import weeks_and_days_figure, weeks_figure
 from skhybrid.model_selection import backtest
 
 pytestmark = pytest.mark.usefixtures("closed_figures")
@@ -241,6 +241,22 @@ def test_the_weeks_have_a_panel_per_zone(n_zones):
     frame = pd.concat([pd.DataFrame({"zone": f"zone {number}", **known}) for number in range(n_zones)])
     figure = weeks_figure({"hybrid": frame}, pd.Timedelta("2D"))
     assert [ax.get_ylabel() for ax in figure.axes if ax.axison] == [f"zone {n} [degC]" for n in range(n_zones)]
+
+
+@pytest.mark.parametrize("columns", [["T_za"], ["T_za", "Q_hvac"]])
+def test_a_row_per_zone_has_its_week_and_its_day(columns):
+    time = pd.date_range("2024-01-01", periods=24, freq="1h")
+    known = {"origin": time[0], "lead": time - time[0], "time": time, "y_true": 20.0, "y_pred": 20.5}
+    frame = pd.concat([pd.DataFrame({"zone": zone, **known}) for zone in ("hall", "attic")])
+    day = pd.DataFrame({"T_za": 21.0, "Q_hvac": 2.0}, index=time + pd.Timedelta("1D"))[columns]
+    forecasts = {"hall": day, "attic": day[["T_za"]]}
+    figure = weeks_and_days_figure({"hybrid": frame}, forecasts, pd.Timedelta("2D"), power="relative")
+    found = [ax.get_ylabel() for ax in figure.axes if ax.axison]
+    of_load = ["hall [relative]"] * (len(columns) - 1)
+    assert found == ["hall [degC]", "hall [degC]", *of_load, "attic [degC]", "attic [degC]"]
+    assert [ax.get_title(loc="right") for ax in figure.axes][:2] == ["back-test", "the next day"]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()][:3] == ["measured", "hybrid", "forecast"]
 
 
 def test_the_week_is_drawn_where_the_training_table_had_no_temperature(table):

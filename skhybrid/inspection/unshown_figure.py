@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from io import StringIO
-from typing import Any
+from typing import Any, Literal
 
 
-def blank_axes(n_rows: int, figsize: tuple[float, float], n_columns: int = 1, share: bool = True) -> tuple[Any, Any]:
-    """Make a figure that pyplot does not keep in memory, and its (n_rows * n_columns,) axes, row by row."""
+def blank_axes(
+    n_rows: int, figsize: tuple[float, float], n_columns: int = 1, share: bool | Literal["col"] = True
+) -> tuple[Any, Any]:
+    """Make a figure that pyplot does not keep in memory, and its (n_rows * n_columns,) axes, row by row.
+
+    All axes ``share`` their times, none do, or those of each column.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=figsize, layout="constrained")

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ._forecast import DayAheadDisplay, ForecastDisplay
 from ._room_map import RoomMapDisplay
-from ._style import MARKERS, NARROW, legend, line_style, shared_legend, tidy
+from ._style import MARKERS, NARROW, legend, line_style, shared_legend, tidy, time_axis
 from .unshown_figure import blank_axes
 
 _ROW = 1.75  # height of a panel [in]
@@ -21,8 +21,48 @@ def days_figure(forecasts: Mapping[str, pd.DataFrame], width: float = 9.0, power
 
     The forecasts are as for DayAheadDisplay, with ``setpoint`` and measurements; ``width`` [in].
     """
-    loads = any("Q_hvac" in frame for frame in forecasts.values())
-    figure, axes = _panels(len(forecasts), 1 + loads, width)
+    figure, axes = _panels(len(forecasts), _n_of_day(forecasts), width)
+    _draw_days(axes, forecasts, power)
+    shared_legend(axes.ravel())
+    return figure
+
+
+def weeks_and_days_figure(
+    frames: Mapping[str, pd.DataFrame],
+    forecasts: Mapping[str, pd.DataFrame],
+    shown: pd.Timedelta,
+    width: float = 9.0,
+    power: str = "kW",
+    title: str | None = None,
+) -> Any:
+    """A row per zone: its temperature over the last days of back-tests, and its day to come as in ``days_figure``.
+
+    ``forecasts`` are in the order of the zones of ``frames``; ``width`` of two columns [in].
+    """
+    n_columns = 1 + _n_of_day(forecasts)
+    size = width * n_columns / 2, _ROW * len(forecasts) + 1.0
+    figure, axes = blank_axes(len(forecasts), size, n_columns, share="col")
+    axes = axes.reshape(-1, n_columns)
+    last = next(iter(frames.values()))["time"].max()
+    ForecastDisplay.from_predictions(frames, ax=axes[:, 0], start=last - shown)
+    _draw_days(axes[:, 1:], forecasts, power)
+    for ax, text in zip(axes[0], ("back-test", "the next day"), strict=False):
+        ax.set_title(text, loc="right", fontsize="small", color="#555555")
+    axes[-1, 0].set_xlabel("")
+    time_axis(axes[-1, 1], next(iter(forecasts.values())).index)
+    axes[-1, 1].set_xlabel("")
+    figure.legends.clear()  # that of the back-test alone
+    shared_legend(axes.ravel(), title)
+    return figure
+
+
+def _n_of_day(forecasts: Mapping[str, pd.DataFrame]) -> int:
+    """Number of panels of the day of a zone: its temperature, and its load where some zone has one."""
+    return 1 + any("Q_hvac" in frame for frame in forecasts.values())
+
+
+def _draw_days(axes: np.ndarray, forecasts: Mapping[str, pd.DataFrame], power: str) -> None:
+    """The day to come of each zone in its row of (n_zones, n_panels) axes."""
     for row, (zone, frame) in zip(axes, forecasts.items(), strict=True):
         shown = row[: 1 + ("Q_hvac" in frame)]
         DayAheadDisplay.from_predictions(frame, **measured_and_setpoint(frame), ax=shown)
@@ -32,8 +72,6 @@ def days_figure(forecasts: Mapping[str, pd.DataFrame], width: float = 9.0, power
             ax.set_xlabel("")
         for spare in row[len(shown) :]:
             spare.set_axis_off()
-    shared_legend(axes.ravel())
-    return figure
 
 
 def measured_and_setpoint(forecast: pd.DataFrame) -> dict[str, Any]:

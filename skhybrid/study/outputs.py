@@ -18,13 +18,13 @@ from .._json import strict_json
 from ..persistence import save_model
 from .compared_models import HYBRID
 from .identified_building import identified_only
-from .report import study_picture, verdict, write_report
+from .report import building_picture, study_picture, verdict, write_report
 from .report.building_page import write_building_report
-from .report.figures import SHOWN, save_png, weeks_figure
 from .results import BuildingResult, StudyResult
 from .scores import side_by_side
 from .tariff import next_day_cost
 from .verdict import zones_in_words
+from .zone_part import forecast_of
 
 
 def format_result(result: StudyResult | BuildingResult) -> str:
@@ -127,13 +127,16 @@ def write_outputs(
 
 
 def _draw_picture(result: StudyResult | BuildingResult, path: Path) -> None:
-    """One picture of a study: its back-tests, and of one zone the next day."""
+    """One picture of a study: its back-tests, and the next day."""
     names = [HYBRID, *result.table.index.drop(HYBRID)]
     frames = {name: result.frames[name] for name in names if name in result.frames}
     if result.setpoints_known is not None:
         frames = {HYBRID: result.setpoints_known.frame}
     if isinstance(result, BuildingResult):
-        save_png(weeks_figure({HYBRID: frames[HYBRID]}, SHOWN), path)
+        zones = frames[HYBRID]["zone"].unique()
+        parts = {zone: forecast_of(result.forecast, result.settings, zone) for zone in zones}
+        power = "kW" if result.scaled else "relative"
+        building_picture(path, {HYBRID: frames[HYBRID]}, parts, result.settings.name, power)
     else:
         study_picture(path, frames, result.forecast, title=result.settings.name)
 
