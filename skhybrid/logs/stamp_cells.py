@@ -46,7 +46,8 @@ _DATE = (
     rf"(?:19|20)\d{{6}}|"
     rf"\d{{1,2}}\.?[-\s/]*{_MONTH}[-\s/,]*\d{{2,4}}|{_MONTH}\s\d{{1,2}},?\s\d{{4}})"
 )
-_ZONE = r"\s*(?:Z|UTC|GMT|[A-Z]{3,4}|[+-]\d{2}(?::?\d{2})?)?"
+_CITY = r"(Z|[+-]\d{2}:\d{2})\s+[A-Z][\w/+-]*$"  # after an offset, as Haystack writes it
+_ZONE = rf"\s*(?:{_CITY}|Z|UTC|GMT|[A-Z]{{3,4}}|[+-]\d{{2}}(?::?\d{{2}})?)?"
 _IS_DATE = re.compile(_DATE, re.IGNORECASE)
 _IS_TIME = re.compile(_TIME, re.IGNORECASE)
 _WITHOUT_YEAR = r"\d{1,2}/\d{1,2}\s+\d{1,2}:\d{2}(?::\d{2})?"  # of EnergyPlus
@@ -80,6 +81,12 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
                     f"{', '.join(map(repr, names))}."
                 )
         return wanted
+    times = [name for name in names if _IS_TIME.fullmatch(str(name))]
+    if 2 * len(times) > len(names):
+        raise ValueError(
+            f"{where} has a row for each day and a column for each time of day, such as {times[0]!r}; write one row "
+            "for each time stamp."
+        )
     held = {name: _kind(sample[name], str(name)) for name in names}
     dates, times = ([name for name in names if held[name] == kind] for kind in ("date", "time"))
     if not any(kind == "stamp" for kind in held.values()):
@@ -189,6 +196,7 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
     if not text.iloc[:1000].str.contains(r"[A-SU-Ya-su-y]", regex=True).any():  # other than T and Z
         return None if text is plain else text
     for old, new in (
+        (_CITY, r"\1"),
         (rf"(?i)^(?!{_MONTH}){_WEEKDAY}(?=\d|{_MONTH})", ""),
         (r"(?i)\s*([ap])\.?\s?m\.?(?=\W|$)", r" \1M"),
         (r"(?i)(?<=\d)\s*(UTC|GMT)$", "Z"),
