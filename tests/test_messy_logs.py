@@ -192,10 +192,14 @@ def test_points_that_a_list_above_the_table_names(write, colon):
     np.testing.assert_allclose(log.frame["ZN-T"], 1.8 * ROOM + 32.0, atol=0.01)
 
 
-@pytest.mark.parametrize("header", [",result,table,_time,_value,_field", "_time,statistic_id,mean,unit"])
+@pytest.mark.parametrize(
+    "header",
+    [",result,table,_time,_value,_field", "_time,statistic_id,mean,unit", "_time,Name Path,Object Name,Object Value"],
+)
 def test_long_tables_of_databases(write, header):
     names = header.split(",")
     cells = {"_time": STAMPS.strftime("%Y-%m-%dT%H:%M:%SZ"), "_value": ROOM, "mean": ROOM, "_field": "room_temp"}
+    cells |= {"Name Path": "NAE1/room_temp", "Object Name": "room_temp", "Object Value": [f"{v} deg C" for v in ROOM]}
     frame = pd.DataFrame({"": "", "result": "", "table": 0, "statistic_id": "room_temp", "unit": "°C"} | cells)
     log = read_log(write(header + "\n" + frame[names].to_csv(index=False, header=False)))
     np.testing.assert_allclose(log.frame["room_temp"], ROOM)
@@ -339,6 +343,18 @@ def test_a_spike_does_not_make_a_column_one_of_watts(role, spike):
     values[7] = spike
     report = LogReport(pd.DataFrame({role: values}, pd.date_range("2024-03-01", periods=180, freq="1h")))
     np.testing.assert_allclose(report.frame[role], np.where(values == spike, np.nan, values))
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_cells_that_end_with_a_sign_of_degrees(write, decimal):
+    rows = "".join(f"{stamp};{room:.2f}°\n".replace(".", decimal) for stamp, room in zip(STAMPS, ROOM, strict=True))
+    np.testing.assert_allclose(read_log(write("time;Room\n" + rows)).frame["Room"], ROOM)
+
+
+def test_a_row_for_each_day_is_refused(write):
+    rows = "".join(f"2024-01-{day:02d},20.1,20.2,20.3\n" for day in range(1, 9))
+    with pytest.raises(ValueError, match="a row for each day and a column for each time of day, such as '00:00'"):
+        read_log(write("Date,00:00,08:00,16:00\n" + rows))
 
 
 @pytest.mark.parametrize("decimal", [".", ","])
@@ -497,6 +513,9 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
         ("ZONE_TEMP.PV", "T_za"),
         ("OUTDOOR TEMP.PresentValue", "T_oa"),
         ("sensor.pv", None),
+        ("OAT_PV", "T_oa"),
+        ("HeatFlow (kBTU/hr)", "Q_heat"),
+        ("Heat flow temp (°C)", None),
         ("R001'RTemp [°C]", "T_za"),
         ("Puissance CVC (kW)", "Q_hvac"),
         ("Potencia climatización (kW)", "Q_hvac"),

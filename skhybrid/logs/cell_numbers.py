@@ -59,9 +59,9 @@ def decimal_sign(cells: list[str], sep: str) -> str:
 
 
 def _without_status(text: str) -> str:
-    """A cell without a word in brackets after it that says that its value is good."""
+    """A cell without a word in brackets after it that says that its value is good, or a sign of degrees alone."""
     found = _WITH_STATUS.fullmatch(text)
-    return found[1] if found and _GOOD.fullmatch(found[2]) else text
+    return (found[1] if found and _GOOD.fullmatch(found[2]) else text).removesuffix("°")
 
 
 def number_in(text: str, decimal: str = ".") -> float | None:

@@ -105,7 +105,7 @@ _HINTS = dict.fromkeys(("m3", "ccf"), _OF_FUEL) | dict.fromkeys(("l/h", "l/min",
 _OTHER = (
     r"humid|feucht|vocht|\brh\b|co2|occup(?!ied .*(\bset|\bsp\b|stpt))|people|person|batter|rssi|\blux\b|illumin|"
     r"pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|(?<!heat)(?<!heat )pump\b|supply|return|"
-    r"\bflow\b|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
+    r"(?<!heat )\bflow\b|\bflow temp|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
     r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
     r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
     r"\bpv\b|photovolt|solar (power|energy|prod|yield|therm|collector|heat(?! flux))|inverter|\bgrid\b|\bev\b|charger|"
@@ -183,7 +183,8 @@ def plain(name: str) -> str:
         text = text.replace(script, word)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
-    return " ".join(re.sub(r"[^0-9A-Za-z]+", " ", text).lower().split())
+    words = " ".join(re.sub(r"[^0-9A-Za-z]+", " ", text).lower().split())
+    return re.sub(r"(temp\w*|\boat) pv$", r"\1", words)  # a process value
 
 
 def guess_role(name: str, unit: str | None = None) -> Guess:
@@ -289,7 +290,7 @@ def _kind(words: str, unit: str | None) -> str | None:
         return "stage"
     if re.search(TEMPERATURE, words) or re.search(_SET_POINT, words):
         return "temperature"
-    return "power" if re.search(r"\bkw\b|power|heat rate|leistung|vermogen|puissance", words) else None
+    return "power" if re.search(r"\bkw\b|power|heat (rate|flow)|leistung|vermogen|puissance", words) else None
 
 
 def one_column_each(guesses: Mapping[str, Guess], zones: Sequence[str] = ()) -> dict[str, Guess]:

@@ -21,7 +21,7 @@ _POINT = re.compile(
     re.IGNORECASE,
 )
 _VALUE = re.compile(
-    r"_?((present[ _]?)?value|val|reading|state|wert|messwert|waarde|valeur|valore?|mean)", re.IGNORECASE
+    r"_?(((present|object)[ _]?)?value|val|reading|state|wert|messwert|waarde|valeur|valore?|mean)", re.IGNORECASE
 )
 
 
