@@ -122,6 +122,7 @@ def frame():
         ("Zone Total Heating Rate [W](TimeStep)", "Q_heat", "W"),
         ("Heating output BTU/h", "Q_heat", "Btu/h"),
         ("Heating (therms)", "Q_heat", "therm"),
+        ("Heat Pump (kWhs)", "Q_heat", "kWh"),  # it was a stage in percent
         ("Cooling energy (ton-hours)", "Q_cool", "ton-h"),
         ("Heating power (kcal/h)", "Q_heat", "kcal/h"),
         ("Heizung Gas m³", None, None),
@@ -794,7 +795,14 @@ def test_infinite_values_are_an_error(frame):
 def test_what_counts_as_a_finding():
     hours = pd.date_range("2024-03-31", periods=30, freq="1h")
     assert list(daylight_changes(hours.delete(2))) == [pd.Timestamp("2024-03-31 01:00")]  # a Sunday
-    for other in (hours.delete(8), (hours - pd.Timedelta("4D")).delete(2), hours.delete(2).tz_localize("UTC")):
+    autumn = hours + pd.Timedelta("210D")
+    assert list(daylight_changes(autumn.insert(2, autumn[2]))) == [autumn[2]]
+    for other in (
+        autumn.repeat(2),
+        hours.delete(8),
+        (hours - pd.Timedelta("4D")).delete(2),
+        hours.delete(2).tz_localize("UTC"),
+    ):
         assert not len(daylight_changes(other))
     index = pd.date_range("2024-01-01", periods=200, freq="1h")
     full = pd.Series(20.0 + np.arange(200) % 7, index)

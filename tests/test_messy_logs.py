@@ -351,6 +351,12 @@ def test_cells_that_end_with_a_sign_of_degrees(write, decimal):
     np.testing.assert_allclose(read_log(write("time;Room\n" + rows)).frame["Room"], ROOM)
 
 
+def test_a_row_for_each_point_is_refused(write):
+    rows = f";{';'.join(STAMPS.astype(str))}\nRoom;{';'.join(map(str, ROOM))}\nSun;{';'.join(map(str, ROOM))}\n"
+    with pytest.raises(ValueError, match=r"line 1 of 'log.csv' holds all time stamps; exchange rows and columns"):
+        read_log(write(rows))
+
+
 def test_a_row_for_each_day_is_refused(write):
     rows = "".join(f"2024-01-{day:02d},20.1,20.2,20.3\n" for day in range(1, 9))
     with pytest.raises(ValueError, match="a row for each day and a column for each time of day, such as '00:00'"):

@@ -32,6 +32,7 @@ COUNTERS = {f"{unit} counter": factor for unit, factor in ENERGY.items()}
 IRRADIATION = {"Wh/m2": 1e-3, "kWh/m2": 1.0, "J/cm2": 1.0 / 360.0, "kJ/m2": 1.0 / 3600.0, "MJ/m2": 1.0 / 3.6}
 _ENERGIES = {name.lower(): name for name in (*ENERGY, *IRRADIATION)} | {
     **dict.fromkeys(("therms", "thm"), "therm"),
+    "kwhs": "kWh",
     **dict.fromkeys(("ton-hours", "ton-hour", "ton-hr", "tonhours", "tonhr", "tonh", "rth"), "ton-h"),
 }
 #: units that a unit line may hold and no channel is converted from

@@ -139,6 +139,11 @@ def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -
             f"line {layout.first} of {where} names {len(above)} columns, but the rows have {len(layout.names)} cells; "
             "put numbers with a decimal comma in quotes, or pass the separator, such as sep=';'."
         )
+    if layout.n_stamps == 1 and 2 * sum(map(is_stamp, rows[layout.first])) > max(len(layout.names), len(rows)):
+        raise ValueError(
+            f"line {layout.first + 1} of {where} holds all time stamps; exchange rows and columns, so that each row "
+            "begins with its own."
+        )
     _refuse_shifted(rows, layout, where)
     data = [row for row in rows[layout.first :] if any(row)]
     sign = decimal or decimal_sign([cell for row in data for cell in row], sep)
