@@ -123,6 +123,13 @@ def frame():
         ("Heating output BTU/h", "Q_heat", "Btu/h"),
         ("Heating (therms)", "Q_heat", "therm"),
         ("Heat Pump (kWhs)", "Q_heat", "kWh"),  # it was a stage in percent
+        ("Heat (kW-hr)", "Q_heat", "kWh"),  # it was kW
+        ("Heating (Gcal)", "Q_heat", "Gcal"),  # it was kW, as were those below
+        ("Heating (MMBtu/hr)", "Q_heat", "MMBtu/h"),
+        ("Heating power (kWth)", "Q_heat", "kW"),
+        ("Heating power (MBtu/h)", None, None),  # thousands, or millions
+        ("Heat (kW/h)", None, None),
+        ("Radiation (mW/cm²)", None, None),
         ("Cooling energy (ton-hours)", "Q_cool", "ton-h"),
         ("Heating power (kcal/h)", "Q_heat", "kcal/h"),
         ("Heizung Gas m³", None, None),

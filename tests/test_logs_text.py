@@ -622,7 +622,8 @@ def test_names_that_occur_twice_follow_those_of_the_rooms_above_them(write):
 
 def test_units_of_energy_are_those_of_physics():
     kWh, Btu = constants.kilo * constants.hour, constants.Btu_IT
-    joules = {"kWh": kWh, "Wh": constants.hour, "MWh": 1e3 * kWh, "J": 1.0, "MJ": 1e6, "GJ": 1e9, "Btu": Btu}
+    joules = {"kWh": kWh, "Wh": constants.hour, "MWh": 1e3 * kWh, "J": 1.0, "MJ": 1e6, "GJ": 1e9, "Btu": Btu, "kJ": 1e3}
+    joules |= {"Gcal": 1e9 * constants.calorie_IT, "MMBtu": 1e6 * Btu}
     joules |= {"kcal": 1e3 * constants.calorie_IT, "kBtu": 1e3 * Btu, "therm": 1e5 * Btu, "ton-h": 12e3 * Btu}
     assert pytest.approx({unit: joules[unit] / kWh for unit in ENERGY}, rel=1e-9) == ENERGY
     per_m2 = {"Wh/m2": constants.hour, "kWh/m2": kWh, "J/cm2": 1e4, "kJ/m2": 1e3, "MJ/m2": 1e6}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from .._table import ending_zone
 from ..preprocessing._units import UNITS
-from .unit_names import ENERGY, IRRADIATION, is_foreign, unit_or_energy, unit_text
+from .unit_names import ENERGY, IRRADIATION, is_foreign, strange_unit, unit_or_energy, unit_text
 
 #: letters that are no others with an accent, and Japanese and Chinese words
 _SCRIPTS = {
@@ -115,6 +115,9 @@ _OTHER = (
 )
 
 _OF_FLOOR = "its unit is that of heat per area; give {0}, its unit as 'W', and the area [m2] under [scale]"
+_STRANGE = (
+    "its unit {0!r} is not known; give its role, another unit, such as 'kW', and the factor to that under [scale]"
+)
 _LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
 _PULSES = r"\bpulses?\b|impuls"
 _SPEED = re.compile(r"\bfreq|\brpm\b|speed|drehzahl|\bhz\b")  # of a compressor that heats or cools
@@ -162,7 +165,7 @@ def unit_in_name(name: str) -> str | None:
         last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
         is_time = last and last[1].lower() in _TIMES and len(last[1]) > 1 and not re.search(r"(?i)temp", name)
         text = last[1] if last and is_time else None  # temp_min is a minimum
-    if text is None and (inner := re.search(r"(?i)(?<![a-z/])(kwh?|mwh|wh)(?![a-z/]|[ _]*(m2|m²|per m))", name)):
+    if text is None and (inner := re.search(r"(?i)(?<![a-z/])(kwh?|mwh|wh)(?![a-z/]|-h|[ _]*(m2|m²|per m))", name)):
         text = inner[1]  # such as Heating_kWh_15min
     return None if text is None else unit_or_energy(text) or _TIMES.get(text.lower())
 
@@ -194,6 +197,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     words = plain(name)
     if unit is None and is_foreign(stated := unit_text(name) or ""):
         return Guess(None, 0, f"no model reads {stated}{_HINTS.get(stated.lower().replace('³', '3'), '')}")
+    if unit is None and (strange := strange_unit(name)) is not None:
+        return Guess(None, 0, _STRANGE.format(strange))
     if re.search(rf"{_OTHER}|{_PULSES}", words):
         of_pulses = re.search(_PULSES, words) and f"it counts pulses{_OF_PULSES}"
         return Guess(None, 0, of_pulses or "no model reads such a quantity")

@@ -44,7 +44,11 @@ UNITS: dict[str, Conversion] = {
     "Btu/h": Conversion("power", 2.930710702e-4),
     "kBtu/h": Conversion("power", 0.2930710702),
     "kcal/h": Conversion("power", 1.163e-3),
+    "kJ/h": Conversion("power", 1.0 / 3600.0),
     "MJ/h": Conversion("power", 1.0 / 3.6),
+    "GJ/h": Conversion("power", 1e3 / 3.6),
+    "Gcal/h": Conversion("power", 1163.0),
+    "MMBtu/h": Conversion("power", 293.0710702),
     "tons": Conversion("power", 3.516852842),  # of refrigeration
 }
 KIND_OF_PREFIX = (("T_", "temperature"), ("q_sol", "irradiance"), ("u_", "fraction"), ("Q_", "power"))
