@@ -520,6 +520,17 @@ def test_those_who_use_no_python_are_told_what_they_can_do(said, shown):
         ("OUTDOOR TEMP.PresentValue", "T_oa"),
         ("sensor.pv", None),
         ("OAT_PV", "T_oa"),
+        ("Space Temperature Active", "T_za"),
+        ("Space Temperature Setpoint Active", "T_heat_set"),
+        ("Heating active", "u_heat"),
+        ("Plug load (kW)", None),  # it was the plant's heat
+        ("Zone load (kW)", "Q_hvac"),
+        ("Sonnenscheindauer [min]", None),  # it was the sun, as were those below
+        ("sensor.sun_solar_elevation", None),
+        ("Sun blind position (%)", None),
+        ("Site Horizontal Infrared Radiation Rate per Area [W/m2](TimeStep)", None),
+        ("Sonneneinstrahlung", "q_sol"),
+        ("Globalstrahlung Stundenmittel", "q_sol"),
         ("HeatFlow (kBTU/hr)", "Q_heat"),
         ("Heat flow temp (°C)", None),
         ("R001'RTemp [°C]", "T_za"),

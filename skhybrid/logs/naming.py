@@ -73,6 +73,7 @@ _STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
 )
+_READING = r"(temp\w*( set\w*)?) active\b"  # of Trane: the value in force
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
 #: not the temperature of the air now, or not that of all the sun, where there are several
@@ -86,6 +87,11 @@ _METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|co
 _COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
 _SUN = (
     r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|q sol"
+)
+#: where the sun is and how long it shines, shades, and other radiation
+_NO_IRRADIANCE = (
+    r"elevation|azimut|altitude|zenith|zonneschijn|shine|sonnen(hoh|schein|st|auf|unter|schutz)|\b(sun|solar) hours|"
+    r"blind|\bshad|infrared|long ?wave|terrestrial|atmospher|\bnet\b|reflected|\buv\b|\bir\b"
 )
 _HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
 _ELECTRICITY = (
@@ -111,6 +117,7 @@ _OTHER = (
     r"\bpv\b|photovolt|solar (power|energy|prod|yield|therm|collector|heat(?! flux))|inverter|\bgrid\b|\bev\b|charger|"
     r"dishwash|washing|dryer|freezer|fridge|\bcpu\b"
     r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
+    r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
     r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|efficien|voltage"
 )
 
@@ -211,6 +218,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if of == "irradiance" and (heat or cool) and not re.search(_SUN, words):
         return Guess(None, 0, _OF_FLOOR.format("Q_cool" if cool else "Q_heat"))
     if of == "irradiance":
+        if re.search(_NO_IRRADIANCE, words):
+            return Guess(None, 0, "no model reads such a quantity")
         if re.search(_PART_OF_SUN, words):
             return Guess("q_sol", 2, PART_OF_SUN)
         return Guess("q_sol", 3, "its name or unit is that of irradiance")
@@ -291,7 +300,7 @@ def _kind(words: str, unit: str | None) -> str | None:
         return UNITS[unit].kind
     if re.search(_SUN, words) and not re.search(TEMPERATURE, words):
         return "irradiance"
-    if unit in ("percent", "s", "min") or re.search(_STAGE, words):
+    if unit in ("percent", "s", "min") or re.search(_STAGE, re.sub(_READING, r"\1", words)):
         return "stage"
     if re.search(TEMPERATURE, words) or re.search(_SET_POINT, words):
         return "temperature"
