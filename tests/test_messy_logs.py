@@ -194,12 +194,14 @@ def test_points_that_a_list_above_the_table_names(write, colon):
 
 @pytest.mark.parametrize(
     "header",
-    [",result,table,_time,_value,_field", "_time,statistic_id,mean,unit", "_time,Name Path,Object Name,Object Value"],
-)
+    [",result,table,_time,_value,_field", "_time,statistic_id,mean,unit", "_time,Name Path,Object Name,Object Value",
+     "_time,item,_value", "_time,topic,payload"],
+)  # fmt: skip
 def test_long_tables_of_databases(write, header):
     names = header.split(",")
     cells = {"_time": STAMPS.strftime("%Y-%m-%dT%H:%M:%SZ"), "_value": ROOM, "mean": ROOM, "_field": "room_temp"}
     cells |= {"Name Path": "NAE1/room_temp", "Object Name": "room_temp", "Object Value": [f"{v} deg C" for v in ROOM]}
+    cells |= {"item": "room_temp", "topic": "room_temp", "payload": ROOM}
     frame = pd.DataFrame({"": "", "result": "", "table": 0, "statistic_id": "room_temp", "unit": "°C"} | cells)
     log = read_log(write(header + "\n" + frame[names].to_csv(index=False, header=False)))
     np.testing.assert_allclose(log.frame["room_temp"], ROOM)
@@ -349,6 +351,14 @@ def test_a_spike_does_not_make_a_column_one_of_watts(role, spike):
 def test_cells_that_end_with_a_sign_of_degrees(write, decimal):
     rows = "".join(f"{stamp};{room:.2f}°\n".replace(".", decimal) for stamp, room in zip(STAMPS, ROOM, strict=True))
     np.testing.assert_allclose(read_log(write("time;Room\n" + rows)).frame["Room"], ROOM)
+
+
+def test_a_named_column_of_points_needs_no_name_of_values(write):
+    rows = "".join(
+        f"{stamp},{what},{value}\n" for stamp in STAMPS for what, value in (("Room", 20.5), ("Outdoor", 5.0))
+    )
+    options = {"format": "change of value", "point_column": "what"}
+    assert list(read_log(write("time,what,value\n" + rows), **options).frame) == ["Room", "Outdoor"]
 
 
 def test_a_row_for_each_point_is_refused(write):

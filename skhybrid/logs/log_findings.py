@@ -97,7 +97,9 @@ def clash(frame: pd.DataFrame) -> str | None:
         return None
     text = f"{len(rows)} of {len(frame)} rows have the stamp of another row and other values"
     asked = "is the time of day, AM or PM, or the name of the room in another column?"
-    return f"{text}, first {later.index[rows[0]]}: {asked} Give each row a stamp of its own, and each room its columns."
+    points = "if a column names points, give it as point_column in [log], with format = 'change of value'"
+    remedy = f"Give each row a stamp of its own, and each room its columns; {points}."
+    return f"{text}, first {later.index[rows[0]]}: {asked} {remedy}"
 
 
 def is_local(index: pd.DatetimeIndex) -> bool:

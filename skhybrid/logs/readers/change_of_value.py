@@ -20,8 +20,15 @@ _POINT = re.compile(
     r"metric|series|name|object[ _]?(name|id)?|signal|register|datenpunkt|parameter|_field|statistic_id",
     re.IGNORECASE,
 )
+#: names of the column of points where none has one of those above, which may be beside them
+_OF_POINTS = re.compile(
+    r"item([ _]?name)?|topic|device([ _]?name)?|key|kanal|trend([ _]?(log|name))?|description|beschreibung|attribute|"
+    r"quantity|(group[ _]?)?address|property|location",
+    re.IGNORECASE,
+)
 _VALUE = re.compile(
-    r"_?(((present|object)[ _]?)?value|val|reading|state|wert|messwert|waarde|valeur|valore?|mean)", re.IGNORECASE
+    r"_?(((present|object|actual)[ _]?)?value|payload|val|reading|state|wert|messwert|waarde|valeur|valore?|mean)",
+    re.IGNORECASE,
 )
 
 
@@ -56,9 +63,8 @@ def read(
 
 def chosen_columns(names: Sequence[str], point: str | None, value: str | None, where: str) -> tuple[str, str]:
     """The columns of points and values: those named, else those with usual names."""
-    found = long_columns(names) or (None, None)
     both = []
-    for kind, given, usual in (("point", point, found[0]), ("value", value, found[1])):
+    for kind, given, usual in zip(("point", "value"), (point, value), _usual_columns(names), strict=True):
         name = given or usual
         if name is None or name not in names:
             said = f"has no column {name!r}" if name else f"has no column that is surely the {kind}"
@@ -69,6 +75,12 @@ def chosen_columns(names: Sequence[str], point: str | None, value: str | None, w
 
 def long_columns(names: Sequence[str] | pd.Index) -> tuple[str, str] | None:
     """The columns of points and values of a long table, by their usual names; None where it has none."""
-    points = [name for name in names if _POINT.fullmatch(name.strip())]
+    point, value = _usual_columns(names)
+    return (point, value) if point and value else None
+
+
+def _usual_columns(names: Sequence[str] | pd.Index) -> tuple[str | None, str | None]:
+    """The column with a usual name of points, and the only one with such a name of values; None where there is none."""
+    points = [name for usual in (_POINT, _OF_POINTS) for name in names if usual.fullmatch(name.strip())]
     values = [name for name in names if _VALUE.fullmatch(re.sub(r"\s*[\[(].*", "", name).strip())]
-    return (points[0], values[0]) if points and len(values) == 1 else None
+    return points[0] if points else None, values[0] if len(values) == 1 else None
