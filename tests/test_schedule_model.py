@@ -688,7 +688,7 @@ def test_forecasts_do_not_depend_on_the_other_origins(fit, later, adapt):
 @pytest.mark.parametrize("adapt", ["linear", "full"])
 def test_rows_may_come_in_pieces_and_old_ones_be_forgotten(fit, later, adapt):
     """Given the last rows only, and all of them at a refit, a network forecasts what one with all rows does."""
-    origins = N_TRAIN + np.array([0, 3, 9 * DAY, 10 * DAY + 2, 11 * DAY - 3, 11 * DAY])
+    origins = N_TRAIN + np.array([0, 3, 7 * DAY, 8 * DAY + 2, 9 * DAY - 3, 9 * DAY])
     whole = [forecast_from_origins(fit, later, origins, DAY, adapt, memory) for memory in range(2)]
     network, asked = RollingNetwork(fit, later.begin, adapt), []
     for i, origin in enumerate(origins):
@@ -727,9 +727,9 @@ def test_errors_of_the_history_are_by_what_was_known_that_morning(fit, later, me
 
 
 def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
-    """Every ten days; the row of the mark is the last one that counts."""
+    """When the log of eight days has doubled; the row of the mark is the last one that counts."""
     later = later._replace(begin=N_TRAIN + 3)  # so that a lead of the sample ends at the row after the mark
-    mark = N_TRAIN + 3 + 10 * DAY
+    mark = N_TRAIN + 3 + 8 * DAY
     origins = np.array([mark - 1, mark, mark + 20])
 
     def learned(y):
@@ -750,11 +750,25 @@ def test_full_adaptation_fits_the_network_on_rows_up_to_its_mark(fit, later):
     assert not np.array_equal(learned(changed)[1].psi, at)
 
 
+@pytest.mark.parametrize(
+    ("trained", "days"), [(0.9, [1, 3, 7, 15, 25, 35]), (3.0, [3, 9, 19, 29]), (8.0, [8, 18, 28]), (28.0, [10, 20, 30])]
+)
+def test_refits_come_every_ten_days_and_in_a_young_log_as_it_doubles(trained, days):
+    one = SimpleNamespace(segment=SimpleNamespace(n_rows=round(trained * DAY)))
+    network = SimpleNamespace(adapt="full", fit=one, begin=5, row=0, _per_day=DAY)
+    marks = [5 + day * DAY for day in days]
+    assert RollingNetwork.refits(network, marks[-1]) == marks
+    network.row = marks[1]
+    assert RollingNetwork.refits(network, marks[-1] - 1) == marks[1:-1]
+    network.adapt = "linear"
+    assert not RollingNetwork.refits(network, marks[-1])
+
+
 def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
     """A refit sees rows that do not follow the training, the training, and nothing after its mark."""
     part = table.rows(slice(2 * DAY + 3, None))
     y = T[2 * DAY + 3 :]
-    mark, found = 10 * DAY, []
+    mark, found = 8 * DAY, []
     for changed in (None, mark + 1, mark):
         own = y.copy()
         if changed is not None:
@@ -771,7 +785,7 @@ def test_rows_elsewhere_are_fitted_beside_the_training(fit, table, T):
 
 def test_full_adaptation_is_a_fit_on_the_window(fit, later):
     """The refitted point beats the one before on the rows that it was fitted on."""
-    mark = N_TRAIN + 10 * DAY
+    mark = N_TRAIN + 8 * DAY
     psi = forecast_from_origins(fit, later, np.array([mark]), 1, "full").states[0].psi
     origins = np.arange(DAY, mark, 4)
     weight = np.where(origins >= N_TRAIN, 2.0, 1.0)

@@ -125,30 +125,30 @@ def test_products_of_errors_by_plain_loops():
 
 @pytest.mark.parametrize("seam", [0, -1, 3], ids=["even", "closer", "apart"])
 def test_the_residual_correction_by_plain_loops(seam):
-    """A tenth of what was missed a week ago and 8 % of two weeks ago, where known, wherever the history joins."""
+    """A share of what was missed a day, a week and two weeks ago, where known, wherever the history joins."""
     rng, leads, rows_per_day = np.random.default_rng(0), np.array([1, 5, 48, 96]), 48
     origins = np.concatenate([np.arange(48, 960, 2), np.arange(960 + seam, 1400, 2)])
     errors = rng.normal(size=(len(origins), 4))
     errors[origins % 7 == 3] = np.nan
     for row in (100, 390, 730, 731, 1250, 1251, 1398):
-        expected = np.zeros(4)
-        for days, share in ((7, 0.10), (14, 0.08)):
+        expected, shares = np.zeros(4), np.array([0.05, 0.10, 0.08])
+        for days, share in zip((1, 7, 14), shares, strict=True):
             past = [i for i, o in enumerate(origins) if row - days * rows_per_day - 2 < o <= row - days * rows_per_day]
             for j, lead in enumerate(leads):
                 if past and origins[past[-1]] + lead <= row and np.isfinite(errors[past[-1], j]):
                     expected[j] += share * errors[past[-1], j]
-        found = residual_correction(errors.__getitem__, origins, leads, row, rows_per_day, 2)
+        found = residual_correction(errors.__getitem__, origins, leads, row, rows_per_day, 2, shares)
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_the_residual_correction_reads_nothing_that_ends_after_its_row():
     """Of a week of leads the ones that have ended."""
-    leads, origins = np.array([1, 7 * 48, 7 * 48 + 1]), np.arange(0, 1000, 2)
+    leads, origins, shares = np.array([1, 7 * 48, 7 * 48 + 1]), np.arange(0, 1000, 2), np.array([0.0, 0.1, 0.0])
     for row in (352, 400):
-        found = residual_correction(np.ones((500, 3)).__getitem__, origins, leads, row, 48, 2)
+        found = residual_correction(np.ones((500, 3)).__getitem__, origins, leads, row, 48, 2, shares)
         np.testing.assert_allclose(found, [0.1, 0.1, 0.0])
-    assert not residual_correction(np.ones((1, 3)).__getitem__, origins[:1], leads, 400, 48, 2).any()
-    of_two = residual_correction(np.ones((2, 3)).__getitem__, origins[:2], leads, 338, 48, 2)
+    assert not residual_correction(np.ones((1, 3)).__getitem__, origins[:1], leads, 400, 48, 2, shares).any()
+    of_two = residual_correction(np.ones((2, 3)).__getitem__, origins[:2], leads, 338, 48, 2, shares)
     np.testing.assert_allclose(of_two, [0.1, 0.1, 0.0])
 
 
@@ -175,9 +175,12 @@ class GivenMember:
         return self.path[None, :n_leads], np.zeros(n_leads)
 
 
-@pytest.mark.parametrize("joined", [True, False])
-def test_the_rolling_blend_by_plain_loops(joined):
-    """Errors count by the day on which they ended, however the rows come; the training's fade from its end on."""
+@pytest.mark.parametrize(("joined", "n_days", "trust"), [(True, 30.0, 1.0), (False, 30.0, 1.0), (True, 8.0, 0.03 + 0.97 / 7.0)])
+def test_the_rolling_blend_by_plain_loops(joined, n_days, trust):
+    """Errors count by the day on which they ended, however the rows come; the training's fade from its end on.
+
+    In a young log those of the training count less, the prior more, and a fifth of yesterday's error comes back.
+    """
     rng, leads, begin, every, per_day = np.random.default_rng(0), np.array([1, 6, 24]), 10 * 24, 2, 24
     origins = np.arange(begin, begin + 20 * per_day, every)
     trained = np.arange(0, begin - 24, every)
@@ -188,21 +191,25 @@ def test_the_rolling_blend_by_plain_loops(joined):
     plausible = PlausibleRange(10.0, 30.0)
     sample = ForecastSample(trained, leads)
     priors = np.array([prior, prior]), 14.0
-    record = BlendRecord(sample, own, np.arange(2), products, groups, *priors, 30.0, 24, per_day, every, plausible)
+    record = BlendRecord(sample, own, np.arange(2), products, groups, *priors, n_days, 24, per_day, every, plausible)
     members = [GivenMember(e, origins[:, None] + leads, path) for e, path in zip(errors, paths, strict=True)]
     blend = RollingBlend(members, record, NumberedTable(None, None, begin, joined), "linear")
     for row in (begin - 1, begin, begin + 3, begin + 40, begin + 41, begin + 17 * per_day):
         blend.advance([None, None], row)
-        expected = products * 0.5 ** (max(row - begin, 0) / per_day / 14.0)
+        expected = trust * products * 0.5 ** (max(row - begin, 0) / per_day / 14.0)
+        known = n_days + (row + 1 - begin) / per_day
+        youth = max(0.0, (14.0 - known) / 13.0)
+        shares = np.array([0.2 * max(0.0, (28.0 - known) / 27.0), 0.1, 0.08])
         for o, origin in enumerate(origins):
             for h, lead in enumerate(leads):
                 if origin + lead <= row and np.isfinite(errors[:, o, h]).all():
                     share = 0.5 ** ((row - origin - lead) / per_day / 14.0)
                     expected[groups[h]] += share * np.outer(errors[:, o, h], errors[:, o, h])  # one lead per group
-        weights = blend_weights(expected, prior, 0.3)
+        weights = blend_weights(expected, prior, 0.3 + 7.7 * youth)
         e = np.moveaxis(np.where(origins[:, None] + leads <= row, errors, np.nan), 0, -1)
         e, o = (np.concatenate([own, e]), np.append(trained, origins)) if joined else (e, origins)
-        missed = residual_correction(np.sum(e * weights[groups], axis=-1).__getitem__, o, leads, row, per_day, every)
+        blended = np.sum(e * weights[groups], axis=-1)
+        missed = residual_correction(blended.__getitem__, o, leads, row, per_day, every, shares)
         path = np.sum(paths.T * by_lead(weights, 24, 24), axis=1) + np.interp(np.arange(1, 25), leads, missed)
         np.testing.assert_allclose(blend.forecast([None, None], 24, plausible)[0], path, atol=1e-9)
 
@@ -425,7 +432,7 @@ def test_after_a_day_of_an_hourly_log_a_simple_rule_is_not_much_better():
 
 @pytest.mark.parametrize(
     ("days", "rule", "network", "pull"),
-    [(7.5, 0.425, 0.15, 2.15), (10.75, 0.2625, 0.225, 1.225), (14, 0.1, 0.3, 0.3), (16, 0.1, 0.3, 0.3)],
+    [(7.5, 0.425, 0.15, 4.15), (10.75, 0.2625, 0.225, 2.225), (14, 0.1, 0.3, 0.3), (16, 0.1, 0.3, 0.3)],
 )
 def test_a_short_training_trusts_what_it_learned_less(days, rule, network, pull, office):
     """The share of the daily profile, and how hard weights are drawn to it, fall up to two weeks."""

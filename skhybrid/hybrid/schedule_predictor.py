@@ -43,7 +43,8 @@ class SchedulePredictor(BaseHybrid):
     adapt : {None, "linear", "full"}, default="full"
         What a forecast takes in from the history up to its origin.  None: the state.  ``"linear"``: also linear
         coefficients and ARX, solved again at every origin, weights by recent errors, and a share of what was missed one
-        and two weeks ago.  ``"full"``: also the network and its filter, fitted again every ten days.
+        and two weeks ago.  ``"full"``: also the network and its filter, fitted again every ten days, and sooner when a
+        short log has doubled.
     intervals : bool, default=True
         Whether ``fit`` learns the intervals of :meth:`predict_quantiles`.
     %(preprocess)s

@@ -94,9 +94,8 @@ class ScheduleScheme(Scheme):
         network_prior = self.prior.network if self.prior is not None and young else None
         self._physics = ScheduleMember(self.network, self.known, self.purpose, network_prior).fit(training, n_leads)
         fit = self._physics.fit_
-        self._others = members_beside_network(fit, training, self.purpose, like, self.prior)
-        for member in self._others:
-            member.fit(training, n_leads)
+        others = members_beside_network(fit, training, self.purpose, like, self.prior)
+        self._others = [member.fit(training, n_leads) for member in others]
         sample, groups = fit.sample, lead_groups(fit.sample.leads, n_leads)
         left_out = np.stack([m.left_out(training, sample, fit.blocks) for m in self._members], axis=-1)
         T = training.history["T_za"]
@@ -105,8 +104,9 @@ class ScheduleScheme(Scheme):
         age = (training.n_rows - 1 - sample.origins[:, None] - sample.leads) / per_day
         products = moments(left_out[..., member_of], groups, faded(age))
         settled = SETTLED_DAYS if network_prior is None else SETTLED_DAYS_OF_FLEET
-        priors, every = (first_shares(self._members), settled), rows_per_hour(training.step)
-        n_days, plausible, errors = training.n_rows / per_day, self.rows.plausible, left_out.astype(np.float32)
+        priors = first_shares(self._members, self.prior is not None), settled
+        n_days, every = training.n_rows / per_day, rows_per_hour(training.step)
+        errors, plausible = left_out.astype(np.float32), self.rows.plausible
         self._record = BlendRecord(
             sample, errors, member_of, products, groups, *priors, n_days, n_leads, per_day, every, plausible
         )

@@ -1,4 +1,4 @@
-"""Online updating: coefficients re-solved at each origin, network refitted every ten days, errors recorded."""
+"""Online updating: coefficients re-solved at each origin, network refitted now and then, errors recorded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .online_network import HALF_LIVES, HISTORY_WEIGHT, CompletedForecasts, Onli
 from .segment import NumberedSegment
 from .step_gain import GainPull
 
-_REFIT_DAYS = 10  # days between refits of the network
+_REFIT_DAYS = 10  # days between refits of the network; in a young log as many as it has
 #: days of rows that a refit sees, its Gauss-Newton steps, and hours between the origins that it scores
 _WINDOW_DAYS, _STEPS, _ORIGIN_HOURS = 56, 2, 4
 _ROOM = 8  # forecasts for which a copy has room at first
@@ -142,13 +142,15 @@ class RollingNetwork:
         made._morning_coefs = dict(self._morning_coefs)
         return made
 
-    def refits(self, origin: int) -> range:
+    def refits(self, origin: int) -> list[int]:
         """Rows to come, up to ``origin``, at which it is refitted."""
         if self.adapt != "full":
-            return range(0)
-        apart = _REFIT_DAYS * self._per_day
-        n_before = max(1, -(-(self.row - self.begin) // apart))
-        return range(self.begin + n_before * apart, origin + 1, apart)
+            return []
+        n_trained = max(1, round(self.fit.segment.n_rows / self._per_day))
+        day, last, rows = 0, (origin - self.begin) // self._per_day, []
+        while (day := day + min(_REFIT_DAYS, n_trained + day)) <= last:
+            rows.append(self.begin + day * self._per_day)
+        return [row for row in rows if row >= self.row]
 
     def advance(self, rows: NumberedSegment, origin: int) -> None:
         """Go through the rows up to ``origin``, that one included."""

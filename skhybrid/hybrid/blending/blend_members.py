@@ -20,6 +20,9 @@ _LAGS, _FEW_LAGS, _TWO_DAYS = 24, 4, pd.Timedelta("2D")
 #: ARX learns a gain: a trace of heat runs for hours too
 _A_WEEK, _MANY_HOURS, _MOVES = pd.Timedelta("7D"), 10.0, 0.03
 _RULE_SHARES = (0.75, 0.1)  # of the simple rule where no error is known, after a day of training, and settled
+#: share of the network beside a regression that has a fleet's prior (EnergyPlus rooms on dates that are not in
+#: benchmarks/fleet_prior.py)
+_BESIDE_FLEET = 0.5
 
 
 def members_beside_network(
@@ -64,12 +67,14 @@ def evidence_of(fit: LeadFit, others: Sequence[Member]) -> ZoneEvidence:
     return ZoneEvidence(regressions, fit.sums)
 
 
-def first_shares(members: Sequence[Member]) -> np.ndarray:
-    """Shares (2, K) where no error is known, after a day and settled."""
+def first_shares(members: Sequence[Member], has_prior: bool) -> np.ndarray:
+    """Shares (2, K) where no error is known, after a day and settled, of the network and the members beside it."""
     is_rule, needs_days = np.array([(m.is_rule, m.needs_days) for m in members]).T
     n_ways, found = np.array([len(m.names) for m in members]), []
+    counts = np.append(_BESIDE_FLEET if has_prior else 1.0, np.ones(len(members) - 1))
     for of_rules, learned in zip(_RULE_SHARES, (~is_rule & ~needs_days, ~is_rule), strict=True):
-        shares = np.where(is_rule, of_rules / is_rule.sum(), (1.0 - of_rules) / learned.sum() * learned)
+        own = counts * learned
+        shares = np.where(is_rule, of_rules / is_rule.sum(), (1.0 - of_rules) / own.sum() * own)
         found.append(np.repeat(shares / n_ways, n_ways))
     return np.array(found)
 

@@ -125,7 +125,7 @@ class ScheduleMember:
         return NumberedSegment(segment, rows.begin, rows.joined, rows.first, whole_segment)
 
     def start(self, rows: NumberedTable, sample: ForecastSample, adapt: str | None) -> RollingSchedule:
-        """Coefficients re-solved at every origin; with ``adapt="full"`` the network refitted every ten days."""
+        """Coefficients re-solved at every origin; with ``adapt="full"`` the network refitted too."""
         return RollingSchedule(self.fit_, rows.begin, adapt)
 
 

@@ -20,13 +20,17 @@ from .numbered_table import NumberedTable
 from .without_response import RollingWithoutResponse
 
 #: days back at which errors are read, and the share of them that is added: from five simulated buildings, three homes'
-#: training weeks and the paper's office; shares regressed on each building's own errors did worse
-_DAYS_BACK, _SHARES = np.array([7, 14]), np.array([0.10, 0.08])
+#: training weeks and the paper's office; shares regressed on each building's own errors did worse.  Yesterday's are
+#: read in a young log, which knows little of a week ago, all of that share after a day and none after four weeks
+_DAYS_BACK, _SHARES, _YOUNG = np.array([1, 7, 14]), np.array([0.20, 0.10, 0.08]), (1.0, 28.0)
 #: days known at which the prior is the settled one; sooner where a fleet speaks for all members (EnergyPlus rooms on
 #: dates that are not in benchmarks/fleet_prior.py)
 SETTLED_DAYS, SETTLED_DAYS_OF_FLEET = 14.0, 7.0
 #: days known between which the weights become those of errors, and the pull toward the prior at either end
-_DAYS, _PULLS = (1.0, SETTLED_DAYS), (4.0, PULL)
+_DAYS, _PULLS = (1.0, SETTLED_DAYS), (8.0, PULL)
+#: days of training, and how much its left-out errors count beside those of the history: with a few days fewer a fit is
+#: another one
+_TRAINED_DAYS, _TRUST = (7.0, SETTLED_DAYS), (0.03, 1.0)
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,16 @@ class BlendRecord:
     def weights(self) -> np.ndarray:
         """(n_groups, K) shares by the training."""
         return blend_weights(self.products, *self.caution(0.0))
+
+    @property
+    def trust(self) -> float:
+        """Share of a training error beside one of the history."""
+        return float(np.interp(self.n_days, _TRAINED_DAYS, _TRUST))
+
+    def shares_back(self, n_more: float) -> np.ndarray:
+        """Shares of earlier errors that may come back, so many days after the training."""
+        youth = np.interp(self.n_days + n_more, _YOUNG, (1.0, 0.0))
+        return np.where(_DAYS_BACK == 1, youth, 1.0) * _SHARES
 
     def caution(self, n_more: float) -> tuple[np.ndarray, float]:
         """Prior weights (K,), and the pull toward them, so many days after the training."""
@@ -158,9 +172,14 @@ class RollingBlend:
         record = self._record
         products, n_more = record.products, 0.0
         if self.adapt is not None:  # what was seen in training fades as what the history shows
-            products = products * self._share(self._begin, max(self.row, self._begin)) + self._products
-            n_more = (self.row + 1 - self._begin) / record.rows_per_day
+            share = record.trust * self._share(self._begin, max(self.row, self._begin))
+            products, n_more = products * share + self._products, self._n_more
         return blend_weights(products, *record.caution(n_more))
+
+    @property
+    def _n_more(self) -> float:
+        """Days after the training."""
+        return (self.row + 1 - self._begin) / self._record.rows_per_day
 
     def heat_now(self, views: list[Any]) -> float:
         """Unmeasured heat over the step of the last row [kW]."""
@@ -204,9 +223,8 @@ class RollingBlend:
                 errors = record.plausible.clip_errors(errors)
             return np.sum(errors * shares, axis=-1)
 
-        return residual_correction(
-            missed_from, origins, record.sample.leads, self.row, record.rows_per_day, record.every
-        )
+        leads, back = record.sample.leads, record.shares_back(self._n_more)
+        return residual_correction(missed_from, origins, leads, self.row, record.rows_per_day, record.every, back)
 
 
 def residual_correction(
@@ -216,18 +234,19 @@ def residual_correction(
     row: int,
     rows_per_day: int,
     every: int,
+    shares: np.ndarray,
 ) -> np.ndarray:
     """(L,) expected error of a forecast from ``row``, 0 where unknown, by errors (L,) from some of ``origins`` (O,).
 
-    These are ``every`` rows apart, but where history joins the training.
+    These are ``every`` rows apart, but where history joins the training.  ``shares`` of the errors are added.
     """
     if len(origins) < 2:
         return np.zeros(len(leads))
     rows = row - _DAYS_BACK * rows_per_day
     at = np.searchsorted(origins, rows, side="right") - 1
-    near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < every)
+    near = (at >= 0) & (rows - origins[np.maximum(at, 0)] < every) & (shares > 0.0)
     out = np.zeros(len(leads))
-    for share, place in zip(_SHARES[near], at[near], strict=True):
+    for share, place in zip(shares[near], at[near], strict=True):
         errors = errors_from(int(place))
         out += share * np.where((origins[place] + leads <= row) & np.isfinite(errors), errors, 0.0)
     return out
