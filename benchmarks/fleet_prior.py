@@ -221,8 +221,8 @@ def write_results(store: Path, fleet: Sequence[Zone], folder: Path) -> list[Path
         "length ends at the date; the next two weeks are the test, an origin every 7 h, delivered heat known.  The "
         "highest heat of a log stands for its nameplate.  Homes are measured; their boiler is taken to have 8 kW.  "
         "Brackets: 90 % of a bootstrap over buildings.  That "
-        "the network has no prior from a week of data on was decided with all dates seen; how the blend of a young log is "
-        "weighed was chosen on three other dates of the EnergyPlus rooms."
+        "the network has no prior from a week of data on was decided with all dates seen; how a young log is blended "
+        "was chosen on three other dates of the EnergyPlus rooms."
     )
     command = "python benchmarks/fleet_prior.py --buildings FOLDER"
     return [write_table("fleet_prior", "A new zone with a prior from a fleet", command, tables, note, folder), csv]
