@@ -175,7 +175,9 @@ class GivenMember:
         return self.path[None, :n_leads], np.zeros(n_leads)
 
 
-@pytest.mark.parametrize(("joined", "n_days", "trust"), [(True, 30.0, 1.0), (False, 30.0, 1.0), (True, 8.0, 0.03 + 0.97 / 7.0)])
+@pytest.mark.parametrize(
+    ("joined", "n_days", "trust"), [(True, 30.0, 1.0), (False, 30.0, 1.0), (True, 8.0, 0.03 + 0.97 / 7.0)]
+)
 def test_the_rolling_blend_by_plain_loops(joined, n_days, trust):
     """Errors count by the day on which they ended, however the rows come; the training's fade from its end on.
 
