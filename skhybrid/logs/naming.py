@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from .._table import ending_zone
 from ..preprocessing._units import UNITS
+from . import role_words as said
 from .unit_names import ENERGY, IRRADIATION, is_foreign, strange_unit, unit_or_energy, unit_text
 
 #: letters that are no others with an accent, and Japanese and Chinese words
@@ -32,101 +33,21 @@ _SCRIPTS = {
 }
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
-_ROOM = (
-    r"\b(zone|zn|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|"
-    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|habitacion|"
-    r"intern[ao]\b|soggiorno|stanza|\bsala\b|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
-    r"rumstemp|romtemp|inomhus|innetemp|stuetemp"
-)
-_OUT = (
-    r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
-    r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
-    r"zewnetrzn|venkov|utomhus|utetemp|udetemp"
-)
-_OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
-_SET = (
-    r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
-    r"consigna|gewenst|streef|setpunt|instel|"
-    r"zadan|borvarde|settpunkt"
-)
-_SET_POINT = (
-    r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
-    r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt"
-)
-_IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
-_OF_A_MODE = r"\b(un)?occ(upied)?\b|night|stand ?by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
-_ENDS = r"( (temp\w*|deg\w*|[cfk]|set\w*|sp|target))*$"  # of a name, after what tells two set-points apart
-_LOWER, _UPPER = rf"\b(low|lo|lower){_ENDS}", rf"\b(high|hi|upper){_ENDS}"
-_OF_WATER_SET = r"boiler|kessel|\bketel|chaudiere|caldaia|caldera|\bcurve\b|heizkurve|stooklijn"  # not of a room
-HEAT = (
-    r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
-    r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
-    r"grzew|grzej|topen|vytap|cieplo|ciepla\b|varme|aquec"
-)
-COOL = (
-    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
-    r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
-    r"chlodz|\bkyl|\bkoling|arrefec"
-)
-TEMPERATURE = r"temp|teplot|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
-_STAGE = (
-    r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
-    r"vanne|relay|active|position|percent|modulation|output"
-)
-_READING = r"(temp\w*( set\w*)?) active\b"  # of Trane: the value in force
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
-#: not the temperature of the air now, or not that of all the sun, where there are several
-OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|ground|soil|erdreich|min|max|24 ?h)\b|gedampft|damped|filtered"
-_PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
 UNPLACED = "a temperature, but its name does not say of what"
 PLACE_ALONE = "its name says where it measures, but not what"
-_PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
-_METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
-#: what a meter beside that of heat counts
-_COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
-_SUN = (
-    r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|q sol"
-)
-#: where the sun is and how long it shines, shades, and other radiation
-_NO_IRRADIANCE = (
-    r"elevation|azimut|altitude|zenith|zonneschijn|shine|sonnen(hoh|schein|st|auf|unter|schutz)|\b(sun|solar) hours|"
-    r"blind|\bshad|infrared|long ?wave|terrestrial|atmospher|\bnet\b|reflected|\buv\b|\bir\b"
-)
-_HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
-_ELECTRICITY = (
-    rf"elec|strom(?!ung)|stroom|{_HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
-    r"consum(ption|ed)|verbrauch|plug|socket"
-)
-_DELIVERED = (
-    r"thermal|thermique|termic|produced|delivered|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
-)
 _OF_WATER = "; from a flow of water and its temperatures of supply and return, write a column of heat [kW]"
 _OF_FUEL = (
     "; if it counts the fuel of the heating, give Q_heat, its unit as 'kWh counter', and the kWh of one under [scale]"
 )
 _OF_PULSES = "; if they are those of a heat meter, give Q_heat, its unit as 'kWh', and the kWh of one under [scale]"
 _HINTS = dict.fromkeys(("m3", "ccf"), _OF_FUEL) | dict.fromkeys(("l/h", "l/min", "l/s", "m3/h"), _OF_WATER)
-#: what no model reads
-_OTHER = (
-    r"humid|feucht|vocht|\brh\b|co2|occup(?!ied .*(\bset|\bsp\b|stpt))|people|person|batter|rssi|\blux\b|illumin|"
-    r"pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|(?<!heat)(?<!heat )pump\b|supply|return|"
-    r"(?<!heat )\bflow\b|\bflow temp|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
-    r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
-    r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
-    r"\bpv\b|photovolt|solar (power|energy|prod|yield|therm|collector|heat(?! flux))|inverter|\bgrid\b|\bev\b|charger|"
-    r"dishwash|washing|dryer|freezer|fridge|\bcpu\b"
-    r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
-    r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
-    r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|efficien|voltage"
-)
 
 _OF_FLOOR = "its unit is that of heat per area; give {0}, its unit as 'W', and the area [m2] under [scale]"
 _STRANGE = (
     "its unit {0!r} is not known; give its role, another unit, such as 'kW', and the factor to that under [scale]"
 )
-_LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
-_PULSES = r"\bpulses?\b|impuls"
 _SPEED = re.compile(r"\bfreq|\brpm\b|speed|drehzahl|\bhz\b")  # of a compressor that heats or cools
 #: a power of ten after a sign of multiplication, or before a unit in brackets
 _NUMBER = r"(10{1,4}|0[.,]0{0,3}1)"
@@ -206,24 +127,24 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, f"no model reads {stated}{_HINTS.get(stated.lower().replace('³', '3'), '')}")
     if unit is None and (strange := strange_unit(name)) is not None:
         return Guess(None, 0, _STRANGE.format(strange))
-    if re.search(rf"{_OTHER}|{_PULSES}", words):
-        of_pulses = re.search(_PULSES, words) and f"it counts pulses{_OF_PULSES}"
+    if re.search(rf"{said.OTHER}|{said.PULSES}", words):
+        of_pulses = re.search(said.PULSES, words) and f"it counts pulses{_OF_PULSES}"
         return Guess(None, 0, of_pulses or "no model reads such a quantity")
-    cool, wanted = (bool(re.search(pattern, words)) for pattern in (COOL, _SET))
+    cool, wanted = (bool(re.search(pattern, words)) for pattern in (said.COOL, said.SET))
     heat = _heats(words, cool)
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and _is_of_heat_meter(words)
     of = "power" if is_meter else _kind(words, unit)
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
-    if of == "irradiance" and (heat or cool) and not re.search(_SUN, words):
+    if of == "irradiance" and (heat or cool) and not re.search(said.SUN, words):
         return Guess(None, 0, _OF_FLOOR.format("Q_cool" if cool else "Q_heat"))
     if of == "irradiance":
-        if re.search(_NO_IRRADIANCE, words):
+        if re.search(said.NO_IRRADIANCE, words):
             return Guess(None, 0, "no model reads such a quantity")
-        if re.search(_PART_OF_SUN, words):
+        if re.search(said.PART_OF_SUN, words):
             return Guess("q_sol", 2, PART_OF_SUN)
         return Guess("q_sol", 3, "its name or unit is that of irradiance")
-    if of == "power" and not wanted and (heat or cool or re.search(_PLANT, words)):
+    if of == "power" and not wanted and (heat or cool or re.search(said.PLANT, words)):
         return _power(words, unit, heat, cool)
     if of == "power":
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give Q_heat or Q_cool")
@@ -236,7 +157,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
     if of == "stage" and re.search(r"valve|ventil(?!at|az|ac|o? ?conv)|klep|vanne|radiat", words):
         return Guess("u_heat", 1, "its name is that of a valve, taken for a radiator's")
-    if re.search(_ROOM, words) or re.search(_OUT, words):
+    if re.search(said.ROOM, words) or re.search(said.OUT, words):
         return Guess(None, 0, PLACE_ALONE)
     return Guess(None, 0, "its name says nothing of a role")
 
@@ -244,40 +165,40 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
 def _heats(words: str, cool: bool) -> bool:
     """Whether a name says that it heats; the cooling of a heat pump does not, but an air conditioner may."""
     is_of_cooling = cool and not re.search(r"\bac\b|air ?con|climati", words)
-    return bool(re.search(HEAT, re.sub(_HEAT_PUMP, "", words) if is_of_cooling else words))
+    return bool(re.search(said.HEAT, re.sub(said.HEAT_PUMP, "", words) if is_of_cooling else words))
 
 
 def _power(words: str, unit: str | None, heat: bool, cool: bool) -> Guess:
     """The role of a power or energy of the plant."""
-    electric = bool(re.search(_ELECTRICITY, words)) and not re.search(_DELIVERED, words)
+    electric = bool(re.search(said.ELECTRICITY, words)) and not re.search(said.DELIVERED, words)
     one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
     role = "Q_hvac" if "hvac" in words else one_way
     reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
-    certainty = 2 + bool(re.search(_DELIVERED, words)) - bool(re.search(_LIMIT, words))
+    certainty = 2 + bool(re.search(said.DELIVERED, words)) - bool(re.search(said.LIMIT, words))
     return Guess(role, certainty, reason + " (electricity?)" * electric, electric)
 
 
 def _is_of_heat_meter(words: str) -> bool:
     """Whether a name is that of a meter, and not of one that counts hours or starts."""
-    return bool(re.search(_METER, words)) and not re.search(_COUNTS, words)
+    return bool(re.search(said.METER, words)) and not re.search(said.COUNTS, words)
 
 
 def _temperature(words: str) -> Guess:
     """The role of a temperature that is measured."""
-    certainty = 3 - bool(re.search(OTHER_THAN_AIR, words))
-    of_room = re.search(_ROOM.replace(r"|in|int|", "|"), words)
-    if re.search(_OUTDOORS, words) or (re.search(_OUT, words) and not of_room):
+    certainty = 3 - bool(re.search(said.OTHER_THAN_AIR, words))
+    of_room = re.search(said.ROOM.replace(r"|in|int|", "|"), words)
+    if re.search(said.OUTDOORS, words) or (re.search(said.OUT, words) and not of_room):
         return Guess("T_oa", certainty, "its name is that of the outdoor temperature")
-    if re.search(_ROOM, words):
+    if re.search(said.ROOM, words):
         return Guess("T_za", certainty, "its name is that of a room's temperature")
     return Guess(None, 1, UNPLACED)
 
 
 def _set_point(words: str, heat: bool, cool: bool) -> Guess:
     """The role of a set-point."""
-    if re.search(_OF_WATER_SET, words) and not re.search(_ROOM, words):
+    if re.search(said.OF_WATER_SET, words) and not re.search(said.ROOM, words):
         return Guess(None, 0, "its name is that of a set-point of the plant's water")
-    lower, upper = (bool(re.search(pattern, words)) for pattern in (_LOWER, _UPPER))
+    lower, upper = (bool(re.search(pattern, words)) for pattern in (said.LOWER, said.UPPER))
     if heat == cool and lower != upper:
         return Guess("T_cool_set" if upper else "T_heat_set", 2, "its name is that of one of two set-points")
     if heat == cool:
@@ -288,7 +209,7 @@ def _set_point(words: str, heat: bool, cool: bool) -> Guess:
 
 def _preference(words: str) -> int:
     """Whether a set-point is the one in force (1), or that of a mode or a limit (-1), which may be out of force."""
-    return bool(re.search(_IN_FORCE, words)) - bool(re.search(_OF_A_MODE, words))
+    return bool(re.search(said.IN_FORCE, words)) - bool(re.search(said.OF_A_MODE, words))
 
 
 def _kind(words: str, unit: str | None) -> str | None:
@@ -298,11 +219,11 @@ def _kind(words: str, unit: str | None) -> str | None:
         return "irradiance"
     if unit in UNITS and UNITS[unit].kind != "fraction":
         return UNITS[unit].kind
-    if re.search(_SUN, words) and not re.search(TEMPERATURE, words):
+    if re.search(said.SUN, words) and not re.search(said.TEMPERATURE, words):
         return "irradiance"
-    if unit in ("percent", "s", "min") or re.search(_STAGE, re.sub(_READING, r"\1", words)):
+    if unit in ("percent", "s", "min") or re.search(said.STAGE, re.sub(said.READING, r"\1", words)):
         return "stage"
-    if re.search(TEMPERATURE, words) or re.search(_SET_POINT, words):
+    if re.search(said.TEMPERATURE, words) or re.search(said.SET_POINT, words):
         return "temperature"
     return "power" if re.search(r"\bkw\b|power|heat (rate|flow)|leistung|vermogen|puissance", words) else None
 

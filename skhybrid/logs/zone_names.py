@@ -8,20 +8,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from .._table import ending_zone, is_plant, plant_roles
 from ..preprocessing._units import UNITS
-from .naming import (
-    COOL,
-    ENERGY,
-    HEAT,
-    NAMED_BY_ROLE,
-    OTHER_THAN_AIR,
-    SURE,
-    TAKEN,
-    TEMPERATURE,
-    Guess,
-    guess_role,
-    one_column_each,
-    plain,
-)
+from .naming import NAMED_BY_ROLE, SURE, TAKEN, Guess, guess_role, one_column_each, plain
+from .role_words import COOL, HEAT, OTHER_THAN_AIR, TEMPERATURE
+from .unit_names import ENERGY
 
 _NO_ZONES = {
     "heat", "cool", "heating", "cooling", "htg", "clg", "hhw", "chw", "min", "max", "mean", "low", "high", "set", "sp",

@@ -1,0 +1,83 @@
+"""Words of names of a log's columns, as patterns: quantities, places, and what says that a column is no such value."""
+
+ROOM = (
+    r"\b(zone|zn|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|"
+    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|"
+    r"habitacion|"
+    r"intern[ao]\b|soggiorno|stanza|\bsala\b|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
+    r"rumstemp|romtemp|inomhus|innetemp|stuetemp"
+)
+OUT = (
+    r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
+    r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
+    r"zewnetrzn|venkov|utomhus|utetemp|udetemp"
+)
+OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
+SET = (
+    r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
+    r"consigna|gewenst|streef|setpunt|instel|"
+    r"zadan|borvarde|settpunkt"
+)
+SET_POINT = (
+    r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
+    r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt"
+)
+IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
+OF_A_MODE = r"\b(un)?occ(upied)?\b|night|stand ?by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
+ENDS = r"( (temp\w*|deg\w*|[cfk]|set\w*|sp|target))*$"  # of a name, after what tells two set-points apart
+LOWER, UPPER = rf"\b(low|lo|lower){ENDS}", rf"\b(high|hi|upper){ENDS}"
+OF_WATER_SET = r"boiler|kessel|\bketel|chaudiere|caldaia|caldera|\bcurve\b|heizkurve|stooklijn"  # not of a room
+HEAT = (
+    r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
+    r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
+    r"grzew|grzej|topen|vytap|cieplo|ciepla\b|varme|aquec"
+)
+COOL = (
+    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
+    r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
+    r"chlodz|\bkyl|\bkoling|arrefec"
+)
+TEMPERATURE = r"temp|teplot|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+STAGE = (
+    r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
+    r"vanne|relay|active|position|percent|modulation|output"
+)
+READING = r"(temp\w*( set\w*)?) active\b"  # of Trane: the value in force
+#: not the temperature of the air now, or not that of all the sun, where there are several
+OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|ground|soil|erdreich|min|max|24 ?h)\b|gedampft|damped|filtered"
+PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
+PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
+METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
+#: what a meter beside that of heat counts
+COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
+SUN = (
+    r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|q sol"
+)
+#: where the sun is and how long it shines, shades, and other radiation
+NO_IRRADIANCE = (
+    r"elevation|azimut|altitude|zenith|zonneschijn|shine|sonnen(hoh|schein|st|auf|unter|schutz)|\b(sun|solar) hours|"
+    r"blind|\bshad|infrared|long ?wave|terrestrial|atmospher|\bnet\b|reflected|\buv\b|\bir\b"
+)
+HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
+ELECTRICITY = (
+    rf"elec|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
+    r"consum(ption|ed)|verbrauch|plug|socket"
+)
+DELIVERED = (
+    r"thermal|thermique|termic|produced|delivered|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
+)
+#: what no model reads
+OTHER = (
+    r"humid|feucht|vocht|\brh\b|co2|occup(?!ied .*(\bset|\bsp\b|stpt))|people|person|batter|rssi|\blux\b|illumin|"
+    r"pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|(?<!heat)(?<!heat )pump\b|supply|return|"
+    r"(?<!heat )\bflow\b|\bflow temp|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
+    r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
+    r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
+    r"\bpv\b|photovolt|solar (power|energy|prod|yield|therm|collector|heat(?! flux))|inverter|\bgrid\b|\bev\b|charger|"
+    r"dishwash|washing|dryer|freezer|fridge|\bcpu\b"
+    r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
+    r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
+    r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|efficien|voltage"
+)
+LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
+PULSES = r"\bpulses?\b|impuls"
