@@ -134,6 +134,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     heat = _heats(words, cool)
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and _is_of_heat_meter(words)
     of = "power" if is_meter else _kind(words, unit)
+    if of in ("temperature", None) and re.search(said.STREAM, words):
+        return Guess(None, 0, "no model reads such a quantity")
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
     if of == "irradiance" and (heat or cool) and not re.search(said.SUN, words):
@@ -186,6 +188,8 @@ def _is_of_heat_meter(words: str) -> bool:
 def _temperature(words: str) -> Guess:
     """The role of a temperature that is measured."""
     certainty = 3 - bool(re.search(said.OTHER_THAN_AIR, words))
+    if re.search(rf"{said.HEAT}|{said.COOL}|{said.VESSEL}", words):
+        words = re.sub(r"\b(in|out)\b", "", words)
     of_room = re.search(said.ROOM.replace(r"|in|int|", "|"), words)
     if re.search(said.OUTDOORS, words) or (re.search(said.OUT, words) and not of_room):
         return Guess("T_oa", certainty, "its name is that of the outdoor temperature")
@@ -196,11 +200,13 @@ def _temperature(words: str) -> Guess:
 
 def _set_point(words: str, heat: bool, cool: bool) -> Guess:
     """The role of a set-point."""
-    if re.search(said.OF_WATER_SET, words) and not re.search(said.ROOM, words):
-        return Guess(None, 0, "its name is that of a set-point of the plant's water")
+    if re.search(rf"{said.OF_WATER_SET}|{said.OUTDOORS}|\boat?\b|exter", words) and not re.search(said.ROOM, words):
+        return Guess(None, 0, "its name is that of a set-point of the plant, not of a room")
     lower, upper = (bool(re.search(pattern, words)) for pattern in (said.LOWER, said.UPPER))
     if heat == cool and lower != upper:
         return Guess("T_cool_set" if upper else "T_heat_set", 2, "its name is that of one of two set-points")
+    if heat == cool and _preference(words) < 0:
+        return Guess("T_heat_set", 0, OF_A_MODE)
     if heat == cool:
         return Guess("T_heat_set", 1, f"its name is that of a set-point, {FOR_HEATING}")
     reason = "its name is that of a set-point" if _preference(words) >= 0 else OF_A_MODE

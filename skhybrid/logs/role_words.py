@@ -22,11 +22,26 @@ SET_POINT = (
     r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
     r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt"
 )
-IN_FORCE = r"\b(eff|effective|active|actual|current)"  # the set-point that the controller follows at the time,
-OF_A_MODE = r"\b(un)?occ(upied)?\b|night|stand ?by|\baway\b|\beco|vacation|frost|\bmin\b|\bmax\b|limit"  # and others
+# the set-point that the controller follows at the time, and others
+IN_FORCE = r"\b(eff|effective|active|actual|current|aktuel|wirksam)"
+OF_A_MODE = (
+    r"\b(un)?occ(upied)?\b|night|stand ?by|\baway\b|\beco|vacation|frost|\bgel\b|\b(min|max)(imum)?\b|limit|"
+    r"[ck]o[mn]fort|nacht|absenk|reduit"
+)
 ENDS = r"( (temp\w*|deg\w*|[cfk]|set\w*|sp|target))*$"  # of a name, after what tells two set-points apart
 LOWER, UPPER = rf"\b(low|lo|lower){ENDS}", rf"\b(high|hi|upper){ENDS}"
-OF_WATER_SET = r"boiler|kessel|\bketel|chaudiere|caldaia|caldera|\bcurve\b|heizkurve|stooklijn"  # not of a room
+OF_WATER_SET = r"boiler|kessel|\bketel|chaudiere|caldaia|caldera|\bcurve\b|heizkurve|stooklijn|opentherm control"
+#: air and water of a plant, surfaces and dew points, whose temperatures are no room's
+STREAM = (
+    r"\b[sdmre]a ?(t|tmp|temp|sp)\b|\bt ([srm]a|sup|ret|mix)\b|\b([sdmre]a|[el][aw]|(c|h|hh|ch)?w[sr]?)t\b|"
+    r"\b((c|h|hh|ch)w[sr]?|ww)\b|discharge|exhaust|extract|\bmixed|leaving|entering|plenum|embedded|\bloop\b|duct t|"
+    r"coil t|\bch (set|sp|t)|(zu|ab|fort|misch|um)luft|\b[vr]l\b|soufflage|reprise|\bdepart\b|\bretour|mandata|ripresa|"
+    r"ritorno|impulsion|retorno|insufl|aanvoer|inblaas|afvoer|toevoer|zasilan|nawiew|wywiew|powrot|(till?|fran|av)luft|"
+    r"framled|fremlob|turtemp|retur(led|lob|temp)|indblaes|udsug|privod|zpatec|heiz(grenz|kurve)|(puffer|speicher)t|"
+    r"\bbuffer|tank\b|\bballon|kotl|vody|\b(ecs|acs|cwu|eau|agua|acqua)\b|vattente|vannste|(slab|surface)(?! heat)|"
+    r"oberflach|superfic|\bsurf\b|estrich|dalle|taup|dauwp|rosee|rocio|rugiada|orvalho|\brosy|dagg|rosny|wet bul|umido|"
+    r"\b(sky|mrt|wb)\b|freeze|strahlungst|stralingst|empfund|gevoel|percep|perceiv|prevu"
+)
 HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
@@ -36,6 +51,10 @@ COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
     r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
     r"chlodz|\bkyl|\bkoling|arrefec"
+)
+#: what air or water goes in and out of
+VESSEL = (
+    r"\b(con|cond\w*|eva|evap\w*|coil?s?|hx|exchanger|tank|buffer|storage|panel|collector|duct|pipe|ahu|fcu|hrv|mvhr)\b"
 )
 TEMPERATURE = r"temp|teplot|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 STAGE = (
@@ -80,4 +99,4 @@ OTHER = (
     r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|efficien|voltage"
 )
 LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
-PULSES = r"\bpulses?\b|impuls"
+PULSES = r"\bpulses?\b|impuls(?!ion)"
