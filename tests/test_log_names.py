@@ -83,3 +83,77 @@ def test_the_set_point_of_a_mode_is_told_and_gives_way(name, other):
     assert alone.roles == {"T_heat_set": name}
     assert any("is the set-point of one mode" in f.text for f in alone.findings if f.where == name)
     assert LogReport(pd.DataFrame({name: ROOM, other: ROOM}, STAMPS)).roles == {"T_heat_set": other}
+
+
+@pytest.mark.parametrize(
+    ("name", "better", "word"),
+    [
+        ("Zone Operative Temperature [C]", "Zone Air Temperature [C]", "operative"),
+        ("Zone Mean Radiant Temperature [C]", "Zone Mean Air Temperature [C]", "radiant"),
+        ("Room temp max", "Room temp", "max"),
+        ("Living room wall temp", "Living room temp", "wall"),
+        ("Raum Bodentemperatur", "Raumtemperatur", "bodentemperatur"),
+        ("Simulated room temperature", "Room temperature", "simulated"),
+        ("Room 1 radiator temperature", "Room 1 temperature", "radiator"),
+        ("Aussentemperatur gemittelt", "Aussentemperatur", "gemittelt"),
+        ("Rated heating power (kW)", "Heating power (kW)", "rated"),
+        ("Heating capacity (kW)", "Heating power (kW)", "heating capacity"),
+        ("Boiler gas (kWh)", "Boiler heat (kWh)", "gas"),
+        ("Heating:NaturalGas [J](Hourly)", "Baseboard Total Heating Rate [W](Hourly)", "gas"),
+        ("Heating (therms)", "Heat meter (kWh)", "therm"),
+    ],
+)
+def test_a_word_of_another_quantity_is_told_and_gives_way(name, better, word):
+    alone = LogReport(pd.DataFrame({name: ROOM}, STAMPS))
+    (role,) = alone.roles
+    (told,) = [f for f in alone.findings if f.text.startswith(f"{word!r} in its name")]
+    assert (told.level, told.where) == ("warning", name)
+    assert LogReport(pd.DataFrame({name: ROOM, better: ROOM}, STAMPS)).roles == {role: better}
+
+
+@pytest.mark.parametrize(
+    "name", ["Room temp 1st floor", "Ground floor room temp", "Zone temp mean", "Gästezimmer Heizung (kW)"]
+)
+def test_storeys_means_and_guests_are_not_doubted(name):
+    assert " may say " not in guess_role(name, unit_in_name(name)).reason
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "is_electricity"),
+    [
+        ("Chiller power (kW)", "Q_cool", True),  # it was cold
+        ("Chiller cooling load (kW)", "Q_cool", False),
+        ("Chiller (tons)", "Q_cool", False),
+        ("Elektroheizung kWh", "Q_heat", True),
+        ("Riscaldamento potenza elettrica kW", "Q_heat", True),
+        ("Consommation chauffage kWh", "Q_heat", True),
+        ("HVAC cooling power (kW)", "Q_cool", False),  # it was heat, by its sign
+        ("Zone Radiant HVAC Heating Rate [W](Hourly)", "Q_heat", False),
+    ],
+)
+def test_electricity_and_cold_are_told_from_heat(name, role, is_electricity):
+    guess = guess_role(name, unit_in_name(name))
+    assert (guess.role, guess.is_electricity) == (role, is_electricity)
+
+
+@pytest.mark.parametrize(
+    "name", ["global_tilted_irradiance", "Direktstrahlung", "Radiación difusa W/m2", "Incident Solar Radiation [W/m2]"]
+)
+def test_sun_that_is_not_all_of_it_on_the_horizontal_is_told(name):
+    found = LogReport(pd.DataFrame({name: 100.0 + ROOM}, STAMPS)).findings
+    assert any("is a part of the sun's irradiance" in f.text for f in found)
+
+
+@pytest.mark.parametrize("quantities", [("Operative", "Mean Radiant", "Mean Air"), ("Operative",)])
+def test_temperatures_of_air_are_those_of_the_rooms_of_a_simulation(quantities):
+    """The first of several temperatures of each zone was taken, in silence."""
+    frame = pd.DataFrame({"Environment:Site Outdoor Air Drybulb Temperature [C](Hourly)": ROOM - 15.0}, STAMPS)
+    for quantity in quantities:
+        for place, zone in enumerate(("KITCHEN", "OFFICE")):
+            frame[f"{zone}:Zone {quantity} Temperature [C](Hourly)"] = ROOM + place
+    for zone in ("KITCHEN", "OFFICE"):
+        frame[f"{zone}:Zone Air System Sensible Heating Rate [W](Hourly)"] = 300.0 + HOURS
+    report = LogReport(frame)
+    assert report.roles["T_za_kitchen"] == f"KITCHEN:Zone {quantities[-1]} Temperature [C](Hourly)"
+    told = [f.where for f in report.findings if f.text.startswith("'operative' in its name")]
+    assert told == ([report.roles[f"T_za_{zone}"] for zone in ("kitchen", "office")] if len(quantities) == 1 else [])

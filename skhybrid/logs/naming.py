@@ -59,6 +59,9 @@ NAMED_BY_ROLE = "it is named after its role"
 #: reasons where a column may be a part only of what its role needs
 PART_OF_SUN = "its name is that of a part of the sun's irradiance"
 OF_A_MODE = "its name is that of the set-point of one mode"
+#: ends of reasons where the name of a column has a word of another quantity
+DOUBTFUL = "in its name may say that it is another quantity"
+OF_FUEL = "in its name or unit may say that it counts the fuel"
 
 #: the ends of reasons: where another column has the role, and where a set-point may be that of heating or of cooling
 TAKEN = "was taken for the same quantity"
@@ -172,11 +175,15 @@ def _heats(words: str, cool: bool) -> bool:
 
 def _power(words: str, unit: str | None, heat: bool, cool: bool) -> Guess:
     """The role of a power or energy of the plant."""
-    electric = bool(re.search(said.ELECTRICITY, words)) and not re.search(said.DELIVERED, words)
+    is_delivered = bool(re.search(said.DELIVERED, words)) or unit in ("tons", "ton-h")
+    electric = bool(re.search(said.ELECTRICITY, words)) and not is_delivered
     one_way = "Q_heat" if heat and not cool else "Q_cool" if cool and not heat else "Q_hvac"
-    role = "Q_hvac" if "hvac" in words else one_way
+    role = "Q_hvac" if "hvac" in words and not (cool or "heating" in words) else one_way
     reason = f"its {'name' if unit is None else 'unit'} is that of a power or energy"
-    certainty = 2 + bool(re.search(said.DELIVERED, words)) - bool(re.search(said.LIMIT, words))
+    certainty = 2 + is_delivered
+    for pattern, end in ((said.LIMIT, DOUBTFUL), *(() if is_delivered else ((said.FUEL, OF_FUEL),))):
+        if found := re.search(pattern, f"{words} {unit}"):
+            reason, certainty = f"{found[0]!r} {end}", 1
     return Guess(role, certainty, reason + " (electricity?)" * electric, electric)
 
 
@@ -187,14 +194,16 @@ def _is_of_heat_meter(words: str) -> bool:
 
 def _temperature(words: str) -> Guess:
     """The role of a temperature that is measured."""
-    certainty = 3 - bool(re.search(said.OTHER_THAN_AIR, words))
-    if re.search(rf"{said.HEAT}|{said.COOL}|{said.VESSEL}", words):
+    of_plant = re.search(rf"\w*({said.HEAT}|{said.COOL})\w*", words)
+    if of_plant or re.search(said.VESSEL, words):
         words = re.sub(r"\b(in|out)\b", "", words)
     of_room = re.search(said.ROOM.replace(r"|in|int|", "|"), words)
+    doubt = re.search(rf"\w*({said.OTHER_THAN_AIR})\w*", words) or (of_room and of_plant)
+    certainty, doubted = (2, f"{doubt[0]!r} {DOUBTFUL}") if doubt else (3, "")
     if re.search(said.OUTDOORS, words) or (re.search(said.OUT, words) and not of_room):
-        return Guess("T_oa", certainty, "its name is that of the outdoor temperature")
+        return Guess("T_oa", certainty, doubted or "its name is that of the outdoor temperature")
     if re.search(said.ROOM, words):
-        return Guess("T_za", certainty, "its name is that of a room's temperature")
+        return Guess("T_za", certainty, doubted or "its name is that of a room's temperature")
     return Guess(None, 1, UNPLACED)
 
 

@@ -63,9 +63,14 @@ STAGE = (
 )
 READING = r"(temp\w*( set\w*)?) active\b"  # of Trane: the value in force
 #: not the temperature of the air now, or not that of all the sun, where there are several
-OTHER_THAN_AIR = r"\b(wall|floor|ceiling|slab|surface|ground|soil|erdreich|min|max|24 ?h)\b|gedampft|damped|filtered"
-PART_OF_SUN = r"\b(dni|dhi)\b|direct|diffus|\bbeam\b|clear ?sky"
-PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|termic|delivered|\bload\b|\b(pac|wp|hp)\b"  # which may heat and cool
+OTHER_THAN_AIR = (
+    r"\b(wall|(?<!(?:st|nd|rd|th|er) )floor|ceiling|ground(?! floor)|soil|erdreich|(min|max)(imum)?|24 ?h)\b|"
+    r"gedampft|gemittelt|damped|filtered|operativ|radiant|\bglobe\b|simul|\bsim\b|model|calcul|limit|set ?back|absenk|"
+    r"(wand|decken|boden)t|vloer|suelo|pavimento|podlog|g[uo]lv|du sol|evap|manifold|\bpanel|\bpipe|exchanger"
+)
+PART_OF_SUN = r"\b(dni|dhi|gti|poa)\b|dire[ck]?t|dif+us|\b(dir nor|dif hor)|\bbeam\b|clear ?sky|\btilt|incident"
+#: what may heat and cool
+PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|thermiq|termic|delivered|\bload\b|\b(pac|wp|hp)\b"
 METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
 #: what a meter beside that of heat counts
 COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
@@ -79,8 +84,8 @@ NO_IRRADIANCE = (
 )
 HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
 ELECTRICITY = (
-    rf"elec|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
-    r"consum(ption|ed)|verbrauch|plug|socket"
+    rf"ele[ck]|elettr|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
+    r"consum(ption|ed|o)|consom|verbrauch|verbruik|plug|socket|chiller(?! (load|evap|cool))"
 )
 DELIVERED = (
     r"thermal|thermique|termic|produced|delivered|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
@@ -98,5 +103,6 @@ OTHER = (
     r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
     r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|efficien|voltage"
 )
-LIMIT = r"\b(max|min|maximum|minimum|rated|nominal|limit|nenn\w*)\b"  # of a power
+LIMIT = r"\b((?:max|min)(?:imum)?|rated|nominal|limit|nenn\w*|(?:available|[a-z]*) ?capacity)\b"  # of a power
+FUEL = r"\b((?:erd)?gas(?:heiz\w*|za\w*|verbr\w*|kessel)?|gazu?|fuel|oil|heizol|therm$)\b"  # or the unit
 PULSES = r"\bpulses?\b|impuls(?!ion)"

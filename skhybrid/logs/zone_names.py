@@ -111,8 +111,8 @@ def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> d
             reason = f"another column {TAKEN}"
         elif role == name:
             reason = NAMED_BY_ROLE
-        elif role is not None and any(role.endswith(f"_{zone}") for zone in zones):
-            reason = "its name is that of a quantity and a room"
+        elif role is not None and guess.role is None:  # without the room, its name may be that of any temperature
+            reason = guess_role(f"room temp {name}", unit).reason
         found[name] = Guess(role, guess.certainty, reason, role is not None and guess.is_electricity)
     return found
 
@@ -128,7 +128,10 @@ def guess_in_zone(name: str, unit: str | None, zones: Sequence[str]) -> Guess:
 
 
 def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
-    """Temperature column of each zone: the largest set of columns whose names differ in the words of a room only."""
+    """Temperature column of each zone: the largest set of columns whose names differ in the words of a room only.
+
+    Of sets as large, that of the surest temperatures of air.
+    """
     alike: dict[tuple[str, ...], dict[str, str]] = defaultdict(dict)
     for name, unit in units.items():
         words = [word for word in words_of(name) if word not in _ANY_ROOM]
@@ -139,7 +142,12 @@ def _zones(units: Mapping[str, str | None]) -> dict[str, str]:
                 room = words[k : k + n]
                 if all(map(_may_name, room)) and (n == 1 or not _no_room(room)):
                     alike[(*words[:k], "", *words[k + n :], str(unit))].setdefault("_".join(room), name)
-    return max(alike.values(), key=len, default={})
+    return max(alike.values(), key=lambda rooms: (len(rooms), *map(_certainty, rooms.values())), default={})
+
+
+def _certainty(name: str) -> int:
+    """The certainty that a column that may be the temperature of some room is that of its air."""
+    return guess_role(f"room temp {name}").certainty
 
 
 def _may_name(word: str) -> bool:
