@@ -157,3 +157,57 @@ def test_temperatures_of_air_are_those_of_the_rooms_of_a_simulation(quantities):
     assert report.roles["T_za_kitchen"] == f"KITCHEN:Zone {quantities[-1]} Temperature [C](Hourly)"
     told = [f.where for f in report.findings if f.text.startswith("'operative' in its name")]
     assert told == ([report.roles[f"T_za_{zone}"] for zone in ("kitchen", "office")] if len(quantities) == 1 else [])
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ZN-T Deadband",
+        "Heating setpoint deadband",
+        "Room temperature (std)",
+        "room_temp_count",
+        "Zone Temp Error",
+        "Heating SP Reset",
+        "Outside_Air_Lockout_Temperature_Setpoint",
+        "Economizer high limit setpoint",
+        "Zone Heating Setpoint Not Met Time [hr](Hourly)",
+        "Predicted zone temp",
+        "Temperature outdoor (forecast)",
+        "Heating valve (supply water)",
+        "Estimated heat load kW",
+        "Design outdoor temperature",
+        "Zone Lights Total Heating Rate [W](Hourly)",  # it was the plant's heat, as were those below
+        "Zone Electric Equipment Total Heating Energy [J](Hourly)",
+        "Zone Total Internal Total Heating Rate [W](Hourly)",
+        "Zone Air Heat Balance Outdoor Air Transfer Rate [W](Hourly)",
+        "Cooling Coil Latent Cooling Rate [W](Hourly)",
+        "HeatRejection:Electricity [J](Hourly)",
+        "Immersion heater energy kWh",
+        "Chiller kW/ton",
+        "SPACE1-1 IN NODE:System Node Temperature [C](Hourly)",
+        "CHW-DT",
+        "Langwellige Strahlung",
+        "Gegenstrahlung",
+    ],
+)
+def test_what_is_no_measured_quantity_of_a_room_has_no_role(name):
+    assert role_of(name) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("Temperature (outdoor)", "T_oa"),
+        ("Temperature (living room)", "T_za"),
+        ("Power (heat pump) kW", "Q_heat"),
+        ("Cooling setpoint (occupied)", "T_cool_set"),
+        ("Zone temperature (°C) (mean)", "T_za"),
+        ("HVAC equipment heating energy (kWh)", "Q_heat"),
+        ("Zone Ideal Loads Supply Air Total Heating Energy [J](Hourly)", "Q_heat"),
+        ("Zone Ideal Loads Supply Air Total Cooling Rate [W](Hourly)", "Q_cool"),
+        ("Sonnenstrahlung W/m2", "q_sol"),
+    ],
+)
+def test_words_in_brackets_that_are_no_unit_count(name, role):
+    """They were left out, and with them the place of a sensor."""
+    assert role_of(name) == role

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from .._table import ending_zone
 from ..preprocessing._units import UNITS
 from . import role_words as said
-from .unit_names import ENERGY, IRRADIATION, is_foreign, strange_unit, unit_or_energy, unit_text
+from .unit_names import ENERGY, IRRADIATION, is_foreign, is_unit, strange_unit, unit_or_energy, unit_text
 
 #: letters that are no others with an accent, and Japanese and Chinese words
 _SCRIPTS = {
@@ -111,14 +111,21 @@ def plain(name: str) -> str:
     """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
     text = re.sub(rf"{_OF_INTERVAL}\(([^)]*)\)", r"\1", name)
     text = re.sub(r"\(LGR S/N.*LBL: ([^)]*)\)", r" \1 ", text)  # the label of a HOBO logger
-    text = re.sub(r"[\[(][^\])]*[\])]", " ", re.sub(_PRESENT, r"\1", text))
-    text = re.sub(r"\bT(?=(room|zone|out|amb|set|int|ext)(?![a-z]))", "T ", text)
+    text = re.sub(r"[\[(]([^\])]*)[\])]", _no_unit, re.sub(_PRESENT, r"\1", text))
+    text = re.sub(r"\bT(?=(room|zone|out|amb|set|int|ext)(?![a-z]))|(?<![A-Z])[TQ](?=[A-Z][a-z])", r"\g<0> ", text)
+    text = re.sub(r"(?i)(?<=htg|clg|znt|eat|ool)(?=sp\b|setp)", " ", text)
     for script, word in _SCRIPTS.items():
         text = text.replace(script, word)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     words = " ".join(re.sub(r"[^0-9A-Za-z]+", " ", text).lower().split())
     return re.sub(r"(temp\w*|\boat) pv$", r"\1", words)  # a process value
+
+
+def _no_unit(brackets: re.Match[str]) -> str:
+    """The words in brackets that are no unit, such as those of a function or place."""
+    text = brackets[1].strip()
+    return " " if is_unit(text) and text.lower() not in ("std", "max") else f" {text} "
 
 
 def guess_role(name: str, unit: str | None = None) -> Guess:

@@ -79,8 +79,9 @@ SUN = (
 )
 #: where the sun is and how long it shines, shades, and other radiation
 NO_IRRADIANCE = (
-    r"elevation|azimut|altitude|zenith|zonneschijn|shine|sonnen(hoh|schein|st|auf|unter|schutz)|\b(sun|solar) hours|"
-    r"blind|\bshad|infrared|long ?wave|terrestrial|atmospher|\bnet\b|reflected|\buv\b|\bir\b"
+    r"elevation|azimut|altitude|zenith|zonneschijn|shine|sonnen(hoh|schein|st(?!r)|auf|unter|schutz)|"
+    r"\b(sun|solar) hours|blind|\bshad|infrared|long ?wave|langwell|gegenstr|terrestrial|atmospher|\bnet\b|reflected|"
+    r"\buv\b|\bir\b"
 )
 HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
 ELECTRICITY = (
@@ -92,16 +93,21 @@ DELIVERED = (
 )
 #: what no model reads
 OTHER = (
-    r"humid|feucht|vocht|\brh\b|co2|occup(?!ied .*(\bset|\bsp\b|stpt))|people|person|batter|rssi|\blux\b|illumin|"
-    r"pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|(?<!heat)(?<!heat )pump\b|supply|return|"
-    r"(?<!heat )\bflow\b|\bflow temp|vorlauf|rucklauf|inlet|outlet|water|wasser|truth|"
+    r"humid|feucht|vocht|\brh\b|co2|(?<!point )(?<!\bsp )(?<!stpt )occup(?!ied .*(\bset|\bsp\b|stpt))|people|person|"
+    r"batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|(?<!heat)(?<!heat )pump\b|return|"
+    r"supply(?! air (total|sensible) (heat|cool)ing)|"
+    r"(?<!heat )(?<!hea )\bflow\b|\bflow temp|vorlauf|rue?cklauf|inlet|outlet|water|wasser|truth|"
     r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
-    r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bdelta\b|calibration|"
+    r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bd(elta| ?t)\b|"
+    r"calibration|\bstd(ev)?\b|varian|\bvar\b|temp\w* count\b|dead ?band|\berror\b|\bbias\b|hysteres|throttl|\breset|"
+    r"lock ?out|economi[sz]er|change ?over t|not met|predict|\bpred\b|estimat|modell?ed|baseline|expected|\bdesign\b|"
+    r"auslegung|signature|(lights?|equipment|internal) ((total|convective|radiant|sensible|visible|lost) )+heat|latent|"
+    r"heat ?(balance|reject)|condenser heat trans|part load|immersion|system node|\bk w ton\b|"
     r"\bpv\b|photovolt|solar (power|energy|prod|yield|therm|collector|heat(?! flux))|inverter|\bgrid\b|\bev\b|charger|"
     r"dishwash|washing|dryer|freezer|fridge|\bcpu\b"
     r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
     r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
-    r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|efficien|voltage"
+    r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|\bwrg\b|efficien|voltage"
 )
 LIMIT = r"\b((?:max|min)(?:imum)?|rated|nominal|limit|nenn\w*|(?:available|[a-z]*) ?capacity)\b"  # of a power
 FUEL = r"\b((?:erd)?gas(?:heiz\w*|za\w*|verbr\w*|kessel)?|gazu?|fuel|oil|heizol|therm$)\b"  # or the unit
