@@ -211,3 +211,39 @@ def test_what_is_no_measured_quantity_of_a_room_has_no_role(name):
 def test_words_in_brackets_that_are_no_unit_count(name, role):
     """They were left out, and with them the place of a sensor."""
     assert role_of(name) == role
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("reaTZon_y", "T_za"),  # of Modelica and BOPTEST, whose names said nothing
+        ("TRooAir.y", "T_za"),
+        ("weaSta_reaWeaTDryBul_y", "T_oa"),
+        ("weaSta_reaWeaTWetBul_y", None),
+        ("weaSta_reaWeaHGloHor_y", "q_sol"),
+        ("reaTSetHea_y", "T_heat_set"),
+        ("reaTSetCoo_y", "T_cool_set"),
+        ("reaTSup_y", None),
+        ("reaQHea_y", "Q_heat"),
+        ("yCoo", "u_cool"),
+        ("ZNT-HTGSP", "T_heat_set"),  # it was a stage, as were the two below
+        ("CLGSETP_SCH:Schedule Value [](Hourly)", "T_cool_set"),
+        ("heatsp", "T_heat_set"),
+        ("Nominal cooling capacity", "Q_cool"),
+        ("heatpump_elec", "Q_heat"),
+        ("Wärmemenge", "Q_heat"),
+        ("Internal_Air_Temperature", "T_za"),
+        ("Indetemperatur", "T_za"),
+        ("Ute temp", "T_oa"),
+        ("Kamer ingestelde temperatuur", "T_heat_set"),  # it was the room's
+        ("Koude kWh", "Q_cool"),
+        ("Potencia frigorífica kW", "Q_cool"),
+        ("Moc chłodnicza kW", "Q_cool"),
+        ("Topný výkon kW", "Q_heat"),
+        ("Radiazione globale", "q_sol"),
+        ("Promieniowanie słoneczne", "q_sol"),
+        ("Zon temperatuur", None),
+    ],
+)
+def test_names_of_simulations_and_of_more_languages(name, role):
+    assert role_of(name) == role

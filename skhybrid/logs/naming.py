@@ -247,7 +247,7 @@ def _kind(words: str, unit: str | None) -> str | None:
         return "stage"
     if re.search(said.TEMPERATURE, words) or re.search(said.SET_POINT, words):
         return "temperature"
-    return "power" if re.search(r"\bkw\b|power|heat (rate|flow)|leistung|vermogen|puissance", words) else None
+    return "power" if re.search(said.POWER, words) else None
 
 
 def one_column_each(guesses: Mapping[str, Guess], zones: Sequence[str] = ()) -> dict[str, Guess]:

@@ -1,25 +1,26 @@
 """Words of names of a log's columns, as patterns: quantities, places, and what says that a column is no such value."""
 
 ROOM = (
-    r"\b(zone|zn|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|thermostat|current|"
+    r"\b(zone|zn|znt|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|"
+    r"thermostat|current|"
     r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|"
-    r"habitacion|"
-    r"intern[ao]\b|soggiorno|stanza|\bsala\b|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
-    r"rumstemp|romtemp|inomhus|innetemp|stuetemp"
+    r"habitacion|internal air|\bt (zon|roo)\b|\bzon t\b|"
+    r"intern[ao]\b|soggiorno|stanza|\bsala\b|chambre|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
+    r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp"
 )
 OUT = (
-    r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bulb|aussen|draussen|"
+    r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bul|aussen|draussen|"
     r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
-    r"zewnetrzn|venkov|utomhus|utetemp|udetemp"
+    r"zewnetrzn|venkov|utomhus|\bute ?temp|udetemp"
 )
 OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
 SET = (
-    r"\b(set|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|consigne|"
-    r"consigna|gewenst|streef|setpunt|instel|"
+    r"\b(set|setp|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|"
+    r"consigne|consigna|gewenst|streef|setpunt|instel|ingestel|"
     r"zadan|borvarde|settpunkt"
 )
 SET_POINT = (
-    r"set ?po?i?n?t|\b(sp|spt|stpt)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
+    r"set ?po?i?n?t|\b(sp|spt|stpt|setp)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
     r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt"
 )
 # the set-point that the controller follows at the time, and others
@@ -45,18 +46,18 @@ STREAM = (
 HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
-    r"grzew|grzej|topen|vytap|cieplo|ciepla\b|varme|aquec"
+    r"grzew|grzej|grzan|topen|topny|vytap|\bhea\b|cieplo|ciepla\b|varme|aquec"
 )
 COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
     r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
-    r"chlodz|\bkyl|\bkoling|arrefec"
+    r"chlo?a?d[znic]|\bkyl|\bkoling|arrefec|koude|frigor|\bcoo\b"
 )
 #: what air or water goes in and out of
 VESSEL = (
     r"\b(con|cond\w*|eva|evap\w*|coil?s?|hx|exchanger|tank|buffer|storage|panel|collector|duct|pipe|ahu|fcu|hrv|mvhr)\b"
 )
-TEMPERATURE = r"temp|teplot|dry ?bulb|\btmp\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+TEMPERATURE = r"temp|teplot|dry ?bulb|\b(tmp|znt)\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
 STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
     r"vanne|relay|active|position|percent|modulation|output"
@@ -71,11 +72,15 @@ OTHER_THAN_AIR = (
 PART_OF_SUN = r"\b(dni|dhi|gti|poa)\b|dire[ck]?t|dif+us|\b(dir nor|dif hor)|\bbeam\b|clear ?sky|\btilt|incident"
 #: what may heat and cool
 PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|thermiq|termic|delivered|\bload\b|\b(pac|wp|hp)\b"
-METER = r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ"
+METER = (
+    r"\b(heat|warmte|energy|energie)? ?meter\b|zae?hler|counter|compteur|contatore|contador|energ|"
+    r"(wae?rme|kae?lte)menge"
+)
 #: what a meter beside that of heat counts
 COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
 SUN = (
-    r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|q sol"
+    r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|"
+    r"q sol|radia[cz]|promieniow|naslonecz|stralning|h ?glo ?hor"
 )
 #: where the sun is and how long it shines, shades, and other radiation
 NO_IRRADIANCE = (
@@ -109,6 +114,7 @@ OTHER = (
     r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
     r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|\bwrg\b|efficien|voltage"
 )
+POWER = r"\bkw\b|power|capacity|electricity|elec\b|\bq (hea|coo|flo)|heat (rate|flow)|leistung|vermogen|puissance"
 LIMIT = r"\b((?:max|min)(?:imum)?|rated|nominal|limit|nenn\w*|(?:available|[a-z]*) ?capacity)\b"  # of a power
 FUEL = r"\b((?:erd)?gas(?:heiz\w*|za\w*|verbr\w*|kessel)?|gazu?|fuel|oil|heizol|therm$)\b"  # or the unit
 PULSES = r"\bpulses?\b|impuls(?!ion)"
