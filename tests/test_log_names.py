@@ -247,3 +247,20 @@ def test_words_in_brackets_that_are_no_unit_count(name, role):
 )
 def test_names_of_simulations_and_of_more_languages(name, role):
     assert role_of(name) == role
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "unit"),
+    [
+        ("Wärme [kWh/15 min]", None, None),  # it was a stage in minutes
+        ("Heating kWh/day", None, None),  # it was a stage
+        ("Heating energy kWh/15min", None, None),  # it was kW
+        ("Heating MBTU", None, None),
+        ("Irradiance (klux)", None, None),  # it was kW/m2
+        ("Heat (kilowatt-hours)", "Q_heat", "kWh"),
+        ("Heating kBtu/hr", "Q_heat", "kBtu/h"),
+        ("Heating runtime (min)", "u_heat", "min"),
+    ],
+)
+def test_units_of_energy_per_other_times_are_asked_about(name, role, unit):
+    assert (role_of(name), unit_in_name(name)) == (role, unit)

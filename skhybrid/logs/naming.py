@@ -92,7 +92,7 @@ def unit_in_name(name: str) -> str | None:
     text = unit_text(name)
     if text is None and (first := re.match(r"(°[CF]|%|k?W|kWh)\s", name)):  # InfluxDB's measurement is a unit
         text = first[1]
-    if text is None:
+    if text is None and strange_unit(name) is None:
         last = re.search(r"[ _(\[]([A-Za-z]+)[)\]]?$", name)
         is_time = last and last[1].lower() in _TIMES and len(last[1]) > 1 and not re.search(r"(?i)temp", name)
         text = last[1] if last and is_time else None  # temp_min is a minimum

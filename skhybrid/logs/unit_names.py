@@ -37,13 +37,14 @@ COUNTERS = {f"{unit} counter": factor for unit, factor in ENERGY.items()}
 IRRADIATION = {"Wh/m2": 1e-3, "kWh/m2": 1.0, "J/cm2": 1.0 / 360.0, "kJ/m2": 1.0 / 3600.0, "MJ/m2": 1.0 / 3.6}
 _ENERGIES = {name.lower(): name for name in (*ENERGY, *IRRADIATION)} | {
     **dict.fromkeys(("therms", "thm"), "therm"),
-    **dict.fromkeys(("kwhs", "kwhr", "kwhrs", "kw-h", "kw-hr"), "kWh"),
+    **dict.fromkeys(("kwhs", "kwhr", "kwhrs", "kw-h", "kw-hr", "kilowatt-hours", "kilowatthours"), "kWh"),
+    **dict.fromkeys(("watt-hours", "watthours"), "Wh"),
     **dict.fromkeys(("btus", "btu's"), "Btu"),
     **dict.fromkeys(("ton-hours", "ton-hour", "ton-hr", "tonhours", "tonhr", "tonh", "rth"), "ton-h"),
 }
 #: units that a unit line may hold and no channel is converted from
 _FOREIGN = (
-    "l|lit(?:er|re)s?|gal|kg|ppm|ppb|lux|lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|ccf|l/s|l/h|l/min|cfm|m/s|km/h|mph|mm|"
+    "l|lit(?:er|re)s?|gal|kg|ppm|ppb|k?lux|k?lx|pa|kpa|hpa|mbar|bar|psi|m3/h|m3|ccf|l/s|l/h|l/min|cfm|m/s|km/h|mph|mm|"
     "%rh|rh"
 )
 _OTHERS = (
@@ -54,6 +55,7 @@ _IS_FOREIGN = re.compile(rf"(?:{_FOREIGN})\Z", re.IGNORECASE)
 _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 #: a text that is surely a unit of power or energy, known or not
 _OF_POWER = re.compile(r"[kMGTm]{0,2}(?:W|J|cal|Btu|VA)(?:h|hrs?|s)?(?:[\s/*·^²_-].*)?\Z", re.IGNORECASE)
+_LAST = re.compile(r"(?<=[\s_])(?:[kM]?Wh?/\S+|[kM]?J/\S+|[kM]{0,2}Btu\S*)\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
@@ -89,10 +91,10 @@ def is_unit(text: str) -> bool:
 
 
 def strange_unit(name: str) -> str | None:
-    """A unit of power or energy in brackets at the end of a name that no list here has; None for any other text."""
+    """A unit of power or energy at the end of a name that no list here has; None for any other text."""
     found = _BRACKETS.search(name)
-    text = "" if found is None else found[1].strip()
-    return text if _OF_POWER.match(text) and not is_unit(text) else None
+    texts = _LAST.findall(name) if found is None else [found[1].strip()]
+    return next((text for text in texts if _OF_POWER.match(text) and not is_unit(text)), None)
 
 
 def is_foreign(text: str) -> bool:
