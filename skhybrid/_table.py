@@ -368,8 +368,7 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str |
     if isinstance(y, pd.Series | pd.DataFrame):
         refuse_order(y.index, table.index)
     refuse_infinite(target, "y", table.index)
-    learns = max_missing not in (UNLIMITED, SCORED)
-    if learns:
+    if learns := max_missing not in (UNLIMITED, SCORED):
         refuse_missing(target, max_missing)
     if role is not None:
         check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history)
