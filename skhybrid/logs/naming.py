@@ -148,14 +148,8 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, "no model reads such a quantity")
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
-    if of == "irradiance" and (heat or cool) and not re.search(said.SUN, words):
-        return Guess(None, 0, _OF_FLOOR.format("Q_cool" if cool else "Q_heat"))
     if of == "irradiance":
-        if re.search(said.NO_IRRADIANCE, words):
-            return Guess(None, 0, "no model reads such a quantity")
-        if re.search(said.PART_OF_SUN, words):
-            return Guess("q_sol", 2, PART_OF_SUN)
-        return Guess("q_sol", 3, "its name or unit is that of irradiance")
+        return _irradiance(words, heat, cool)
     if of == "power" and not wanted and (heat or cool or re.search(said.PLANT, words)):
         return _power(words, unit, heat, cool)
     if of == "power":
@@ -172,6 +166,16 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if re.search(said.ROOM, words) or re.search(said.OUT, words):
         return Guess(None, 0, PLACE_ALONE)
     return Guess(None, 0, "its name says nothing of a role")
+
+
+def _irradiance(words: str, heat: bool, cool: bool) -> Guess:
+    if (heat or cool) and not re.search(said.SUN, words):
+        return Guess(None, 0, _OF_FLOOR.format("Q_cool" if cool else "Q_heat"))
+    if re.search(said.NO_IRRADIANCE, words):
+        return Guess(None, 0, "no model reads such a quantity")
+    if re.search(said.PART_OF_SUN, words):
+        return Guess("q_sol", 2, PART_OF_SUN)
+    return Guess("q_sol", 3, "its name or unit is that of irradiance")
 
 
 def _heats(words: str, cool: bool) -> bool:
