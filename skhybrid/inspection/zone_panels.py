@@ -46,14 +46,19 @@ def weeks_and_days_figure(
     last = next(iter(frames.values()))["time"].max()
     ForecastDisplay.from_predictions(frames, ax=axes[:, 0], start=last - shown)
     _draw_days(axes[:, 1:], forecasts, power)
-    for ax, text in zip(axes[0], ("back-test", "the next day"), strict=False):
-        ax.set_title(text, loc="right", fontsize="small", color="#555555")
+    title_parts(axes[0])
     axes[-1, 0].set_xlabel("")
     time_axis(axes[-1, 1], next(iter(forecasts.values())).index)
     axes[-1, 1].set_xlabel("")
     figure.legends.clear()  # that of the back-test alone
     shared_legend(axes.ravel(), title)
     return figure
+
+
+def title_parts(axes: np.ndarray) -> None:
+    """Title the first of some axes as a back-test, and the second as the next day."""
+    for ax, text in zip(axes, ("back-test", "the next day"), strict=False):
+        ax.set_title(text, loc="right", fontsize="small", color="#555555")
 
 
 def _n_of_day(forecasts: Mapping[str, pd.DataFrame]) -> int:

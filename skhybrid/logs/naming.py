@@ -35,6 +35,7 @@ _SCRIPTS = {
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
+_NOT_READ = "no model reads such a quantity"
 UNPLACED = "a temperature, but its name does not say of what"
 PLACE_ALONE = "its name says where it measures, but not what"
 _OF_WATER = "; from a flow of water and its temperatures of supply and return, write a column of heat [kW]"
@@ -139,13 +140,13 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, _STRANGE.format(strange))
     if re.search(rf"{said.OTHER}|{said.PULSES}", words):
         of_pulses = re.search(said.PULSES, words) and f"it counts pulses{_OF_PULSES}"
-        return Guess(None, 0, of_pulses or "no model reads such a quantity")
+        return Guess(None, 0, of_pulses or _NOT_READ)
     cool, wanted = (bool(re.search(pattern, words)) for pattern in (said.COOL, said.SET))
     heat = _heats(words, cool)
     is_meter = (heat or cool) and unit is None and unit_text(name) is None and _is_of_heat_meter(words)
     of = "power" if is_meter else _kind(words, unit)
     if of in ("temperature", None) and re.search(said.STREAM, words):
-        return Guess(None, 0, "no model reads such a quantity")
+        return Guess(None, 0, _NOT_READ)
     if of == "temperature":
         return _set_point(words, heat, cool) if wanted else _temperature(words)
     if of == "irradiance":
@@ -172,7 +173,7 @@ def _irradiance(words: str, heat: bool, cool: bool) -> Guess:
     if (heat or cool) and not re.search(said.SUN, words):
         return Guess(None, 0, _OF_FLOOR.format("Q_cool" if cool else "Q_heat"))
     if re.search(said.NO_IRRADIANCE, words):
-        return Guess(None, 0, "no model reads such a quantity")
+        return Guess(None, 0, _NOT_READ)
     if re.search(said.PART_OF_SUN, words):
         return Guess("q_sol", 2, PART_OF_SUN)
     return Guess("q_sol", 3, "its name or unit is that of irradiance")

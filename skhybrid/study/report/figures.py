@@ -18,7 +18,7 @@ from ...inspection.unshown_figure import blank_axes, svg_text
 from ...inspection.zone_panels import days_figure as days_figure
 from ...inspection.zone_panels import errors_figure as errors_figure
 from ...inspection.zone_panels import map_figure as map_figure
-from ...inspection.zone_panels import measured_and_setpoint, weeks_and_days_figure
+from ...inspection.zone_panels import measured_and_setpoint, title_parts, weeks_and_days_figure
 from ...inspection.zone_panels import weeks_figure as weeks_figure
 from ..compared_models import HYBRID
 
@@ -142,8 +142,7 @@ def study_picture(
     n_axes = 2 if "Q_hvac" in forecast else 1
     figure, axes = blank_axes(1 + n_axes, (WIDE, 3.2 + 2.3 * n_axes), share=False)
     _draw_backtest(axes[0], frames, SHOWN)
-    for ax, text in ((axes[0], "back-test"), (axes[1], "the next day")):
-        ax.set_title(text, loc="right", fontsize="small", color="#555555")
+    title_parts(axes)
     DayAheadDisplay.from_predictions(forecast, **measured_and_setpoint(forecast), ax=axes[1:])
     if n_axes == 2:
         axes[1].sharex(axes[2])
