@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ._arguments import is_number
+from ._time import same_stamps
 from ._warnings import percent, warn_user
 from .exceptions import ExcitationWarning, SkhybridWarning, UnitWarning
 
@@ -26,12 +27,9 @@ _ENOUGH_VALUES = 5
 
 def refuse_order(given: pd.Index, index: pd.Index) -> None:
     """Refuse a y whose index says that its rows are not those of X, by position."""
-    if given.equals(index):
+    if same_stamps(given, index):
         return
     if isinstance(given, pd.DatetimeIndex) and isinstance(index, pd.DatetimeIndex):
-        alike = len(given) == len(index) and (given.tz is None) == (index.tz is None)
-        if alike and (given == index).all():  # the same instants in two time zones
-            return
         raise ValueError(
             f"X and y have different time stamps (X from {index[0]} to {index[-1]}, y from {given[0]} to {given[-1]}); "
             "align them first."

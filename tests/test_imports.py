@@ -72,7 +72,7 @@ STRICT = {
     "_threads": set(),
     "_transaction": set(),
     "_ranges": {"_warnings", "exceptions"},
-    "_target": {"_arguments", "_warnings", "exceptions"},
+    "_target": {"_arguments", "_time", "_warnings", "exceptions"},
     "_columns": {"_arguments", "_warnings", "exceptions"},
     "_table": {"_clock", "_columns", "_holidays", "_ranges", "_target", "_time", "exceptions"},
     "_summary": {"_holidays", "_table", "_time"},
