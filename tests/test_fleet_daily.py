@@ -171,6 +171,20 @@ def test_a_meter_that_is_silent_at_the_end_stops_no_zone(tmp_path):
     assert fleet.status()["last_row"].tolist() == [known]
 
 
+def test_a_column_that_the_model_does_not_read_shortens_nothing(tmp_path):
+    """It ended the training where it ended, and took the temperatures of its own outages."""
+    X = ZONE[: 8 * DAY].assign(T_attic=np.linspace(5.0, 9.0, 8 * DAY))
+    holed = X.assign(T_attic=X["T_attic"].where((np.arange(8 * DAY) < 7 * DAY) & (np.arange(8 * DAY) // 6 != 9)))
+    model = HybridPredictor(intervals=False)
+    fleet = ZoneFleet(model, store=tmp_path / "store").fit({"a": holed})
+    assert "T_attic" not in str(fleet.warnings_)
+    alone = clone(model).fit(X, X["T_za"])
+    later = ZONE[8 * DAY :].assign(T_attic=np.nan)
+    np.testing.assert_array_equal(fleet.predict({"a": later})["T_za"], alone.predict(later))
+    read = ZoneFleet(clone(ARX), store=tmp_path / "arx").fit({"a": holed})
+    assert "no values of 'T_attic' since" in str(read.warnings_)
+
+
 def test_a_zone_learns_over_outages_of_days(tmp_path):
     """Inputs are interpolated and set-points held, and no temperature of the outage is known."""
     X = ZONE[: 8 * DAY].assign(T_heat_set=np.where(np.arange(8 * DAY) % DAY < 6, 18.0, 21.0)).rename_axis("time")

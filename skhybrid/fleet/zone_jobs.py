@@ -256,9 +256,7 @@ def _over_outages(rows: pd.DataFrame, model: Any, *, forecasts: bool = False) ->
 def _without_unread(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, Unread | None]:
     """Rows without the temperatures after the last row with all inputs, as in the folder of one zone; and these."""
     n_past = _n_past(rows, model)
-    record = getattr(model, "training_", None)
-    read = [c for c, role in _inputs(rows, model).items() if record is None or role in record.ranges]
-    unread = None if TARGET in rows else Unread.of(rows[read].iloc[:n_past])
+    unread = None if TARGET in rows else Unread.of(rows[list(_inputs(rows, model))].iloc[:n_past])
     if unread is None:
         return rows, None
     n_known = n_past - unread.n_rows
@@ -302,10 +300,21 @@ def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
 
 
 def _inputs(rows: pd.DataFrame, model: Any) -> dict[Any, str]:
-    """Columns of weather and plants, and their roles."""
+    """Columns of weather and plants that a model reads, and their roles."""
     roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
     named = {c: str(roles.get(c, c)) for c in rows if c not in (TARGET, _measured_column(model))}
-    return {column: role for column, role in named.items() if role_of(role) and not is_set_point(role)}
+    inputs = {column: role for column, role in named.items() if role_of(role) and not is_set_point(role)}
+    return {column: role for column, role in inputs.items() if _reads(model, role)}
+
+
+def _reads(model: Any, role: str) -> bool:
+    """Whether a model reads an input: what it was fitted on, else of further temperatures those of its network."""
+    if record := getattr(model, "training_", None):
+        return role in record.ranges
+    if not role.startswith("T_") or role == "T_oa" or getattr(model, "preprocess", None) is not None:
+        return True
+    networks = [given for name, given in model.get_params().items() if name.endswith("network")]
+    return not networks or any(role in getattr(network, "boundaries", ()) for network in networks)
 
 
 def _restored(rows: pd.DataFrame, longest: pd.Timedelta) -> pd.DataFrame:
