@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ._threads import one_blas_thread
 from ._time import origin_rows, rows_of
 
 #: forecasts (n_origins, n_leads, ...) of the rows after the given origins of a table
-_Paths = Callable[[ZoneTable, np.ndarray, int], np.ndarray]
+_Paths = Callable[..., np.ndarray]
 
 
 def checked_origins(origins: Any, n_rows: int, n_before: int = 0) -> np.ndarray:
@@ -157,7 +158,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         origins, leads = self._rolled_origins(segment, n_tail)
         if not leads.max():  # a single row without history
             return np.array([first_of(segment)], dtype=np.float64)
-        paths = np.asarray(paths_of(table, origins + n_tail, int(leads.max())))
+        paths = self._paths_in(table, n_tail, origins, int(leads.max()), paths_of)
         out = np.full((segment.n_rows, *paths.shape[2:]), np.nan)
         if not n_tail:
             out[0] = first_of(segment)
@@ -194,7 +195,13 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         return self._rolled_origins(table.rows(slice(n_tail, None)), n_tail)
 
     def _paths_from(
-        self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any, paths_of: _Paths, shape: tuple[int, ...]
+        self,
+        X: Any,
+        origins: Sequence[int] | np.ndarray,
+        horizon: Any,
+        paths_of: _Paths,
+        shape: tuple[int, ...],
+        boundary: Mapping[str, np.ndarray] = MappingProxyType({}),
     ) -> np.ndarray:
         """(n_origins, n_leads, *shape) forecasts from given rows of X; NaN after its last row."""
         check_is_fitted(self)
@@ -202,12 +209,49 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
         self._refuse_lost_past(table, n_tail)
         n_here = table.n_rows - n_tail
         rows = checked_origins(origins, n_here, min(n_tail, 1))
-        n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
+        n_leads = self._leads(horizon, table.step)
         if not len(rows):
             return np.empty((0, n_leads, *shape))
-        paths = np.array(paths_of(table, rows + n_tail, n_leads), dtype=np.float64)
+        paths = self._paths_in(table, n_tail, rows, n_leads, paths_of, boundary)
         paths[rows[:, None] + np.arange(1, n_leads + 1) >= n_here] = np.nan
         return paths
+
+    def _paths_in(
+        self,
+        table: ZoneTable,
+        n_tail: int,
+        origins: np.ndarray,
+        n_leads: int,
+        paths_of: _Paths,
+        boundary: Mapping[str, np.ndarray] = MappingProxyType({}),
+    ) -> np.ndarray:
+        """(n_origins, n_leads, ...) forecasts from rows of a table that come after its history of ``n_tail`` rows."""
+        found, chosen = [], []
+        for part, rows, of in self._parts(table, n_tail, origins):
+            given = {"boundary": {role: values[of] for role, values in boundary.items()}} if boundary else {}
+            found.append(np.asarray(paths_of(part, rows, n_leads, **given), dtype=np.float64))
+            chosen.append(of)
+        return np.concatenate(found)[np.argsort(np.concatenate(chosen))]
+
+    def _parts(
+        self, table: ZoneTable, n_tail: int, origins: np.ndarray
+    ) -> Iterator[tuple[ZoneTable, np.ndarray, np.ndarray]]:
+        """Tables from which some origins are forecast, their rows there, and which they are.
+
+        From the last known row on, a table that begins with known rows follows these.  To earlier rows it is another
+        history, from which a forecast may not know what came later.
+        """
+        n_known = 0 if n_tail else self._n_known(table)
+        late = (origins >= n_known - 1) & (0 < n_known < table.n_rows)
+        if not late.all():
+            yield table, origins[~late] + n_tail, np.flatnonzero(~late)
+        if late.any():
+            part, n_tail = self._after_tail(table.rows(slice(n_known, None)))
+            yield part, origins[late] - n_known + n_tail, np.flatnonzero(late)
+
+    def _n_known(self, table: ZoneTable) -> int:
+        """Number of the first rows of a table that are known already."""
+        return 0
 
     def _refuse_lost_past(self, table: ZoneTable, n_tail: int) -> None:
         """Refuse rows without the history that the training table had, where they do not follow the known rows.
@@ -234,6 +278,10 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
                 f"origin_step={spans['origin_step']!r} is longer than horizon={self.horizon!r}, so predict would reach "
                 "beyond the horizon; give a shorter origin_step, or leave it out."
             )
+
+    def _leads(self, horizon: Any, step: pd.Timedelta) -> int:
+        """Number of rows of a horizon, or of the estimator's own where it is None."""
+        return self._leads_of_horizon(step) if horizon is None else rows_of(horizon, step)
 
     def _leads_of_horizon(self, step: pd.Timedelta) -> int:
         """Number of rows of the horizon, or of one day where it is None."""

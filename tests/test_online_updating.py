@@ -503,6 +503,24 @@ def test_a_history_that_repeats_the_known_rows_adds_nothing(make):
     assert not np.allclose(model.forecast(moved, ahead)["T_za"], model.forecast(None, ahead)["T_za"], atol=0.1)
 
 
+@pytest.mark.parametrize("make", [HybridPredictor, lambda: TwoStagePredictor(random_state=0)])
+def test_rows_after_the_known_ones_of_a_table_go_on_from_these(make):
+    """A table that began within the training was read as another history, while forecast knew these rows."""
+    office = make_office(n_days=13, random_state=0)
+    X, y, end, levels = office.X, office.y, 10 * 96, (0.1, 0.9)
+    model, begin = make().fit(X[:end], y[:end]), end - 300
+    origins = [100, 299, 299 + 96, 299 + 150]
+    paths = model.predict_from(X[begin:], origins)
+    assert np.array_equal(paths[1:], model.predict_from(X[end:], [-1, 95, 149]), equal_nan=True)
+    assert np.array_equal(paths[:1], model.predict_from(X[begin : end - 1], origins[:1]))
+    bands = model.predict_quantiles_from(X[begin:], origins, levels)
+    assert np.array_equal(bands[1:], model.predict_quantiles_from(X[end:], [-1, 95, 149], levels), equal_nan=True)
+    expected = model.forecast(X[:end], X[end : end + 96].drop(columns="T_za"))["T_za"]
+    np.testing.assert_allclose(paths[1], expected, rtol=1e-12)
+    for predict in (model.predict, lambda X: model.predict_quantiles(X, levels)):
+        np.testing.assert_array_equal(predict(X[begin:])[301:], predict(X[end:])[1:])  # origins are midnights
+
+
 @pytest.mark.parametrize("days", [(5, 9), (2, 10)])
 def test_an_outage_of_the_training_may_fill_most_of_a_part(days, office):
     """Intervals need forecasters that are fitted without a week, of what is left more may be missing than of ``y``."""

@@ -169,6 +169,15 @@ def test_a_back_test_goes_on_from_the_training_that_is_in_its_table(log, model, 
     assert model.n_known_of(warmer) == 0
 
 
+def test_a_closed_loop_goes_on_from_the_training_that_is_in_its_table(log, model):
+    levels = (0.1, 0.9)
+    found = model.closed_loop_from(log[TRAINED - 2 * DAY :], [DAY, 3 * DAY], quantiles=levels)
+    expected = model.closed_loop_from(log[TRAINED:], [DAY], quantiles=levels)
+    for part, alike in (found.paths, expected.paths), (found[1:3], expected[1:3]):
+        for values, own in zip(part, alike, strict=True):
+            np.testing.assert_array_equal(values[1], own[0])
+
+
 def test_quantiles_reach_a_member_by_their_distance_from_the_median():
     offsets = np.array([[-1.0, 0.1, 1.0], [-1.0, 0.1, 1.0], [-1.0, 0.1, 1.0]])
     found = reaching(offsets, np.array([4.0, -4.0, 0.5]), np.array([0.1, 0.5, 0.7]))

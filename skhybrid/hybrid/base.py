@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from functools import partial
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -23,7 +22,7 @@ from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import LeftOut, intervals_from
 from .affine_frames import AffineFramesMixin
 from .parts import fit_preprocess
-from .scheme import Boundary, Scheme, read_boundary
+from .scheme import Boundary, Scheme
 from .setpoint_columns import UsualTemperature, check_setpoints, setpoints_in
 from .thermostat_law.closed_loop import ClosedLoop
 
@@ -160,7 +159,7 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
             0 where X has no stamps, begins after the known rows or ends before they do, or has other values in them.
         """
         check_is_fitted(self)
-        return self._scheme.rows.n_known_of(self._read_X(X))
+        return self._n_known(self._read_X(X))
 
     @property
     def thermostat_learned_(self) -> bool:
@@ -233,7 +232,9 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Consecutive rows; history is read only up to each origin.
+            Consecutive rows; history is read only up to each origin.  Where they begin with known rows
+            (:meth:`n_known_of`), forecasts from the last of these on go on from them; to those from earlier rows X is
+            another history.
         origins : sequence of int
             Row numbers of X; -1 is the last known row, where X follows it.
         horizon : timedelta-like, optional
@@ -247,8 +248,10 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         ndarray of shape (n_origins, n_leads), float64
             Forecasts of the rows ``origin + 1, origin + 2, ...`` [degC]; NaN after the last row of X.
         """
-        paths_of = partial(self._forecast, boundary=read_boundary(boundary))
-        return self._paths_from(X, origins, horizon, paths_of, ())
+        check_is_fitted(self)
+        shape = np.size(origins), self._leads(horizon, self.sampling_time_)
+        given = self._scheme.read_boundary(boundary, shape)
+        return self._paths_from(X, origins, horizon, self._forecast, (), given)
 
     @one_blas_thread
     def left_out_errors(self) -> LeftOut:

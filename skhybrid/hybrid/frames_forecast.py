@@ -13,13 +13,12 @@ from .._joining import read_now, refuse_no_frames
 from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
-from .._time import rows_of
-from ..control import read_limits, read_plant_limits, read_setpoint, refuse_boundary
+from ..control import read_limits, read_plant_limits, read_setpoint
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import read_weather_error, weather_of_quantiles
 from .frames_reading import FramesReadingMixin
 from .plant_run import PlantRun, Wanted
-from .scheme import Paths, read_boundary
+from .scheme import Paths
 from .setpoint_columns import setpoints_in, with_band
 from .thermostat_law.closed_loop_paths import ClosedLoopPaths
 
@@ -270,18 +269,19 @@ class FramesForecastMixin(FramesReadingMixin):
         rows = checked_origins(origins, table.n_rows - n_tail)
         if not len(rows) or (np.diff(rows) <= 0).any():
             raise ValueError("origins must be increasing row numbers of X, at least one.")
-        run = self._run
-        table = run.with_earlier(table)
-        here = table.rows(slice(table.n_history, None))
-        if self._law is None or not (self._runs_as_usual or setpoints_in(here)):
-            raise ValueError(
-                "no thermostat was learned, or X has no set-points: fit on a week or more with T_heat_set or "
-                "T_cool_set and the heat, and give the same columns here."
-            )
-        self._check_setpoints_ahead(here)
-        n_leads = self._leads_of_horizon(table.step) if horizon is None else rows_of(horizon, table.step)
-        scheme, rows, weather = run.scheme, rows + table.n_history, read_weather_error(weather_error)
-        boundary = read_boundary(boundary)
-        refuse_boundary(boundary, scheme.planned_boundaries, (len(rows), n_leads))
-        found = self._law.paths(scheme, table, rows, n_leads, levels, boundary=boundary, weather=weather)
-        return found.by_role(scheme, table, rows)
+        law, run, weather = self._law, self._run, read_weather_error(weather_error)
+        n_leads = self._leads(horizon, table.step)
+        given, found = run.scheme.read_boundary(boundary, (len(rows), n_leads)), []
+        for part, at, of in self._parts(table, n_tail, rows):
+            longer = run.with_earlier(part)
+            here, at = longer.rows(slice(longer.n_history, None)), at + longer.n_rows - part.n_rows
+            if law is None or not (self._runs_as_usual or setpoints_in(here)):
+                raise ValueError(
+                    "no thermostat was learned, or X has no set-points: fit on a week or more with T_heat_set or "
+                    "T_cool_set and the heat, and give the same columns here."
+                )
+            self._check_setpoints_ahead(here)
+            around = {role: values[of] for role, values in given.items()}
+            paths = law.paths(run.scheme, longer, at, n_leads, levels, boundary=around, weather=weather)
+            found.append(paths.by_role(run.scheme, longer, at))
+        return ClosedLoopPaths.joined(found)

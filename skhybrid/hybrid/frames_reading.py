@@ -103,6 +103,9 @@ class FramesReadingMixin(QuantileForecastMixin):
         end = rows.end()
         return append_tables(end, table), end.n_rows
 
+    def _n_known(self, table: ZoneTable) -> int:
+        return self._scheme.rows.n_known_of(table)
+
     def _after_known(self, ahead: ZoneTable, T_za: float | None = None) -> tuple[ZoneTable, np.ndarray]:
         """Rows ahead after the end of the known ones, and the row of the origin: the first one where it is measured."""
         table = append_tables(self._scheme.rows.end(), ahead)
@@ -128,7 +131,7 @@ class FramesReadingMixin(QuantileForecastMixin):
         refuse_gap(table)
         refuse_unmeasured(table, ("T_za",), self._column_of)
         n_past = len(history.index)
-        n_known = self._scheme.rows.n_known_of(table.rows(slice(0, n_past)))  # they are not taken in twice
+        n_known = self._n_known(table.rows(slice(0, n_past)))  # they are not taken in twice
         table, n_tail = self._after_tail(table.rows(slice(n_known, None)))
         if not n_tail and T_za is None:
             warn_if_unmeasured(table, ("T_za",), self._column_of)

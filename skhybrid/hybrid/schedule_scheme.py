@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._table import ZoneTable, concatenate_tables, last_rows
 from .._time import rows_of, rows_per_day, rows_per_hour
-from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, refuse_boundary
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths
 from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
 from ..schedule import (
@@ -156,7 +156,6 @@ class ScheduleScheme(Scheme):
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> Paths:
         """Forecast each member from each origin, and blend them by what is known of their errors there."""
-        refuse_boundary(boundary or {}, self.planned_boundaries, (len(origins), n_leads))
         blend, rows, moved = self._blend_before(table, origins)
         return self._paths(blend, rows, origins + moved, n_leads, boundary)
 

@@ -12,7 +12,7 @@ import pandas as pd
 from .._arguments import as_mapping
 from .._shallow import shallow_copy
 from .._table import ZoneTable
-from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths
+from ..control import Band, Limits, LinearNetwork, LoadPaths, Plan, WantedPaths, refuse_boundary
 from ..forecasting.arx_prior import ZoneEvidence
 from ..forecasting.quantiles import LeftOut
 from ..thermal import RCNetwork
@@ -22,11 +22,6 @@ from .plausible_range import PlausibleRange
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
 #: boundary temperatures (n_origins, n_leads) [degC] by role, in place of those that a table has ahead
 Boundary = Mapping[str, np.ndarray] | None
-
-
-def read_boundary(given: Any) -> dict[str, np.ndarray]:
-    """Boundary temperatures as they were given; refused where they are no mapping."""
-    return as_mapping("boundary", given, "boundary temperatures to their values")
 
 
 class Paths(NamedTuple):
@@ -148,6 +143,17 @@ class Scheme(ABC):
     def planned_boundaries(self) -> tuple[str, ...]:
         """Boundary temperatures that a plan may hold."""
         return ()
+
+    def read_boundary(self, given: Any, shape: tuple[int, int]) -> dict[str, np.ndarray]:
+        """Boundary temperatures (n_origins, n_leads) by role; refused where the network has no such ones."""
+        boundary = as_mapping("boundary", given, "boundary temperatures to their values")
+        if boundary and not self.planned_boundaries:
+            raise ValueError(
+                f"boundary names {next(iter(boundary))!r}, but boundary temperatures of this model are those in X; "
+                "leave boundary out."
+            )
+        refuse_boundary(boundary, self.planned_boundaries, shape)
+        return {role: np.asarray(values) for role, values in boundary.items()}
 
     @property
     def unforeseen(self) -> tuple[str, ...]:

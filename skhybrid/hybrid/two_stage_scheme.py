@@ -210,8 +210,6 @@ class TwoStageScheme(EarlierStates):
 
     def forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> Paths:
         """Drive the network with the forecast disturbance (paper Eqs. 17 and 18)."""
-        if boundary:
-            raise ValueError("boundary temperatures of the two-stage scheme are those in X; leave boundary out.")
         kept = origins < table.n_history - 1
         if kept.any():
             scheme, earlier, moved = self._before(table, origins[kept])
