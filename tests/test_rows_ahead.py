@@ -20,6 +20,7 @@ from skhybrid.study.unread_rows import Unread
 from skhybrid.study.zone_part import log_columns
 from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.day_ahead import _unused
+from skhybrid.zone.dead_meters import without_unread
 from skhybrid.zone.other_units import refuse_other_units
 from skhybrid.zone.outages import complete_rows
 from skhybrid.zone.training_rows import training_rows
@@ -384,6 +385,21 @@ def test_an_input_that_ends_before_the_temperatures_is_named(frame, zone, tmp_pa
         day_ahead(zone, log)  # there is no weather either
     for rows in (frame[:N], frame[:N].assign(Q_hvac=frame["Q_hvac"][: N - 1])):  # the last step may be under way
         assert not any("no values" in text for text in day_ahead(zone, rows, path, SCHEDULE).remarks)
+
+
+def test_a_temperature_that_no_model_reads_may_end(frame, zone, tmp_path):
+    """A dead sensor in the attic shortened the training and stopped the forecasts of a model that does not read it."""
+    attic = frame["T_oa"].where(np.arange(len(frame)) < N - 4 * DAY)
+    settings = settings_from({**SETTINGS, "columns": {**SETTINGS["columns"], "T_attic": "attic"}})
+    model = ZoneModel.fit(settings, frame[:N].assign(T_attic=attic))
+    assert (model.learned_until, model.covered()) == (zone.learned_until, zone.covered())
+    path = tomorrow(frame, tmp_path / "weather.csv")
+    found = day_ahead(model, frame[:N].assign(T_attic=attic), path, SCHEDULE)
+    assert_same(found, day_ahead(zone, frame[:N], path, SCHEDULE))
+    assert model.update(frame[: N + DAY].assign(T_attic=attic)) == DAY
+    network = {"capacitances": {"za": "C_za"}, "resistors": {"R_zo": ["za", "T_oa"], "R_zc": ["za", "T_attic"]}}
+    reads = replace(settings, network={**network, "measured": "za"})
+    assert list(without_unread(frame[:N].assign(T_attic=attic), reads)) == [*frame, "T_attic"]
 
 
 def test_an_update_goes_on_after_a_short_outage(frame, earlier):

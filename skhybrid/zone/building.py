@@ -11,13 +11,13 @@ from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.log_split import FACADES
 from ..study.settings import Settings
 from ..study.spans import NO_ROWS, TRAINING_DAYS
-from .dead_meters import without_dead_meters
+from .dead_meters import without_dead_meters, without_unread
 from .outages import complete_rows
 
 
 def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:
     """Identify the rooms of a building on the last weeks of a log, and describe them."""
-    rows = complete_rows(frame, settings.roles_of("T_za"))
+    rows = complete_rows(without_unread(frame, settings), settings.roles_of("T_za"))
     if rows.empty:
         rows = complete_rows(without_dead_meters(frame, settings), settings.roles_of("T_za"))
     return identify_zones(settings, _last_weeks(rows))
@@ -28,7 +28,7 @@ def identify_building(settings: Settings, frame: pd.DataFrame) -> Any:
 
     A ValueError says that no row has all inputs and a temperature, or that the network cannot be fitted.
     """
-    rows = _last_weeks(complete_rows(frame))
+    rows = _last_weeks(complete_rows(without_unread(frame, settings)))
     return make_gray_box(settings).fit(rows.drop(columns=[*FACADES], errors="ignore"), rows["T_za"])
 
 

@@ -1,4 +1,4 @@
-"""Rooms of a building whose heat is logged no more: they are learned without it, and the others go on."""
+"""Logs without what no model reads, and without the heat of rooms that is logged no more: the others go on."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from .._table import is_plant, listed
+from .._table import is_instant, is_plant, listed
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
+from ..study.compared_models import make_network
 from ..study.settings import Settings
 from ..study.unread_rows import BRIDGED
 from ..study.zone_part import log_columns, read_roles, roles_of
@@ -33,7 +34,13 @@ def part_without_dead_meters(frame: pd.DataFrame, settings: Settings) -> tuple[p
         "temperature is forecast as if it were heated and cooled as usual, and its load is not known."
         for zone, names in named.items()
     ]
-    return without_roles(frame, dead), remarks
+    return without_roles(without_unread(frame, settings), dead), remarks
+
+
+def without_unread(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+    """A log without further temperatures than those that the network of the settings names."""
+    read = ("T_za", "T_oa", *getattr(make_network(settings.network), "boundaries", ()))
+    return frame.drop(columns=[role for role in frame if is_instant(role) and not str(role).startswith(read)])
 
 
 def without_roles(frame: pd.DataFrame, by_zone: Mapping[str, Sequence[str]]) -> pd.DataFrame:

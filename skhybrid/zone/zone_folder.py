@@ -23,7 +23,7 @@ from ..study.settings import Settings
 from ..study.unread_rows import BRIDGED
 from .corrected_rows import corrected_since
 from .day_ahead import DayAhead, day_ahead
-from .dead_meters import dead_meters, without_roles
+from .dead_meters import dead_meters, part_without_dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .other_units import refuse_other_temperatures
 from .outages import complete_rows, like_index, up_to_measured
@@ -348,7 +348,7 @@ def _learn(
 def _fitted_anew(zone: ZoneModel, frame: pd.DataFrame) -> ZoneModel:
     """A model of the rows after the last long outage of a log."""
     step = pd.Timedelta(zone.settings.step)
-    alive = without_roles(frame, dead_meters(frame, zone.settings))
+    alive, _ = part_without_dead_meters(frame, zone.settings)
     rows = stretches(complete_rows(alive, zone.settings.roles_of("T_za")), LONGEST_BRIDGE)[-1]
     needed = min(_REFIT_DAYS, zone.predictor.training_.n_rows * step)
     if len(rows) * step < needed:

@@ -25,7 +25,7 @@ from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
 from ..study.unread_rows import BRIDGED, Unread
 from ..study.zone_part import log_columns, measured_of, predictors_of, read_roles, roles_of, settings_of_zone
-from .dead_meters import not_learned, without_roles
+from .dead_meters import not_learned, without_roles, without_unread
 from .other_units import refuse_other_temperatures, refuse_other_units
 from .outages import complete_rows, like_index, refuse_cut_value, up_to_measured
 from .training_rows import training_rows
@@ -253,8 +253,8 @@ class ZoneModel:
         return complete_rows(with_facades(self._read(frame), self.settings), self.settings.roles_of("T_za"))
 
     def _read(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """A log without the heat that the model was learned without."""
-        return without_roles(frame, self.not_learned)
+        """A log without what the model does not read: further temperatures, and heat that it was learned without."""
+        return without_roles(without_unread(frame, self.settings), self.not_learned)
 
     @property
     def not_learned(self) -> dict[str, list[str]]:
