@@ -74,6 +74,7 @@ class LawRefits:
         for number in numbers:
             own = weeks.learning_origins(number, spacing)
             new = make_pairs(rows, own, ideal.of(own), weeks.zero + number * weeks.length + 1)
+            new = new._replace(ends=new.ends - weeks.zero)  # the blocks of the cross-fitting go by these
             weight = np.repeat([1.0, _HISTORY_WEIGHT], [len(self._pairs.ends), len(new.ends)])
             found[number] = learn(self._pairs.joined_with(new), weeks.per_day, weight)
             key = _key(rows, weeks, number)
