@@ -379,6 +379,15 @@ def test_a_missing_file_and_a_wrong_command_are_told(files, capsys):
     assert main(["run", "--help"]) == 0
 
 
+def test_an_option_that_is_none_is_told_with_those_that_are(capsys):
+    """``--quiet`` was proposed in place of ``--out``."""
+    assert main(["fit", "log.csv", "--out", "zone.skops"]) == 2
+    assert capsys.readouterr().err == (
+        "skhybrid: error: No such option '--out'; skhybrid fit takes --config, --model, --days, --json, --strict, "
+        "--quiet, --help.\n"
+    )
+
+
 def test_a_folder_that_cannot_be_made_is_told_before_the_work(files, tmp_path, capsys):
     arguments = ["run", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out"]
     (tmp_path / "file").touch()

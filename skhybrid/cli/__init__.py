@@ -54,8 +54,7 @@ def _run(argv: Sequence[str] | None) -> int:
     except click.exceptions.Exit as end:
         return end.exit_code
     except click.UsageError as error:
-        context = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
-        report_error(f"{one_line(error.format_message()).removesuffix('.')}{context}.")
+        report_error(_misuse(error))
         return MISUSED
     except SystemExit as end:  # by a signal, or after click has written what completes a word
         return report_stop() if is_stopped() else int(end.code or DONE)
@@ -68,6 +67,19 @@ def _run(argv: Sequence[str] | None) -> int:
             raise
         report_error(one_line(error))
         return FAILED
+
+
+def _misuse(error: Any) -> str:
+    """An error of the command line in a sentence; for an option that is none, those there are, not close spellings."""
+    import click
+
+    where, said = error.ctx, error.format_message()
+    if where is not None and isinstance(error, click.NoSuchOption):
+        options = [option for one in where.command.params for option in one.opts if option.startswith("--")]
+        said, hint = error.message, f"; {where.command_path} takes {', '.join([*options, '--help'])}"
+    else:
+        hint = "" if where is None else f"; see {where.command_path} --help"
+    return f"{one_line(said).removesuffix('.')}{hint}."
 
 
 def _group() -> Any:
