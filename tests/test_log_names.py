@@ -264,3 +264,24 @@ def test_names_of_simulations_and_of_more_languages(name, role):
 )
 def test_units_of_energy_per_other_times_are_asked_about(name, role, unit):
     assert (role_of(name), unit_in_name(name)) == (role, unit)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "role", "unit", "told"),
+    [
+        ("heating", 180.0 * ROOM, "Q_heat", "W", "values reach 3780: W is assumed"),  # it was left out
+        ("Heizung", 0.2 * ROOM, "Q_heat", "kW", "kW is assumed"),  # it was 4 %
+        ("cooling", 180.0 * ROOM, "Q_cool", "W", "W is assumed"),
+        ("heating", 3.0 * ROOM, "u_heat", "percent", "if it is heat, give Q_heat and its unit"),
+        ("heating", np.round(ROOM) % 2.0, "u_heat", "-", ""),
+        ("Heizung Ventil", 0.2 * ROOM, "u_heat", "percent", "of a stage or valve; values reach 4"),
+        ("heating_power_w", 5.0 * ROOM, "Q_heat", "W", ""),  # it was 105 kW
+        ("heating_watts", 5.0 * ROOM, "Q_heat", "W", ""),  # it was a stage, as was the one below
+        ("cooling_btu_h", 5.0 * ROOM, "Q_cool", "Btu/h", ""),
+        ("heating_valve_w", 3.0 * ROOM, "u_heat", "percent", ""),  # of the west
+    ],
+)
+def test_what_is_named_after_a_plant_alone_is_heat_where_its_values_are(name, values, role, unit, told):
+    found = LogReport(pd.DataFrame({name: values}, STAMPS)).columns.loc[name]
+    assert (found["role"], found["unit"]) == (role, unit)
+    assert told in found["reason"]

@@ -10,7 +10,7 @@ import pandas as pd
 from .._ranges import range_of
 from .conversion import Channel, contract_unit, row_hours
 from .counters import is_counter, usual_peak
-from .naming import NAMED_BY_ROLE, SURE, Guess
+from .naming import NAMED_BY_ROLE, OF_PLANT, SURE, Guess
 
 _LEAST_PERCENT = 20.0  # that is neither kW/m2 nor the kW of a room
 _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
@@ -46,15 +46,21 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     return None, factor, "" if is_contract else f"no unit is stated: {contract_unit(role)} is assumed"
 
 
-def reread_percent(
+def reread_values(
     guesses: Mapping[str, Guess], stated: Mapping[str, str | None], frame: pd.DataFrame
 ) -> dict[str, Guess]:
-    """Guesses from names without a unit whose values are those of percent: powers are stages, irradiance is none."""
+    """Guesses from names without a unit whose values tell: powers in percent are stages, irradiance in percent is none.
+
+    What is named after a plant alone is its heat where its values are those of no stage.
+    """
     found = dict(guesses)
     for name, guess in guesses.items():
         if stated[name] is None and guess.certainty < SURE and guess.reason != NAMED_BY_ROLE:
             known, role = frame[name].dropna(), str(guess.role)
             low, high = known.min(), known.max()
+            if guess.reason == OF_PLANT and _is_heat(known):
+                reason = f"its name is that of a plant, and its values up to {high:.5g} are those of no stage"
+                found[name] = guess._replace(role=f"Q_{role[2:]}", reason=reason)
             if not (len(known) and low >= 0.0 and _LEAST_PERCENT < high <= 100.0):
                 continue
             if role.startswith(("Q_heat", "Q_cool")) and (known % 1.0 == 0.0).all():
@@ -64,6 +70,13 @@ def reread_percent(
                 why = f"values up to {high:g} may be percent, or W/m2 of a dark season"
                 found[name] = Guess(None, 0, f"{why}; give {role} and its unit, or 0.01 under [scale] for percent")
     return found
+
+
+def _is_heat(known: pd.Series) -> bool:
+    """Whether the values of a plant are beyond those of a stage, or have decimals and are few for a percentage."""
+    low, high = known.min(), known.max()
+    few = 1.0 < high <= _LEAST_PERCENT and (known % 1.0 != 0.0).any()
+    return bool(low >= 0.0 and (few or high > _STAGE_STEPS[-1]) and not (np.diff(known) >= 0.0).all())
 
 
 def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:
@@ -79,7 +92,8 @@ def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | 
             f"stage, or Q_{role[2:]} and its unit if it is heat"
         )
         return None, factor, why
-    return "percent", factor, f"values reach {high:g}: percent is assumed, so kW have no certain scale"
+    why = f"values reach {high:g}: percent is assumed, so kW have no certain scale"
+    return "percent", factor, f"{why}; if it is heat, give Q_{role[2:]} and its unit"
 
 
 def _moves_by_tenths(values: pd.Series) -> bool:

@@ -8,7 +8,7 @@ from functools import cache
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
-from .assumed_units import assumed_unit, outdoor_as_room, reread_percent
+from .assumed_units import assumed_unit, outdoor_as_room, reread_values
 from .conversion import Channel, contract_unit, fitting_unit, to_roles
 from .counters import is_counter
 from .fill_values import fill_values
@@ -55,7 +55,7 @@ class ColumnRoles:
         rooms = {} if given else zone_roles(stated)
         own = [one_role_each(one) for one in (columns, raw.roles)]
         guesses = zone_guesses(stated, rooms) if rooms else assign_zone_roles(stated, *own)
-        self.guesses = reread_percent(guesses, stated, raw.frame)
+        self.guesses = reread_values(guesses, stated, raw.frame)
         self.zones = zones_of(columns or rooms)
         channels = [
             self._channel(name, guess, stated[name], units, scale)

@@ -35,6 +35,7 @@ _SCRIPTS = {
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
+_IN_WATTS = re.compile(r"(?i)(?:power|heat|cool|heating|cooling|load|rate|hvac|leistung|heizung|flow)[ _](w|watts?)$")
 _NOT_READ = "no model reads such a quantity"
 UNPLACED = "a temperature, but its name does not say of what"
 PLACE_ALONE = "its name says where it measures, but not what"
@@ -60,6 +61,9 @@ NAMED_BY_ROLE = "it is named after its role"
 #: reasons where a column may be a part only of what its role needs
 PART_OF_SUN = "its name is that of a part of the sun's irradiance"
 OF_A_MODE = "its name is that of the set-point of one mode"
+#: reasons of stages: of a name of one, and of a name that says no more than that something heats or cools
+OF_STAGE = "its name is that of a stage or valve"
+OF_PLANT = "its name says that it heats or cools, but not in which quantity"
 #: ends of reasons where the name of a column has a word of another quantity
 DOUBTFUL = "in its name may say that it is another quantity"
 OF_FUEL = "in its name or unit may say that it counts the fuel"
@@ -99,6 +103,8 @@ def unit_in_name(name: str) -> str | None:
         text = last[1] if last and is_time else None  # temp_min is a minimum
     if text is None and (inner := re.search(r"(?i)(?<![a-z/])(kwh?|mwh|wh)(?![a-z/]|-h|[ _]*(m2|m²|per m))", name)):
         text = inner[1]  # such as Heating_kWh_15min
+    if text is None and (power := _IN_WATTS.search(name)):
+        text = power[1]
     return None if text is None else unit_or_energy(text) or _TIMES.get(text.lower())
 
 
@@ -161,7 +167,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
     if cool and "compressor" in words and not heat and speed and not re.search(r"cool|chill", words):
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give u_heat or u_cool")
     if of in ("stage", None) and (heat or cool) and not wanted:
-        return Guess("u_cool" if cool else "u_heat", 2 if of else 1, "its name is that of a stage or valve")
+        return Guess("u_cool" if cool else "u_heat", 2 if of else 1, OF_STAGE if of else OF_PLANT)
     if of == "stage" and re.search(r"valve|ventil(?!at|az|ac|o? ?conv)|klep|vanne|radiat", words):
         return Guess("u_heat", 1, "its name is that of a valve, taken for a radiator's")
     if re.search(said.ROOM, words) or re.search(said.OUT, words):

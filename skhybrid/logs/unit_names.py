@@ -16,8 +16,8 @@ _SPELLINGS = {
     "kW": ("kw", "kilowatt", "kilowatts", "kwt", "kwth", "kwh/h"),
     "W": ("w", "watt", "watts"),
     "MW": ("MW", "megawatt", "megawatts"),
-    "Btu/h": ("btu/h", "btu/hr", "btuh"),
-    "kBtu/h": ("kbtu/h", "kbtu/hr", "kbtuh", "mbh"),
+    "Btu/h": ("btu/h", "btu/hr", "btuh", "btu_h", "btu_hr"),
+    "kBtu/h": ("kbtu/h", "kbtu/hr", "kbtuh", "kbtu_h", "kbtu_hr", "mbh"),
     "kcal/h": ("kcal/h", "kcal/hr"),
     "kJ/h": ("kj/h", "kj/hr"),
     "MJ/h": ("mj/h", "mj/hr"),
@@ -59,7 +59,7 @@ _LAST = re.compile(r"(?<=[\s_])(?:[kM]?Wh?/\S+|[kM]?J/\S+|[kM]{0,2}Btu\S*)\Z", r
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
-    r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|k?btu/?hr?|k?btu|therms?)))\s*\Z"
+    r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|k?btu[/_]?hr?|k?btu|therms?)))\s*\Z"
 )
 _SYMBOLS = str.maketrans({**dict.fromkeys("Â^·⋅*", ""), "²": "2", "³": "3", "°": "deg", "º": "deg", "⁻": "-"})
 
