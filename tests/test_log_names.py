@@ -285,3 +285,35 @@ def test_what_is_named_after_a_plant_alone_is_heat_where_its_values_are(name, va
     found = LogReport(pd.DataFrame({name: values}, STAMPS)).columns.loc[name]
     assert (found["role"], found["unit"]) == (role, unit)
     assert told in found["reason"]
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "is_electricity"),
+    [
+        ("Huonelämpötila", "T_za", False),
+        ("huonelampo", "T_za", False),
+        ("Ulkolämpötila [°C]", "T_oa", False),
+        ("ulkolampotila", "T_oa", False),
+        ("Ulkolämpö", "T_oa", False),
+        ("lämmitys", "u_heat", False),
+        ("Etuhuone venttiili", "u_heat", False),
+        ("lammitysteho_kW", "Q_heat", False),
+        ("Lämmönkulutus kWh", "Q_heat", False),
+        ("Kaukolämpö (MWh)", "Q_heat", False),
+        ("Sähkölämmitys kW", "Q_heat", True),
+        ("Lämpöpumpun sähkö kWh", "Q_heat", True),
+        ("Värmepump effekt kW", "Q_heat", True),  # it was left out as a pump's
+        ("Jäähdytysteho", "Q_cool", False),
+        ("Viilennys %", "u_cool", False),
+        ("asetusarvo", "T_heat_set", False),
+        ("Jäähdytyksen asetusarvo", "T_cool_set", False),
+        ("Auringonsäteily", "q_sol", False),
+        ("sähkö kWh", None, False),
+        ("Menoveden lämpötila", None, False),
+        ("Käyttöveden lämmitys kWh", None, False),
+        ("Huoneen kosteus %", None, False),
+    ],
+)
+def test_names_in_finnish(name, role, is_electricity):
+    guess = guess_role(name, unit_in_name(name))
+    assert (guess.role, guess.is_electricity) == (role, is_electricity)

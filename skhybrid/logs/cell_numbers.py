@@ -14,9 +14,9 @@ from .setpoint_modes import COOLS, HEATS, action_name, code_of, kind_of_words
 from .unit_names import unit_named
 
 _ON = "on true open yes active running ein wahr offen ja aan marche vrai oui vero sí si verdadero tak heating "
-_ON += "acceso encendido ligado zapnuto på"
+_ON += "acceso encendido ligado zapnuto på päällä kyllä"
 _OFF = "off false closed close no inactive stopped aus falsch zu nein uit nee arrêt faux non falso nie idle "
-_OFF += "spento apagado desligado vypnuto av"
+_OFF += "spento apagado desligado vypnuto av pois ei"
 _SWITCHES = dict.fromkeys(_ON.split(), 1.0) | dict.fromkeys(_OFF.split(), 0.0)
 _ERRORS = re.compile(
     r"\W*|comm\w*\W(fail|fault|err|lost|loss).*|"

@@ -168,7 +168,7 @@ def guess_role(name: str, unit: str | None = None) -> Guess:
         return Guess(None, 0, "its name does not say whether it heats or cools the room; if so, give u_heat or u_cool")
     if of in ("stage", None) and (heat or cool) and not wanted:
         return Guess("u_cool" if cool else "u_heat", 2 if of else 1, OF_STAGE if of else OF_PLANT)
-    if of == "stage" and re.search(r"valve|ventil(?!at|az|ac|o? ?conv)|klep|vanne|radiat", words):
+    if of == "stage" and re.search(r"valve|ventil(?!at|az|ac|o? ?conv)|venttiil|klep|vanne|radiat", words):
         return Guess("u_heat", 1, "its name is that of a valve, taken for a radiator's")
     if re.search(said.ROOM, words) or re.search(said.OUT, words):
         return Guess(None, 0, PLACE_ALONE)

@@ -6,22 +6,22 @@ ROOM = (
     r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|"
     r"habitacion|internal air|\bt (zon|roo)\b|\bzon t\b|"
     r"intern[ao]\b|soggiorno|stanza|\bsala\b|chambre|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
-    r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp"
+    r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp|huone|sisal|sisail|keittio"
 )
 OUT = (
     r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bul|aussen|draussen|"
     r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
-    r"zewnetrzn|venkov|utomhus|\bute ?temp|udetemp"
+    r"zewnetrzn|venkov|utomhus|\bute ?temp|udetemp|\bulko"
 )
 OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
 SET = (
     r"\b(set|setp|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|"
     r"consigne|consigna|gewenst|streef|setpunt|instel|ingestel|"
-    r"zadan|borvarde|settpunkt"
+    r"zadan|borvarde|settpunkt|asetus|tavoite"
 )
 SET_POINT = (
     r"set ?po?i?n?t|\b(sp|spt|stpt|setp)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
-    r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt"
+    r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt|asetus|tavoite"
 )
 # the set-point that the controller follows at the time, and others
 IN_FORCE = r"\b(eff|effective|active|actual|current|aktuel|wirksam)"
@@ -41,26 +41,30 @@ STREAM = (
     r"framled|fremlob|turtemp|retur(led|lob|temp)|indblaes|udsug|privod|zpatec|heiz(grenz|kurve)|(puffer|speicher)t|"
     r"\bbuffer|tank\b|\bballon|kotl|vody|\b(ecs|acs|cwu|eau|agua|acqua)\b|vattente|vannste|(slab|surface)(?! heat)|"
     r"oberflach|superfic|\bsurf\b|estrich|dalle|taup|dauwp|rosee|rocio|rugiada|orvalho|\brosy|dagg|rosny|wet bul|umido|"
-    r"\b(sky|mrt|wb)\b|freeze|strahlungst|stralingst|empfund|gevoel|percep|perceiv|prevu"
+    r"\b(sky|mrt|wb)\b|freeze|strahlungst|stralingst|empfund|gevoel|percep|perceiv|prevu|(meno|paluu)ve[sd]|"
+    r"(tulo|poisto|jate)ilma|lattia(?!lamm)|kastepiste"
 )
 HEAT = (
     r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
-    r"grzew|grzej|grzan|topen|topny|vytap|\bhea\b|cieplo|ciepla\b|varme|aquec"
+    r"grzew|grzej|grzan|topen|topny|vytap|\bhea\b|cieplo|ciepla\b|varme|aquec|lamm[io]|"
+    r"(?<!ulko)(?<!sisa)(?<!huone)lampo(?!til)|patteri"
 )
 COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
     r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
-    r"chlo?a?d[znic]|\bkyl|\bkoling|arrefec|koude|frigor|\bcoo\b"
+    r"chlo?a?d[znic]|\bkyl|\bkoling|arrefec|koude|frigor|\bcoo\b|jaahdy|viilen"
 )
 #: what air or water goes in and out of
 VESSEL = (
     r"\b(con|cond\w*|eva|evap\w*|coil?s?|hx|exchanger|tank|buffer|storage|panel|collector|duct|pipe|ahu|fcu|hrv|mvhr)\b"
 )
-TEMPERATURE = r"temp|teplot|dry ?bulb|\b(tmp|znt)\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+TEMPERATURE = (
+    r"temp|teplot|lampotil|(ulko|sisa|huone)lampo|dry ?bulb|\b(tmp|znt)\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+)
 STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
-    r"vanne|relay|active|position|percent|modulation|output"
+    r"vanne|venttiil|relay|active|position|percent|modulation|output"
 )
 READING = r"(temp\w*( set\w*)?) active\b"  # of Trane: the value in force
 #: not the temperature of the air now, or not that of all the sun, where there are several
@@ -69,7 +73,9 @@ OTHER_THAN_AIR = (
     r"gedampft|gemittelt|damped|filtered|operativ|radiant|\bglobe\b|simul|\bsim\b|model|calcul|limit|set ?back|absenk|"
     r"(wand|decken|boden)t|vloer|suelo|pavimento|podlog|g[uo]lv|du sol|evap|manifold|\bpanel|\bpipe|exchanger"
 )
-PART_OF_SUN = r"\b(dni|dhi|gti|poa)\b|dire[ck]?t|dif+us|\b(dir nor|dif hor)|\bbeam\b|clear ?sky|\btilt|incident"
+PART_OF_SUN = (
+    r"\b(dni|dhi|gti|poa)\b|dire[ck]?t|dif+us|\b(dir nor|dif hor)|\bsuora|\bhaja|\bbeam\b|clear ?sky|\btilt|incident"
+)
 #: what may heat and cool
 PLANT = r"hvac|\bcvc\b|climatizz?a[cz]|thermal|thermiq|termic|delivered|\bload\b|\b(pac|wp|hp)\b"
 METER = (
@@ -80,7 +86,7 @@ METER = (
 COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
 SUN = (
     r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|"
-    r"q sol|radia[cz]|promieniow|naslonecz|stralning|h ?glo ?hor"
+    r"q sol|sateily|auringon|radia[cz]|promieniow|naslonecz|stralning|h ?glo ?hor"
 )
 #: where the sun is and how long it shines, shades, and other radiation
 NO_IRRADIANCE = (
@@ -88,18 +94,21 @@ NO_IRRADIANCE = (
     r"\b(sun|solar) hours|blind|\bshad|infrared|long ?wave|langwell|gegenstr|terrestrial|atmospher|\bnet\b|reflected|"
     r"\buv\b|\bir\b"
 )
-HEAT_PUMP = r"heat ?pump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"  # which may cool
+#: what heats, and may cool
+HEAT_PUMP = r"heat ?pump|varmepump|lampopump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"
 ELECTRICITY = (
-    rf"ele[ck]|elettr|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
-    r"consum(ption|ed|o)|consom|verbrauch|verbruik|plug|socket|chiller(?! (load|evap|cool))"
+    rf"ele[ck]|sahko|elettr|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
+    r"consum(ption|ed|o)|consom|verbrauch|verbruik|(?<!lammon)kulutus|plug|socket|chiller(?! (load|evap|cool))"
 )
 DELIVERED = (
     r"thermal|thermique|termic|produced|delivered|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
 )
 #: what no model reads
 OTHER = (
-    r"humid|feucht|vocht|\brh\b|co2|(?<!point )(?<!\bsp )(?<!stpt )occup(?!ied .*(\bset|\bsp\b|stpt))|people|person|"
-    r"batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|(?<!heat)(?<!heat )pump\b|return|"
+    r"humid|feucht|vocht|kosteu|\brh\b|co2|(?<!point )(?<!\bsp )(?<!stpt )occup(?!ied .*(\bset|\bsp\b|stpt))|people|"
+    r"person|"
+    r"batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|"
+    r"(?<!heat)(?<!heat )(?<!varme)pump\b|return|"
     r"supply(?! air (total|sensible) (heat|cool)ing)|"
     r"(?<!heat )(?<!hea )\bflow\b|\bflow temp|vorlauf|rue?cklauf|inlet|outlet|water|wasser|truth|"
     r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
@@ -112,9 +121,13 @@ OTHER = (
     r"dishwash|washing|dryer|freezer|fridge|\bcpu\b"
     r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
     r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
-    r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|\bwrg\b|efficien|voltage"
+    r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|\bwrg\b|efficien|voltage|kayttove|lammin ?ve|"
+    r"ilmanvaih|puhal|valais|\btuul|sade(maar|\b)|ilmanpaine|lasnaolo"
 )
-POWER = r"\bkw\b|power|capacity|electricity|elec\b|\bq (hea|coo|flo)|heat (rate|flow)|leistung|vermogen|puissance"
+POWER = (
+    r"\bkw\b|power|capacity|electricity|elec\b|\bq (hea|coo|flo)|heat (rate|flow)|leistung|vermogen|puissance|teho\b|"
+    r"\beffekt"
+)
 LIMIT = r"\b((?:max|min)(?:imum)?|rated|nominal|limit|nenn\w*|(?:available|[a-z]*) ?capacity)\b"  # of a power
 FUEL = r"\b((?:erd)?gas(?:heiz\w*|za\w*|verbr\w*|kessel)?|gazu?|fuel|oil|heizol|therm$)\b"  # or the unit
 PULSES = r"\bpulses?\b|impuls(?!ion)"

@@ -17,7 +17,8 @@ _USUAL_NAMES = re.compile(
     r"date[ _/-]*time|time|date|stamp|datum|zeit|uhrzeit|zeitstempel|zeitpunkt|"
     r"datum[ _/-]*(uhr)?zeit|index|_time|when|utc|(local|utc|start|read)[ _-]?(time|date|datetime)|"
     r"(created|recorded|last_changed)(_at)?|dt|tijd|tijdstip|heure|date[ _]heure|horodatage|fecha|hora|data|ora|"
-    r"(fecha|data)[ _/-]*(y[ _]|e[ _])?h?ora|marca temporal)\s*(\(.*\)|\[.*\])?\s*\Z",
+    r"(fecha|data)[ _/-]*(y[ _]|e[ _])?h?ora|marca temporal|aika(leima)?|päivämäärä|pvm|kello(naika)?|klo|"
+    r"tid(s?punkt)?|dato|czas|godzina|čas)\s*(\(.*\)|\[.*\])?\s*\Z",
     re.IGNORECASE,
 )
 _MONTHS = {
