@@ -317,3 +317,25 @@ def test_what_is_named_after_a_plant_alone_is_heat_where_its_values_are(name, va
 def test_names_in_finnish(name, role, is_electricity):
     guess = guess_role(name, unit_in_name(name))
     assert (guess.role, guess.is_electricity) == (role, is_electricity)
+
+
+@pytest.mark.parametrize(
+    ("outdoor", "room", "heat"),
+    [
+        ("weaDat.weaBus.TDryBul", "zon{}.TAir", "zon{}.QHea_flow"),
+        ("weaBus.TDryBul", "flo.zon[{}].T", "hea[{}].Q_flow"),  # they were refused
+        ("TOut", "TRooAir[{}]", "QHea_flow[{}]"),  # the first was taken for all
+        ("TDryBul", "zon[{}].TAir", "zon[{}].QHea"),
+        ("weaSta_reaWeaTDryBul_y", "reaTZon{}_y", "reaQHea{}_y"),
+    ],
+)
+def test_numbered_zones_of_modelica(outdoor, room, heat):
+    frame = pd.DataFrame({outdoor: ROOM + 255.0}, STAMPS)
+    for k in (1, 2):
+        frame[room.format(k)] = ROOM + 273.15
+        frame[heat.format(k)] = 500.0 + HOURS
+        frame[f"wal.T[{k}]"] = ROOM + 273.15
+    zones = {f"{role}_zone{k}": name.format(k) for k in (1, 2) for role, name in (("T_za", room), ("Q_heat", heat))}
+    assert LogReport(frame).roles == {"T_oa": outdoor, **zones}
+    one = LogReport(frame[[outdoor, room.format(1), heat.format(1)]])
+    assert one.roles == {"T_oa": outdoor, "T_za": room.format(1), "Q_heat": heat.format(1)}

@@ -35,6 +35,11 @@ _SCRIPTS = {
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
+#: zones of Modelica, by the element of an array, as in hea[2].Q_flow and TRooAir[2], or as in zon2.T and yHea2
+_NUMBERED_ZONE = re.compile(
+    r"(\b(?:zon|roo|rom|hea|coo)|[TQPyu]\w*(?:Roo|Zon|Air|Hea|Coo)\w*)\[(\d+)\]|(?<![a-z])([zZ]on|[rR]oo)(?=\d)|"
+    r"(?<=[QPy]Hea)(?=\d)|(?<=[QPy]Coo)(?=\d)"
+)
 _IN_WATTS = re.compile(r"(?i)(?:power|heat|cool|heating|cooling|load|rate|hvac|leistung|heizung|flow)[ _](w|watts?)$")
 _NOT_READ = "no model reads such a quantity"
 UNPLACED = "a temperature, but its name does not say of what"
@@ -117,6 +122,7 @@ def factor_in_name(name: str) -> float | None:
 def plain(name: str) -> str:
     """A name as small words without accents, brackets and signs: ``"Außentemp. (°C)"`` is ``"aussentemp"``."""
     text = re.sub(rf"{_OF_INTERVAL}\(([^)]*)\)", r"\1", name)
+    text = _NUMBERED_ZONE.sub(lambda of: f"{of[1] or ''} zone {of[2] or ''}", text)
     text = re.sub(r"\(LGR S/N.*LBL: ([^)]*)\)", r" \1 ", text)  # the label of a HOBO logger
     text = re.sub(r"[\[(]([^\])]*)[\])]", _no_unit, re.sub(_PRESENT, r"\1", text))
     text = re.sub(r"\bT(?=(room|zone|out|amb|set|int|ext)(?![a-z]))|(?<![A-Z])[TQ](?=[A-Z][a-z])", r"\g<0> ", text)

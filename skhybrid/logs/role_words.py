@@ -34,7 +34,8 @@ LOWER, UPPER = rf"\b(low|lo|lower){ENDS}", rf"\b(high|hi|upper){ENDS}"
 OF_WATER_SET = r"boiler|kessel|\bketel|chaudiere|caldaia|caldera|\bcurve\b|heizkurve|stooklijn|opentherm control"
 #: air and water of a plant, surfaces and dew points, whose temperatures are no room's
 STREAM = (
-    r"\b[sdmre]a ?(t|tmp|temp|sp)\b|\bt ([srm]a|sup|ret|mix)\b|\b([sdmre]a|[el][aw]|(c|h|hh|ch)?w[sr]?)t\b|"
+    r"(?<!wea )\b[sdmre]a ?(t|tmp|temp|sp)\b|\bt ([srm]a|sup|ret|mix)\b|"
+    r"(?<!wea )\b([sdmre]a|[el][aw]|(c|h|hh|ch)?w[sr]?)t\b|"
     r"\b((c|h|hh|ch)w[sr]?|ww)\b|discharge|exhaust|extract|\bmixed|leaving|entering|plenum|embedded|\bloop\b|duct t|"
     r"coil t|\bch (set|sp|t)|(zu|ab|fort|misch|um)luft|\b[vr]l\b|soufflage|reprise|\bdepart\b|\bretour|mandata|ripresa|"
     r"ritorno|impulsion|retorno|insufl|aanvoer|inblaas|afvoer|toevoer|zasilan|nawiew|wywiew|powrot|(till?|fran|av)luft|"
@@ -110,7 +111,7 @@ OTHER = (
     r"batter|rssi|\blux\b|illumin|pressure|druck|dew|wind|rain|regen|\bfan\b(?! coil)|"
     r"(?<!heat)(?<!heat )(?<!varme)pump\b|return|"
     r"supply(?! air (total|sensible) (heat|cool)ing)|"
-    r"(?<!heat )(?<!hea )\bflow\b|\bflow temp|vorlauf|rue?cklauf|inlet|outlet|water|wasser|truth|"
+    r"(?<!heat )(?<!hea )(?<!\bq )\bflow\b|\bhea por|\bflow temp|vorlauf|rue?cklauf|inlet|outlet|water|wasser|truth|"
     r"number|\bid$|price|mode\b|event|program|motion|\bdoors?\b|noise|forecast|\bdhw\b|hot tap|alarm|enable|season|"
     r"\bcosts?\b|degree ?(day|hour)|\bindex\b|\b(s?cop|eer|jaz)\b|offset|deviation|differen|\bd(elta| ?t)\b|"
     r"calibration|\bstd(ev)?\b|varian|\bvar\b|temp\w* count\b|dead ?band|\berror\b|\bbias\b|hysteres|throttl|\breset|"
