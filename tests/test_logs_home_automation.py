@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.logs import read_log
 from skhybrid.logs.counters import power_of_counter
 from skhybrid.logs.readers import entity_states, home_assistant, influx
 
@@ -435,3 +436,24 @@ def test_annotated_csv_that_cannot_be_read(tmp_path, text, says):
     path.write_text(text)
     with pytest.raises(ValueError, match=says):
         influx.read(path)
+
+
+def test_the_file_log_of_fhem(tmp_path):
+    """It was refused, since its cells have no separator."""
+    lines = []
+    for k in range(48):
+        at = f"2018-10-{1 + k // 24:02d}_{k % 24:02d}"
+        lines += [
+            f"{at}:05:00 Bad measured-temp: {20 + k / 10:.1f}",
+            f"{at}:10:00.123 Bad T: {20 + k} H: 45 valve: {k} %",
+        ]
+        lines += [f"{at}:20:00 Pumpe {('on', 'off')[k % 2]}", f"{at}:30:00 WZ power: {k} W"]
+    (tmp_path / "fhem.log").write_text("\n".join([lines[0], "2018-10-01 shutdown", *lines[1:]]), encoding="utf-8")
+    log = read_log(tmp_path / "fhem.log")
+    assert (log.format, log.units) == ("FHEM", {"Bad valve": "percent", "WZ power": "W"})
+    assert list(log.frame) == ["Bad measured-temp", "Bad T", "Bad H", "Bad valve", "Pumpe", "WZ power"]
+    assert log.frame.loc["2018-10-01 01:05:00", "Bad measured-temp"] == 20.1
+    assert log.frame.loc["2018-10-02 23:10:00", ["Bad T", "Bad H", "Bad valve"]].tolist() == [67.0, 45.0, 47.0]
+    assert log.frame["Pumpe"].dropna().tolist() == [1.0, 0.0] * 24
+    assert "1 line that FHEM does not write so left out" in log.notes
+    assert list(read_log(tmp_path / "fhem.log", columns=["Pumpe"]).frame) == ["Pumpe"]
