@@ -73,6 +73,32 @@ def test_sheets_that_go_on_are_read_together(tmp_path, apart):
     assert any(said in note for note in log.notes)
 
 
+@pytest.mark.parametrize(
+    ("columns", "points"),
+    [
+        (["Value [°C]", "Value"], ["Room temp", "Heat meter"]),
+        (["Zone", "Power (kW)"], ["Zone", "Power (kW)"]),
+    ],
+)
+def test_a_sheet_for_each_point(tmp_path, columns, points):
+    """One of them was read, as a column named Value."""
+    book = openpyxl.Workbook()
+    book.active.append(["exported", dt.date(2024, 2, 1)])
+    for sheet, column, begin in zip(("Room temp", "Heat meter"), columns, (0, 1), strict=True):
+        table = book.create_sheet(sheet)
+        table.append(["Timestamp", column, "Quality"])
+        for k, stamp in enumerate(INDEX[begin:]):
+            table.append([stamp.to_pydatetime(), 20.5 + k + begin, "good" if k else "bad"])
+    book.save(tmp_path / "log.xlsx")
+    log = read_log(tmp_path / "log.xlsx")
+    assert list(log.frame) == points
+    np.testing.assert_array_equal(log.frame[points[0]], [np.nan, *(20.5 + np.arange(1, 40))])
+    np.testing.assert_array_equal(log.frame[points[1]], [np.nan, np.nan, *(20.5 + np.arange(2, 40))])
+    assert log.units == ({"Room temp": "degC"} if columns[0].startswith("Value") else {"Power (kW)": "kW"})
+    assert any("read from sheets 'Room temp', 'Heat meter', one for each point" in note for note in log.notes)
+    assert list(read_log(tmp_path / "log.xlsx", sheet="Heat meter").frame) == [columns[1]]
+
+
 def test_sheet_of_a_workbook(workbook, tmp_path):
     log = read_log(workbook, sheet="Other")
     assert log.frame.index.tolist() == [pd.Timestamp(f"2024-01-05 0{k}:30") for k in range(3)]

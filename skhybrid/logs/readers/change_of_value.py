@@ -82,5 +82,10 @@ def long_columns(names: Sequence[str] | pd.Index) -> tuple[str, str] | None:
 def _usual_columns(names: Sequence[str] | pd.Index) -> tuple[str | None, str | None]:
     """The column with a usual name of points, and the only one with such a name of values; None where there is none."""
     points = [name for usual in (_POINT, _OF_POINTS) for name in names if usual.fullmatch(name.strip())]
-    values = [name for name in names if _VALUE.fullmatch(re.sub(r"\s*[\[(].*", "", name).strip())]
+    values = [name for name in names if is_value_name(name)]
     return points[0] if points else None, values[0] if len(values) == 1 else None
+
+
+def is_value_name(name: str) -> bool:
+    """Whether a column is named after values as such, and not after what they are of."""
+    return _VALUE.fullmatch(re.sub(r"\s*[\[(].*", "", name).strip()) is not None

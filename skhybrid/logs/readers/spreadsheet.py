@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,17 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import pandas as pd
 
-from ..assembly import Choice, Pieces, assemble_columns, assemble_long
+from ..assembly import Choice, Pieces, assemble_columns, assemble_long, columns_beside
 from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp
 from ..table_layout import Layout, find_layout, table_of
-from .change_of_value import long_columns
+from ..unit_names import unit_text
+from .change_of_value import is_value_name, long_columns
 
 _HEAD, _PIECE = 200, 20_000  # rows
+_TIME = "time"
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -42,7 +44,10 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
     choice = Choice(**options)
     book = _open(path)
     try:
-        rows, layout, where, notes = _find_table(book, sheet, repr(path.name))
+        found = _find_tables(book, sheet, repr(path.name))
+        if points := _points_of(found):
+            return _read_points(book, found, points, repr(path.name), choice)
+        rows, layout, where, notes = _one_table(book, found, repr(path.name))
         names = layout.names
         head = list(islice(rows, layout.first + _HEAD))[layout.first :]
         stamps = find_stamp_columns(table_of(head, names), choice.time_column, where)
@@ -75,15 +80,15 @@ def _open(path: Path) -> Any:
         ) from None
 
 
-def _find_table(book: Any, sheet: str | int | None, file: str) -> tuple[Iterator[list[str]], Layout, str, list[str]]:
-    """The rows of the chosen sheet, and of those with the same names and other stamps; layout, name, and notes."""
+def _find_tables(book: Any, sheet: str | int | None, file: str) -> dict[str, tuple[Layout, str]]:
+    """The layout and the first stamp of the chosen sheet, or of each that holds a table."""
     names = [one.title for one in book.worksheets]
     if isinstance(sheet, int) and 0 <= sheet < len(names):
         sheet = names[sheet]
     if sheet is not None and sheet not in names:
         raise ValueError(f"{file} has no sheet {sheet!r}; its sheets are {', '.join(map(repr, names))}.")
-    found = {}
-    for name in names if sheet is None else [sheet]:
+    found: dict[str, tuple[Layout, str]] = {}
+    for name in names if sheet is None else [str(sheet)]:
         head = list(islice(_rows(book[name]), _HEAD))
         layout = find_layout(head)
         if layout is not None:
@@ -91,6 +96,49 @@ def _find_table(book: Any, sheet: str | int | None, file: str) -> tuple[Iterator
     if not found:
         which = f"sheet {sheet!r} of {file}" if sheet else file
         raise ValueError(f"{which} has no table with time stamps in its first {_HEAD} rows.")
+    return found
+
+
+def _points_of(found: Mapping[str, tuple[Layout, str]]) -> dict[str, tuple[str, str]]:
+    """The point of each sheet and its column, where each sheet has one beside stamps, units and qualities; else empty.
+
+    A point has the name of its column, or of its sheet where that says nothing.  Sheets with the same column that all
+    begin on other days are one log, as those of months.
+    """
+    names = {sheet: table.names for sheet, (table, _) in found.items() if table.n_stamps > 1}
+    values = {sheet: [name for name in own[1:] if name not in columns_beside(own)] for sheet, own in names.items()}
+    if len(names) < 2 or any(len(own) != 1 for own in values.values()):
+        return {}
+    different, days = {own[0] for own in values.values()}, {found[sheet][1].split(" ")[0] for sheet in names}
+    if len(different) < len(names) and not (all(map(is_value_name, different)) and len(days) < len(names)):
+        return {}
+    return {sheet: (sheet if is_value_name(name) else name, name) for sheet, (name,) in values.items()}
+
+
+def _read_points(
+    book: Any, found: Mapping[str, tuple[Layout, str]], points: Mapping[str, tuple[str, str]], file: str, choice: Choice
+) -> RawLog:
+    """The log of a workbook with a sheet for each point."""
+    heads, frames, units = [], [], {}
+    for sheet, (point, column) in points.items():
+        layout = found[sheet][0]
+        rows = islice(_rows(book[sheet]), layout.first, None)
+        heads += (head := list(islice(rows, _HEAD)))
+        named = {layout.names[0]: _TIME, column: VALUE}
+        pieces_of_sheet = _pieces(chain(head, rows), layout.names)
+        frames += [piece.rename(columns=named).assign(**{POINT: point}) for piece in pieces_of_sheet]
+        if unit := layout.units.get(column) or unit_text(column):
+            units[point] = unit
+    pieces = Pieces(frames, (_TIME,), file, "Excel", units, _decimal_of(heads), found[next(iter(points))][0].first + 1)
+    pieces.notes.append(f"read from sheets {', '.join(map(repr, points))}, one for each point")
+    return assemble_long(pieces, POINT, VALUE, choice)
+
+
+def _one_table(
+    book: Any, found: Mapping[str, tuple[Layout, str]], file: str
+) -> tuple[Iterator[list[str]], Layout, str, list[str]]:
+    """The rows of the largest table, and of those with the same names and other stamps; layout, name, and notes."""
+    names = [one.title for one in book.worksheets]
     best, begin = max(found.values(), key=lambda one: one[0].n_stamps)
     same = {name: one[1] for name, one in found.items() if one[0].names == best.names}
     goes_on = len(set(same.values())) == len(same)  # as one sheet per month; rooms have the same stamps
