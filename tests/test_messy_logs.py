@@ -1043,3 +1043,41 @@ def test_a_log_that_changes_its_step(write, label):
     assert (hourly["Q_hvac"] == 2.0).all()
     assert (frame["Q_hvac"] != 2.0).sum() == (label == "right")  # the last row of the first step
     assert (hourly["q_sol"] == hourly.index.hour % 2).all()
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "unit"),
+    [
+        ("# time     tairmean\n", "  {h:12.6f}   {v:8.4f} \n", "h"),  # of IDA ICE, which was refused
+        (" TIME\tTAIR\t\n h\tC\t\n", " {h:+.16E}\t{v:+.16E}\t\n", "h"),  # of TRNSYS
+        ("time,TRooAir\n", "{s:.1f},{v:.4f}\n", "s"),  # of Modelica
+        ("Time,Zone db T(C)\n", "{d:.6f},{v:.4f}\n", "d"),  # of ESP-r
+    ],
+)
+def test_the_time_of_a_simulation_counts_from_the_year_that_is_given(write, header, row, unit):
+    stamps = pd.date_range("2018-09-24", periods=300, freq="15min", name="time")
+    hours = (stamps - pd.Timestamp("2018-01-01")) / pd.Timedelta("1h")
+    values = 20.0 + np.sin(np.arange(300) / 9.0)
+    rows = (row.format(h=h, s=3600.0 * h, d=1.0 + h / 24.0, v=v) for h, v in zip(hours, values, strict=True))
+    path = write(header + "".join(rows))
+    log = read_log(path, year=2018)
+    assert (log.frame.index == stamps).all()
+    np.testing.assert_allclose(log.frame.iloc[:, 0], values, atol=1e-4)
+    assert any(f"are read as {unit} of the year 2017; give year =" in note for note in read_log(path).notes)
+
+
+@pytest.mark.parametrize("column", ["index,T\n{k},20.5\n", "time,T\n{m},20.5\n", "time,T\n{k}7.5,20.5\n"])
+def test_numbers_that_may_be_anything_are_no_time_of_a_simulation(write, column):
+    header, row = column.split("\n")[:2]
+    with pytest.raises(ValueError, match="no cell that is a time stamp"):
+        read_log(write(f"{header}\n" + "".join(f"{row.format(k=k, m=15 * k)}\n" for k in range(50))))
+
+
+def test_columns_in_line_with_dates(write):
+    rows = "".join(
+        f"{t:%Y-%m-%d %H:%M:%S}   {v:7.3f}     {k}\n" for k, (t, v) in enumerate(zip(STAMPS, ROOM, strict=True))
+    )
+    log = read_log(write(f"Date       Time       Room_temp   valve\n{rows}"))
+    assert (log.frame.index == STAMPS).all()
+    np.testing.assert_allclose(log.frame["Room_temp"], ROOM, atol=1e-3)
+    assert log.frame["valve"].tolist() == list(range(len(ROOM)))

@@ -8,7 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from .stamp_numbers import ANY, are_serials, is_digits, is_epoch, stamps_of_numbers, with_separators
+from .stamp_numbers import (
+    ANY,
+    are_serials,
+    elapsed_unit,
+    is_digits,
+    is_elapsed_name,
+    is_epoch,
+    stamps_of_elapsed,
+    stamps_of_numbers,
+    with_separators,
+)
 from .stamp_parts import hour_column, part_columns
 from .stamps import blocks, cell, numbered_dates, parse_stamps
 
@@ -96,7 +106,15 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
         if not dates and (parts := part_columns(names)):
             return parts
     usual = [name for name in names if is_stamp_name(str(name))]
-    order = (("stamp", usual), ("epoch", usual), ("stamp", names), ("date", names), ("serial", usual), (None, usual))
+    order = (
+        ("stamp", usual),
+        ("epoch", usual),
+        ("stamp", names),
+        ("date", names),
+        ("serial", usual),
+        ("elapsed", usual),
+        (None, usual),
+    )
     for kind, among in order:
         found = [name for name in among if held[name] == kind]
         if found:
@@ -120,6 +138,8 @@ def _kind(cells: pd.Series, name: str) -> str | None:
     text = text[text != ""].head(100)
     if are_serials(list(text)):
         return "serial"
+    if is_elapsed_name(name) and elapsed_unit(list(text)):
+        return "elapsed"
     for kind, fits in (
         ("date", _IS_DATE.fullmatch), ("time", _IS_TIME.fullmatch), ("stamp", is_digits), ("epoch", is_epoch),
         ("stamp", _IS_STAMP.fullmatch),
@@ -144,6 +164,8 @@ def read_stamps(
         return pd.DatetimeIndex(cells), [], False
     if (numbers := stamps_of_numbers(cells, where)) is not None:
         return *numbers, False
+    if (guesses or year) and (elapsed := stamps_of_elapsed(cells, year or _SUNDAY, where)) is not None:
+        return *elapsed, False
     text, notes = _with_years(cells, year) if guesses or year is not None else (cells, [])
     text, next_day = _plain(text)
     if guesses and dayfirst is None and _year_first_by_order(text):

@@ -1,4 +1,4 @@
-"""Stamps that are numbers: seconds since 1970, days since 1900 as Excel counts them, and digits such as 2024013113."""
+"""Stamps that are numbers: since 1970, since 1900 as in Excel, since a year began, and digits such as 2024013113."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ _SERIAL = r"[2-6]\d{4}(?:[.,]\d+)?"  # of 1954 to 2091
 #: whether a cell looks like parts of seconds since 1970, a date with its time in digits alone, or days since 1900
 is_epoch, is_digits, is_serial = (re.compile(form).fullmatch for form in (_EPOCH, _DIGITS, _SERIAL))
 _EPOCH_UNITS = ((1e11, "s", 1e9), (1e14, "ms", 1e6), (1e17, "us", 1e3), (np.inf, "ns", 1.0))  # limit, unit, nanoseconds
+_ELAPSED_UNITS = (("s", 1.0, np.inf), ("h", 3600.0, 1.0), ("d", 86400.0, 1.0))  # seconds, longest step in the unit
+_LONGEST = 2.0 * 366.0 * 86400.0  # seconds of a simulation
+_IS_ELAPSED_NAME = re.compile(r"(?:#\s*)?(?:time|zeit|tijd)\s*(?:[(\[].*[)\]])?", re.IGNORECASE)
 _EXCEL = "1899-12-30"  # the day 0 of Excel
+_UNEVEN = 0.1  # share of the steps, and part of a step, by which those of a simulation may differ
 _SAMPLE = 1000  # rows that show what all are
 ANY = f"{_EPOCH}|{_DIGITS}"
 
@@ -27,6 +31,38 @@ def are_serials(cells: Sequence[str]) -> bool:
         return False
     steps = np.diff([float(one.replace(",", ".")) for one in cells])
     return bool((np.abs(steps) <= 1.0).mean() > 0.9 and (steps != 0.0).any())
+
+
+def elapsed_unit(cells: Sequence[str]) -> tuple[str, float] | None:
+    """The unit of the time of a simulation in even steps, and its seconds; None where cells are no such time."""
+    values = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce").to_numpy(dtype=np.float64)
+    steps = np.diff(values)
+    step = np.median(steps) if len(steps) > 1 else np.nan
+    if not (step > 0.0 and values.min() >= 0.0 and (np.abs(steps - step) < _UNEVEN * step).mean() > 1.0 - _UNEVEN):
+        return None
+    for unit, seconds, longest in _ELAPSED_UNITS:
+        minutes = step * seconds / 60.0
+        whole = minutes > 1.0 - _UNEVEN and abs(minutes - round(minutes)) < _UNEVEN / 10.0
+        if whole and step <= longest and values.max() * seconds <= _LONGEST:
+            return unit, seconds
+    return None
+
+
+def is_elapsed_name(name: str) -> bool:
+    """Whether a column with this name may hold the time of a simulation."""
+    return _IS_ELAPSED_NAME.fullmatch(name.strip()) is not None
+
+
+def stamps_of_elapsed(cells: pd.Series, year: int, where: str) -> tuple[pd.DatetimeIndex, list[str]] | None:
+    """Stamps of the seconds, hours or days since a year began, and a remark; None where the cells are others."""
+    if (found := elapsed_unit(list(cells.iloc[:_SAMPLE]))) is None:
+        return None
+    unit, seconds = found
+    numbers = _numbers(cells, where)
+    begin = float(unit == "d" and numbers.min() >= 1.0)  # days of the year count from 1
+    stamps = pd.Timestamp(year, 1, 1) + pd.to_timedelta(((numbers - begin) * seconds).round(), unit="s")
+    said = f"stamps such as {cell(cells.iloc[0])} are read as {unit} of the year {year}; give year = in [log]"
+    return pd.DatetimeIndex(stamps), [said]
 
 
 def stamps_of_numbers(cells: pd.Series, where: str) -> tuple[pd.DatetimeIndex, list[str]] | None:

@@ -11,12 +11,13 @@ from typing import NamedTuple
 import pandas as pd
 
 from .stamp_cells import is_stamp, is_stamp_name
-from .stamp_numbers import are_serials, is_serial
+from .stamp_numbers import are_serials, elapsed_unit, is_elapsed_name, is_serial
 from .stamp_parts import is_year, part_columns
 from .unit_names import is_unit, unit_named, unit_or_energy
 
 _RULE = re.compile(r"\s*:?-{3,}:?\s*")  # below the names of a Markdown table
 _SEPARATORS = ("\t", ";", "|", ",")
+_is_number = re.compile(r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?").fullmatch
 
 
 class Layout(NamedTuple):
@@ -31,6 +32,8 @@ class Layout(NamedTuple):
 
 def split_lines(lines: Sequence[str], sep: str) -> list[list[str]]:
     """The cells of lines, without blanks around them."""
+    if sep == " ":  # names may follow a sign of remarks
+        lines = [line.strip().removeprefix("#") for line in lines]
     try:
         rows = csv.reader((f"{line}\n" for line in lines), delimiter=sep, skipinitialspace=True)
         cells = ([cell.strip().replace("\n", " ") for cell in row] for row in rows)  # a name may have two lines
@@ -55,6 +58,8 @@ def separator_of(lines: Sequence[str]) -> str | None:
             possible.append(sep)
             if any(map(is_stamp, rows[-1])) or sum(is_stamp(cell) for row in rows for cell in row) > len(rows) / 2:
                 return sep
+    if not possible and find_layout(split_lines(lines, " ")) is not None:
+        return " "  # of columns in line, as programs of simulation write them
     return possible[0] if possible else None
 
 
@@ -104,15 +109,19 @@ def _explains(row: Sequence[str], explained: Mapping[str, str]) -> bool:
 def _below_names(rows: Sequence[Sequence[str]], width: int) -> tuple[int, int, int] | None:
     """Place, first row and number of stamps whose cells alone do not show that they are: only their names do.
 
-    These are years beside months and days, and days since 1900 as Excel counts them.
+    These are years beside months and days, days since 1900 as Excel counts them, and the time of a simulation.
     """
     for i, row in enumerate(rows[:-1]):
         parts = part_columns(row) if len(row) >= width - 1 else ()
         places = [row.index(parts[0])] if parts else [j for j, cell in enumerate(row) if is_stamp_name(cell)]
         for place in places:
-            fits = is_year if parts else is_serial
+            below = [row[place] for row in rows[i + 1 :] if len(row) > place]
+            elapsed = (
+                not parts and is_elapsed_name(row[place]) and elapsed_unit([one for one in below if _is_number(one)])
+            )
+            fits = is_year if parts else _is_number if elapsed else is_serial
             at = [k for k in range(i + 1, len(rows)) if len(rows[k]) > place and fits(rows[k][place])]
-            if 2 * len(at) > len(rows) - i and (parts or are_serials([rows[k][place] for k in at])):
+            if 2 * len(at) > len(rows) - i and (parts or elapsed or are_serials([rows[k][place] for k in at])):
                 return place, at[0], len(at)
     return None
 

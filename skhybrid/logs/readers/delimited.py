@@ -35,7 +35,7 @@ class TextTable(NamedTuple):
         """The rows of some columns, piece by piece; the stamps and the columns of ``text`` remain text."""
         read = [j for j, name in enumerate(self.layout.names) if name in {*stamps, *columns}]
         options: dict[str, Any] = {
-            "sep": self.sep,
+            "sep": self.sep if self.sep != " " else r"\s+",
             "decimal": self.decimal,
             "encoding": self.encoding,
             "encoding_errors": "replace",
