@@ -339,3 +339,32 @@ def test_numbered_zones_of_modelica(outdoor, room, heat):
     assert LogReport(frame).roles == {"T_oa": outdoor, **zones}
     one = LogReport(frame[[outdoor, room.format(1), heat.format(1)]])
     assert one.roles == {"T_oa": outdoor, "T_za": room.format(1), "Q_heat": heat.format(1)}
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("room2 temp", "T_za"),
+        ("TAIR_ZONE1", "T_za"),
+        ("TAMB", "T_oa"),
+        ("TSETHEAT", "T_heat_set"),
+        ("tambient", "T_oa"),
+        ("heatingTarget", "T_heat_set"),
+        ("coolingTarget", "T_cool_set"),
+        ("Ruimtetemperatuur gemeten 1.01", "T_za"),
+        ("Ruimtetemperatuur berekend koelen 1.01", "T_cool_set"),  # of Priva, which calculates what it holds
+        ("WMZ Energie [MWh]", "Q_heat"),
+    ],
+)
+def test_names_that_said_nothing(name, role):
+    assert role_of(name) == role
+
+
+@pytest.mark.parametrize("name", ["Air Temperature (°C)", "avg(temp)", "Temperature", "tairmean"])
+def test_the_one_temperature_beside_that_outdoors_is_the_rooms(name):
+    """A log with one room need not say of which its temperature is; a boiler's has a word of it."""
+    frame = pd.DataFrame({name: ROOM, "Outside Dry-Bulb Temperature (°C)": ROOM - 15.0, "Pellet temp": ROOM}, STAMPS)
+    assert LogReport(frame).roles == {"T_za": name, "T_oa": "Outside Dry-Bulb Temperature (°C)"}
+    assert "T_za" not in LogReport(frame[[name, "Pellet temp"]]).roles  # it may be the weather's
+    assert "T_za" not in LogReport(frame.assign(temp=ROOM)).roles
+    assert LogReport(frame.assign(**{"Room temp": ROOM})).roles["T_za"] == "Room temp"

@@ -37,9 +37,10 @@ _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row
 _PRESENT = r"(\w[ _]\w.*)\.(?:PV|[pP]resentValue)$"  # ZONE_TEMP.PV is no photovoltaics
 #: zones of Modelica, by the element of an array, as in hea[2].Q_flow and TRooAir[2], or as in zon2.T and yHea2
 _NUMBERED_ZONE = re.compile(
-    r"(\b(?:zon|roo|rom|hea|coo)|[TQPyu]\w*(?:Roo|Zon|Air|Hea|Coo)\w*)\[(\d+)\]|(?<![a-z])([zZ]on|[rR]oo)(?=\d)|"
+    r"(\b(?:zon|roo|rom|hea|coo)|[TQPyu]\w*(?:Roo|Zon|Air|Hea|Coo)\w*)\[(\d+)\]|(?<![a-z])(?:[zZ]one?|ZONE|[rR]oom?|ROOM)(?=\d)|"
     r"(?<=[QPy]Hea)(?=\d)|(?<=[QPy]Coo)(?=\d)"
 )
+_PLACES = "room|zone|out|amb(?:ient)?|set|setheat|setcool|int|ext|air"  # after the T of a temperature
 _IN_WATTS = re.compile(r"(?i)(?:power|heat|cool|heating|cooling|load|rate|hvac|leistung|heizung|flow)[ _](w|watts?)$")
 _NOT_READ = "no model reads such a quantity"
 UNPLACED = "a temperature, but its name does not say of what"
@@ -125,7 +126,10 @@ def plain(name: str) -> str:
     text = _NUMBERED_ZONE.sub(lambda of: f"{of[1] or ''} zone {of[2] or ''}", text)
     text = re.sub(r"\(LGR S/N.*LBL: ([^)]*)\)", r" \1 ", text)  # the label of a HOBO logger
     text = re.sub(r"[\[(]([^\])]*)[\])]", _no_unit, re.sub(_PRESENT, r"\1", text))
-    text = re.sub(r"\bT(?=(room|zone|out|amb|set|int|ext)(?![a-z]))|(?<![A-Z])[TQ](?=[A-Z][a-z])", r"\g<0> ", text)
+    text = re.sub(
+        rf"\bT(?=(?i:{_PLACES})(?![a-z]))|\bt(?=(amb|set|airm))|(?<![A-Z])[TQ](?=[A-Z][a-z])", r"\g<0> ", text
+    )
+    text = re.sub(r"(?i)(?<=set)(?=(heat|cool|hea|coo)\b)|(?<=\bair)(?=mean)", " ", text)
     text = re.sub(r"(?i)(?<=htg|clg|znt|eat|ool)(?=sp\b|setp)", " ", text)
     for script, word in _SCRIPTS.items():
         text = text.replace(script, word)

@@ -3,7 +3,7 @@
 ROOM = (
     r"\b(zone|zn|znt|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|"
     r"thermostat|current|"
-    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|piece|ambiance|ambiant(?!.*ext)|salon|interno|"
+    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|ruimte|piece|ambiance|ambiant(?!.*ext)|salon|interno|"
     r"habitacion|internal air|\bt (zon|roo)\b|\bzon t\b|"
     r"intern[ao]\b|soggiorno|stanza|\bsala\b|chambre|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
     r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp|huone|sisal|sisail|keittio"
@@ -17,11 +17,12 @@ OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or
 SET = (
     r"\b(set|setp|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|"
     r"consigne|consigna|gewenst|streef|setpunt|instel|ingestel|"
-    r"zadan|borvarde|settpunkt|asetus|tavoite"
+    r"zadan|borvarde|settpunkt|asetus|tavoite|berekend.*(verwarm|koel)"
 )
 SET_POINT = (
     r"set ?po?i?n?t|\b(sp|spt|stpt|setp)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
-    r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt|asetus|tavoite"
+    r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt|asetus|tavoite|"
+    r"\b(heat|cool)(ing)? target|\btarget (heat|cool)|berekend.*(verwarm|koel)"
 )
 # the set-point that the controller follows at the time, and others
 IN_FORCE = r"\b(eff|effective|active|actual|current|aktuel|wirksam)"
@@ -46,7 +47,8 @@ STREAM = (
     r"(tulo|poisto|jate)ilma|lattia(?!lamm)|kastepiste"
 )
 HEAT = (
-    r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|wae?rme|warmte|"
+    r"heat|heiz|erwarm|verwarm|ketel|\bcv\b|chauff|boiler|furnace|radiator|calef|riscald|burner|brenner|\bwmz\b|"
+    r"wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
     r"grzew|grzej|grzan|topen|topny|vytap|\bhea\b|cieplo|ciepla\b|varme|aquec|lamm[io]|"
     r"(?<!ulko)(?<!sisa)(?<!huone)lampo(?!til)|patteri"

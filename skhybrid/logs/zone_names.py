@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from .._table import ending_zone, is_plant, plant_roles
 from ..preprocessing._units import UNITS
-from .naming import NAMED_BY_ROLE, SURE, TAKEN, Guess, guess_role, one_column_each, plain
+from .naming import NAMED_BY_ROLE, SURE, TAKEN, UNPLACED, Guess, guess_role, one_column_each, plain
 from .role_words import COOL, HEAT, OTHER_THAN_AIR, TEMPERATURE
 from .unit_names import ENERGY
 
@@ -22,6 +22,10 @@ _NUMBERED = re.compile(rf"\b([a-z]*(?:{'|'.join(_ANY_ROOM)})|office|buero|bureau
 _MOST_WORDS = 3  # of the name of a room, such as "master bedroom"
 #: words that, among several, name no room but what is measured there, and last words that do so
 _NO_ROOM, _NO_PLACE = re.compile(rf"{TEMPERATURE}|{HEAT}|{COOL}"), re.compile(OTHER_THAN_AIR)
+#: a name that says of a temperature no more than that it is measured, and of air
+_TEMPERATURE_ALONE = re.compile(
+    r"((air|luft|temp\w*|lufttemp\w*|lampotila|teplota|t|avg|mean|actual|current|measured|value|ist) ?)+"
+)
 _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
 
 
@@ -96,7 +100,17 @@ def assign_zone_roles(
     known = {column: guess for column, guess in known.items() if guess.role not in (given or {})}
     for own, column in (given or {}).items():
         known[column] = Guess(own, SURE, NAMED_BY_ROLE if own == column else "it was given")
-    return one_column_each({c: known.get(c) or guess_in_zone(c, unit, zones) for c, unit in units.items()}, zones)
+    found = one_column_each({c: known.get(c) or guess_in_zone(c, unit, zones) for c, unit in units.items()}, zones)
+    return found if known else _with_room(found)
+
+
+def _with_room(guesses: dict[str, Guess]) -> dict[str, Guess]:
+    """The guesses, with the one temperature of which nothing is said as the room's, if only that outdoors is found."""
+    alone = [c for c, guess in guesses.items() if guess.reason == UNPLACED and _TEMPERATURE_ALONE.fullmatch(plain(c))]
+    roles = {guess.role for guess in guesses.values()}
+    if len(alone) != 1 or "T_oa" not in roles or "T_za" in roles:
+        return guesses
+    return guesses | {alone[0]: Guess("T_za", 1, "a temperature, taken for the room's, since another is that outdoors")}
 
 
 def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> dict[str, Guess]:
