@@ -278,12 +278,14 @@ def test_units_of_energy_per_other_times_are_asked_about(name, role, unit):
         ("heating_power_w", 5.0 * ROOM, "Q_heat", "W", ""),  # it was 105 kW
         ("heating_watts", 5.0 * ROOM, "Q_heat", "W", ""),  # it was a stage, as was the one below
         ("cooling_btu_h", 5.0 * ROOM, "Q_cool", "Btu/h", ""),
+        ("Stellgröße Heizen", np.round(12.0 * ROOM), None, None, "beyond 100 %; give u_heat and 1 / its full scale"),
+        ("Heizung", np.round(12.0 * ROOM), None, None, "beyond 100 %"),  # of a bus, up to 255
         ("heating_valve_w", 3.0 * ROOM, "u_heat", "percent", ""),  # of the west
     ],
 )
 def test_what_is_named_after_a_plant_alone_is_heat_where_its_values_are(name, values, role, unit, told):
-    found = LogReport(pd.DataFrame({name: values}, STAMPS)).columns.loc[name]
-    assert (found["role"], found["unit"]) == (role, unit)
+    found = LogReport(pd.DataFrame({name: values}, STAMPS)).columns.astype(object).loc[name]
+    assert tuple(found[["role", "unit"]].where(found.notna(), None)) == (role, unit)
     assert told in found["reason"]
 
 
@@ -354,6 +356,8 @@ def test_numbered_zones_of_modelica(outdoor, room, heat):
         ("Ruimtetemperatuur gemeten 1.01", "T_za"),
         ("Ruimtetemperatuur berekend koelen 1.01", "T_cool_set"),  # of Priva, which calculates what it holds
         ("WMZ Energie [MWh]", "Q_heat"),
+        ("Wunschtemperatur Zone 1", "T_heat_set"),  # it was the room's
+        ("Température séjour", "T_za"),
     ],
 )
 def test_names_that_said_nothing(name, role):
@@ -368,3 +372,35 @@ def test_the_one_temperature_beside_that_outdoors_is_the_rooms(name):
     assert "T_za" not in LogReport(frame[[name, "Pellet temp"]]).roles  # it may be the weather's
     assert "T_za" not in LogReport(frame.assign(temp=ROOM)).roles
     assert LogReport(frame.assign(**{"Room temp": ROOM})).roles["T_za"] == "Room temp"
+
+
+def test_places_alone_are_temperatures_where_their_values_are():
+    """'indoor' and 'outdoor' had no role; humidity and whole numbers have none still."""
+    frame = pd.DataFrame({"indoor": ROOM, "outdoor": ROOM - 15.0}, STAMPS)
+    assert LogReport(frame).roles == {"T_za": "indoor", "T_oa": "outdoor"}
+    assert not LogReport(frame + 40.0).roles
+    assert not LogReport(frame.round()).roles
+    assert LogReport(frame.assign(**{"Room temp": ROOM})).roles == {"T_za": "Room temp", "T_oa": "outdoor"}
+    assert LogReport(frame.assign(lounge=ROOM)).roles == {"T_oa": "outdoor"}  # which of two is not said
+
+
+def test_a_temperature_in_two_units_is_no_other_room():
+    names = ["inside temp.celsius", "inside temp.fahrenheit", "heating kW"]
+    frame = pd.DataFrame(dict(zip(names, (ROOM, 1.8 * ROOM + 32.0, 1.0 + ROOM), strict=True)), STAMPS)
+    assert not [f for f in LogReport(frame).findings if "does it serve" in f.text]
+    other = LogReport(frame.rename(columns={"inside temp.fahrenheit": "bedroom temp.fahrenheit"}))
+    assert [f.where for f in other.findings if "does it serve" in f.text] == ["heating kW"]
+
+
+@pytest.mark.parametrize(("outdoor", "asked"), [(-15.0, True), (8.0, False)])
+def test_an_air_conditioner_that_runs_in_the_cold_is_asked_about(outdoor, asked):
+    """It was taken for cooling, in silence."""
+    runs = (HOURS % 4 > 0).astype(float)
+    frame = pd.DataFrame({"Room temp": ROOM, "Outdoor temp": ROOM + outdoor, "AC on": runs}, STAMPS)
+    (told, *others) = [f.text for f in LogReport(frame).findings if f.where == "AC on"] or [""]
+    assert not others
+    assert (
+        "runs in 75 % of the hours when it is 10 K colder outdoors" in told and "give it as u_heat" in told
+    ) == asked
+    both = LogReport(frame.assign(**{"Heat valve": 1.0 - runs}))
+    assert not [f for f in both.findings if f.where == "AC on"]

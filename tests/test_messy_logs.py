@@ -195,13 +195,13 @@ def test_points_that_a_list_above_the_table_names(write, colon):
 @pytest.mark.parametrize(
     "header",
     [",result,table,_time,_value,_field", "_time,statistic_id,mean,unit", "_time,Name Path,Object Name,Object Value",
-     "_time,item,_value", "_time,topic,payload"],
+     "_time,item,_value", "_time,topic,payload", "_time,Trend Point,Value"],
 )  # fmt: skip
 def test_long_tables_of_databases(write, header):
     names = header.split(",")
     cells = {"_time": STAMPS.strftime("%Y-%m-%dT%H:%M:%SZ"), "_value": ROOM, "mean": ROOM, "_field": "room_temp"}
     cells |= {"Name Path": "NAE1/room_temp", "Object Name": "room_temp", "Object Value": [f"{v} deg C" for v in ROOM]}
-    cells |= {"item": "room_temp", "topic": "room_temp", "payload": ROOM}
+    cells |= {"Trend Point": "room_temp", "Value": ROOM, "item": "room_temp", "topic": "room_temp", "payload": ROOM}
     frame = pd.DataFrame({"": "", "result": "", "table": 0, "statistic_id": "room_temp", "unit": "°C"} | cells)
     log = read_log(write(header + "\n" + frame[names].to_csv(index=False, header=False)))
     np.testing.assert_allclose(log.frame["room_temp"], ROOM)

@@ -10,9 +10,11 @@ import pandas as pd
 from .._ranges import range_of
 from .conversion import Channel, contract_unit, row_hours
 from .counters import is_counter, usual_peak
-from .naming import NAMED_BY_ROLE, OF_PLANT, SURE, Guess
+from .naming import NAMED_BY_ROLE, OF_PLANT, PLACE_ALONE, SURE, Guess, guess_role
 
 _LEAST_PERCENT = 20.0  # that is neither kW/m2 nor the kW of a room
+_TEMPERATURES = {"T_za": (8.0, 35.0), "T_oa": (-40.0, 45.0)}  # of a room and outdoors [degC]
+_BYTE = 255.0  # of a valve on a bus, in whole numbers
 _STAGE_STEPS = (1.0, 10.0, 60.0, 100.0)
 _FASTEST, _FEWEST = 4.0, 24  # mean move of outdoor air within an hour, in any degree, and values that show it
 _WARM = 42.0  # median of a temperature [degC] that is in another unit, or counts
@@ -69,14 +71,29 @@ def reread_values(
             elif role.startswith("q_sol"):
                 why = f"values up to {high:g} may be percent, or W/m2 of a dark season"
                 found[name] = Guess(None, 0, f"{why}; give {role} and its unit, or 0.01 under [scale] for percent")
-    return found
+    return _with_places(found, stated, frame)
+
+
+def _with_places(guesses: dict[str, Guess], stated: Mapping[str, str | None], frame: pd.DataFrame) -> dict[str, Guess]:
+    """Guesses with columns named after the room or outdoors alone, where their values are those of its temperature."""
+    roles = {guess.role for guess in guesses.values()}
+    alone = [name for name, guess in guesses.items() if guess.reason == PLACE_ALONE and stated[name] is None]
+    for role, (least, most) in _TEMPERATURES.items():
+        own = [name for name in alone if guess_role(f"{name} temp").role == role]
+        if len(own) == 1 and role not in roles:
+            known = frame[own[0]].dropna()
+            if len(known) and known.between(least, most).all() and (known % 1.0 != 0.0).any():
+                reason = "its name says where it measures, and its values are those of a temperature in degC"
+                guesses = guesses | {own[0]: Guess(role, 1, reason)}
+    return guesses
 
 
 def _is_heat(known: pd.Series) -> bool:
     """Whether the values of a plant are beyond those of a stage, or have decimals and are few for a percentage."""
     low, high = known.min(), known.max()
-    few = 1.0 < high <= _LEAST_PERCENT and (known % 1.0 != 0.0).any()
-    return bool(low >= 0.0 and (few or high > _STAGE_STEPS[-1]) and not (np.diff(known) >= 0.0).all())
+    few, whole = 1.0 < high <= _LEAST_PERCENT, (known % 1.0 == 0.0).all()
+    many = high > (_BYTE if whole else _STAGE_STEPS[-1])
+    return bool(low >= 0.0 and (many or (few and not whole)) and not (np.diff(known) >= 0.0).all())
 
 
 def _of_stage(low: float, high: float, role: str, factor: float) -> tuple[str | None, float, str]:

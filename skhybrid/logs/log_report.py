@@ -35,7 +35,7 @@ from .log_findings import (
     unused_findings,
 )
 from .naming import UNPLACED
-from .plant_findings import cooling_findings, parallel_findings, plant_findings, shared_plant_findings
+from .plant_findings import cold_findings, cooling_findings, parallel_findings, plant_findings, shared_plant_findings
 from .raw_log import RawLog
 from .standstills import controlled_rows
 
@@ -271,7 +271,7 @@ class LogReport:
         found += parallel_findings(raw.frame, columns, self._read.taken())
         begins = ("Q_hvac", "Q_heat", *(f"Q_{zone}" for zone in self.zones))
         heat = [c for c in channels if c.role.startswith(begins) and c.role not in self._scaled]
-        found += cooling_findings(self.even, {c.role: c.name for c in heat})
+        found += [*cooling_findings(self.even, {c.role: c.name for c in heat}), *cold_findings(self.even, columns)]
         return found + [Finding("note", "log", text) for text in self.raw.notes]
 
     def _readings(self, raw: RawLog, channels: list[Channel]) -> Iterator[Finding]:

@@ -87,6 +87,24 @@ def cooling_findings(frame: pd.DataFrame, meters: Mapping[str, str]) -> Iterator
             yield Finding("warning", name, text)
 
 
+def cold_findings(frame: pd.DataFrame, columns: Mapping[str, str]) -> Iterator[Finding]:
+    """A remark on cooling that runs in the cold, as of an air conditioner that heats; ``columns`` by role."""
+    step = pd.DatetimeIndex(frame.index).to_series().diff().median()
+    for role, name in columns.items():
+        heats, room = role.replace("cool", "heat", 1), f"T_za{role[len('u_cool') :]}"
+        if not role.startswith(("u_cool", "Q_cool")) or {room, "T_oa"} - set(frame) or heats in columns:
+            continue
+        cold = frame[role].abs()[frame["T_oa"] < frame[room] - _COLDER_OUT].dropna()
+        share = (
+            float((cold > RUNS * frame[role].abs().quantile(0.99)).mean()) if len(cold) * step >= _HOTTER_FOR else 0.0
+        )
+        if share > _MOST_RUN:
+            text = (
+                f"is taken for cooling, but runs in {percent(share)} of the hours when it is {_COLDER_OUT:g} K colder"
+            )
+            yield Finding("warning", name, f"{text} outdoors than in the room: is it heating? Then give it as {heats}.")
+
+
 def _left_alone(missed: pd.Series) -> pd.Index | None:
     """Stamps of the first spell in which a room misses its set-point (n,) [K] by more and more."""
     away = missed > _AWAY

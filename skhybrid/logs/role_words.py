@@ -3,8 +3,8 @@
 ROOM = (
     r"\b(zone|zn|znt|room|rm|rtemp|indoor|inside|interior|living|bedroom|lounge|space|za|in|int|ctrl|"
     r"thermostat|current|"
-    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|ruimte|piece|ambiance|ambiant(?!.*ext)|salon|interno|"
-    r"habitacion|internal air|\bt (zon|roo)\b|\bzon t\b|"
+    r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|ruimte|sejour|piece|ambiance|ambiant(?!.*ext)|salon|"
+    r"interno|habitacion|internal air|\bt (zon|roo)\b|\bzon t\b|"
     r"intern[ao]\b|soggiorno|stanza|\bsala\b|chambre|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
     r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp|huone|sisal|sisail|keittio"
 )
@@ -15,6 +15,7 @@ OUT = (
 )
 OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
 SET = (
+    r"wunsch|"
     r"\b(set|setp|sp|stpt|spt|soll|stp|target|wanted|desired|setting)\b|set ?po?i?n?t|set ?temp|sollwert|solltemp|"
     r"consigne|consigna|gewenst|streef|setpunt|instel|ingestel|"
     r"zadan|borvarde|settpunkt|asetus|tavoite|berekend.*(verwarm|koel)"
@@ -67,7 +68,7 @@ TEMPERATURE = (
 )
 STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
-    r"vanne|venttiil|relay|active|position|percent|modulation|output"
+    r"vanne|venttiil|stell(gro|sign|wert)|relay|active|position|percent|modulation|output"
 )
 READING = r"(temp\w*( set\w*)?) active\b"  # of Trane: the value in force
 #: not the temperature of the air now, or not that of all the sun, where there are several

@@ -75,10 +75,16 @@ def further_rooms(units: Mapping[str, str | None], columns: Mapping[str, str]) -
     ``columns`` are those that were found, by role.
     """
     room = columns.get("T_za", "")
-    others = [name for name, unit in units.items() if name != room and guess_role(name, unit).role == "T_za"]
+    others = [name for name, unit in units.items() if guess_role(name, unit).role == "T_za"]
+    others = [name for name in others if _without_unit(name) != _without_unit(room)]
     words_of_plants = {word for role, name in columns.items() if is_plant(role) for word in plain(name).split()}
     own_words = set(plain(room).split()).difference(*(plain(name).split() for name in others))
     return [] if not words_of_plants or own_words & words_of_plants else others
+
+
+def _without_unit(name: str) -> str:
+    """A name without the unit of its temperature, of which an export may have two."""
+    return re.sub(r"\b(celsius|fahrenheit|deg ?[cf]|[cf])\b", "", plain(name))
 
 
 def zones_of(roles: Iterable[str]) -> list[str]:

@@ -22,8 +22,8 @@ _POINT = re.compile(
 )
 #: names of the column of points where none has one of those above, which may be beside them
 _OF_POINTS = re.compile(
-    r"item([ _]?name)?|topic|device([ _]?name)?|key|kanal|trend([ _]?(log|name))?|description|beschreibung|attribute|"
-    r"quantity|(group[ _]?)?address|property|location",
+    r"item([ _]?name)?|topic|device([ _]?name)?|key|kanal|trend([ _]?(log|name|point))?|description|beschreibung|"
+    r"attribute|quantity|(group[ _]?)?address|property|location",
     re.IGNORECASE,
 )
 _VALUE = re.compile(
