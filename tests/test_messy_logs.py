@@ -1081,3 +1081,20 @@ def test_columns_in_line_with_dates(write):
     assert (log.frame.index == STAMPS).all()
     np.testing.assert_allclose(log.frame["Room_temp"], ROOM, atol=1e-3)
     assert log.frame["valve"].tolist() == list(range(len(ROOM)))
+
+
+@pytest.mark.parametrize("form", ["%a %d/%b", "%d-%B"])
+def test_days_and_months_without_a_year(write, form):
+    """They were refused; IES writes them."""
+    rows = "".join(f"{t.strftime(form)},{t:%H:%M},{v}\n" for t, v in zip(STAMPS, ROOM, strict=True))
+    log = read_log(write(f"Date,Time,Air temperature\n{rows}"), year=STAMPS[0].year)
+    assert (log.frame.index == STAMPS).all()
+    np.testing.assert_allclose(log.frame["Air temperature"], ROOM)
+
+
+def test_values_that_another_at_the_same_stamp_replaces_are_told(write):
+    """The hour that a clock without a time zone shows twice was lost in silence."""
+    stamps = pd.date_range("2023-10-28", periods=48, freq="1h", tz="Europe/Berlin").tz_localize(None)
+    path = write("time,point,value\n" + "".join(f"{t},room,{20 + k}\n" for k, t in enumerate(stamps)))
+    assert "'room' has two values at 1 stamp: the last one is read" in read_log(path).notes
+    assert not read_log(path, timezone="Europe/Berlin").notes

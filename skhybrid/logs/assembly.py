@@ -147,19 +147,21 @@ def assemble_long(pieces: Pieces, point: str, value: str, choice: Choice) -> Raw
         rows = places_of[name if name in places_of else name.rpartition(": ")[0]]  # of two made of one column of words
         at: np.ndarray = np.searchsorted(ticks, found[rows])
         column[at] = channel.values()
-        _refuse_two_in_one(name, channel.values(), column[at], pieces.where)
+        if n := _n_replaced(name, channel.values(), column[at], pieces.where):
+            pieces.notes.append(f"{name!r} has two values at {several(n, 'stamp')}: the last one is read")
         frame[name] = column
     return _finish(pd.DataFrame(frame, index=index.rename("time"), copy=False), kept_channels, pieces, choice)
 
 
-def _refuse_two_in_one(name: str, values: np.ndarray, kept: np.ndarray, where: str) -> None:
-    """Refuse a channel of which many stamps have several values, as where another column names the room."""
+def _n_replaced(name: str, values: np.ndarray, kept: np.ndarray, where: str) -> int:
+    """Values of a channel that others at their stamps replace; refused where many are, as of a column of rooms."""
     other = np.isfinite(values) & np.isfinite(kept) & (values != kept)
     if other.mean() > _CLASHING:
         raise ValueError(
             f"{where} has two or more values of {name!r} at {several(int(other.sum()), 'stamp')}; if another column "
             "tells them apart, such as one of rooms, name that as point_column, or join both in one column."
         )
+    return int(other.sum())
 
 
 def rows_of_piece(n_columns: int) -> int:

@@ -59,11 +59,13 @@ _DATE = (
 )
 _CITY = r"(Z|[+-]\d{2}:\d{2})\s+[A-Z][\w/+-]*$"  # after an offset, as Haystack writes it
 _ZONE = rf"\s*(?:{_CITY}|Z|UTC|GMT|[A-Z]{{3,4}}|[+-]\d{{2}}(?::?\d{{2}})?)?"
-_IS_DATE = re.compile(_DATE, re.IGNORECASE)
+_DAY_OF_YEAR = rf"{_WEEKDAY}?(\d{{1,2}})[/-]({_MONTH})"  # of IES, without a year
+_IS_DATE = re.compile(rf"{_DATE}|{_DAY_OF_YEAR}", re.IGNORECASE)
 _IS_TIME = re.compile(_TIME, re.IGNORECASE)
 _WITHOUT_YEAR = r"\d{1,2}/\d{1,2}\s+\d{1,2}:\d{2}(?::\d{2})?"  # of EnergyPlus
 _IS_STAMP = re.compile(
-    rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_WITHOUT_YEAR}|{ANY}", re.IGNORECASE
+    rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_WITHOUT_YEAR}|{_DAY_OF_YEAR}|{ANY}",
+    re.IGNORECASE,
 )
 _POINTS = r"(?<=\d[T\s])\d{1,2}\.\d{2}(?:\.\d{2})?$"  # between hour and minute, as in Italy
 _LATE = r"[T\s]24:00(?::00)?\b"
@@ -181,7 +183,10 @@ def read_stamps(
 
 def _with_years(cells: pd.Series, year: int | None) -> tuple[pd.Series, list[str]]:
     """Stamps that have a month and a day alone, with a year, and a remark on it; others as they are."""
-    if not cells.iloc[:1000].astype(str).str.strip().str.fullmatch(_WITHOUT_YEAR).all():
+    head = cells.iloc[:1000].astype(str).str.strip()
+    if head.str.match(rf"(?i){_DAY_OF_YEAR}\s+\d").all():
+        cells = cells.astype(str).str.strip().str.replace(rf"(?i)^{_DAY_OF_YEAR}", _in_numbers, regex=True)
+    elif not head.str.fullmatch(_WITHOUT_YEAR).all():
         return cells, []
     text = cells.astype(str).str.strip()
     apart = text.str.extract(r"^(\d{1,2})/(\d{1,2})\s+(.*)$")
@@ -193,6 +198,12 @@ def _with_years(cells: pd.Series, year: int | None) -> tuple[pd.Series, list[str
     ]  # fmt: skip
     years = (first + (month.diff() < -6).cumsum()).astype(str)
     return years + "-" + apart[0].str.zfill(2) + "-" + apart[1].str.zfill(2) + " " + apart[2], notes
+
+
+def _in_numbers(day: re.Match[str]) -> str:
+    """A day such as Mon 01/Oct as 10/01."""
+    name = day[2].rstrip(".").lower()
+    return f"{pd.Timestamp(f'2000 {_MONTHS.get(name, name)} 1').month}/{day[1]}"
 
 
 def _plain(cells: pd.Series) -> tuple[pd.Series, np.ndarray]:
