@@ -125,6 +125,7 @@ def test_storeys_means_and_guests_are_not_doubted(name):
         ("Chiller cooling load (kW)", "Q_cool", False),
         ("Chiller (tons)", "Q_cool", False),
         ("Elektroheizung kWh", "Q_heat", True),
+        ("Heat pump heat output (W)", "Q_heat", False),  # its electricity came before it
         ("Riscaldamento potenza elettrica kW", "Q_heat", True),
         ("Consommation chauffage kWh", "Q_heat", True),
         ("HVAC cooling power (kW)", "Q_cool", False),  # it was heat, by its sign
@@ -258,6 +259,9 @@ def test_names_of_simulations_and_of_more_languages(name, role):
         ("Heating MBTU", None, None),
         ("Irradiance (klux)", None, None),  # it was kW/m2
         ("Heat (kilowatt-hours)", "Q_heat", "kWh"),
+        ("Qheat kJ/h", "Q_heat", "kJ/h"),  # its unit was not read without brackets, nor those below
+        ("Heating kcal/h", "Q_heat", "kcal/h"),
+        ("heating_MMBtu/h", "Q_heat", "MMBtu/h"),
         ("Heating kBtu/hr", "Q_heat", "kBtu/h"),
         ("Heating runtime (min)", "u_heat", "min"),
     ],
@@ -356,6 +360,7 @@ def test_numbered_zones_of_modelica(outdoor, room, heat):
         ("Ruimtetemperatuur gemeten 1.01", "T_za"),
         ("Ruimtetemperatuur berekend koelen 1.01", "T_cool_set"),  # of Priva, which calculates what it holds
         ("WMZ Energie [MWh]", "Q_heat"),
+        ("OSA Temp", "T_oa"),
         ("Wunschtemperatur Zone 1", "T_heat_set"),  # it was the room's
         ("Température séjour", "T_za"),
     ],

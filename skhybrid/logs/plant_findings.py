@@ -94,15 +94,15 @@ def cold_findings(frame: pd.DataFrame, columns: Mapping[str, str]) -> Iterator[F
         heats, room = role.replace("cool", "heat", 1), f"T_za{role[len('u_cool') :]}"
         if not role.startswith(("u_cool", "Q_cool")) or {room, "T_oa"} - set(frame) or heats in columns:
             continue
-        cold = frame[role].abs()[frame["T_oa"] < frame[room] - _COLDER_OUT].dropna()
-        share = (
-            float((cold > RUNS * frame[role].abs().quantile(0.99)).mean()) if len(cold) * step >= _HOTTER_FOR else 0.0
-        )
+        values = frame[role]
+        cold = values.abs()[frame["T_oa"] < frame[room] - _COLDER_OUT].dropna()
+        if len(cold) * step < _HOTTER_FOR or values.min() < 0.0 < values.max():  # which is an error of its own
+            continue
+        share = float((cold > RUNS * values.abs().quantile(0.99)).mean())
         if share > _MOST_RUN:
-            text = (
-                f"is taken for cooling, but runs in {percent(share)} of the hours when it is {_COLDER_OUT:g} K colder"
-            )
-            yield Finding("warning", name, f"{text} outdoors than in the room: is it heating? Then give it as {heats}.")
+            text = f"is taken for cooling, but runs in {percent(share)} of the hours when it is {_COLDER_OUT:g} K"
+            advice = f"is it heating? Then give it as {heats}."
+            yield Finding("warning", name, f"{text} colder outdoors than in the room: {advice}")
 
 
 def _left_alone(missed: pd.Series) -> pd.Index | None:

@@ -9,8 +9,8 @@ ROOM = (
     r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp|huone|sisal|sisail|keittio"
 )
 OUT = (
-    r"\b(out|oa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bul|aussen|draussen|"
-    r"temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
+    r"\b(out|oa|osa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bul|aussen|"
+    r"draussen|temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
     r"zewnetrzn|venkov|utomhus|\bute ?temp|udetemp|\bulko"
 )
 OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
@@ -104,8 +104,8 @@ ELECTRICITY = (
     rf"ele[ck]|sahko|elettr|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
     r"consum(ption|ed|o)|consom|verbrauch|verbruik|(?<!lammon)kulutus|plug|socket|chiller(?! (load|evap|cool))"
 )
-DELIVERED = (
-    r"thermal|thermique|termic|produced|delivered|(wae?rme|heiz)leistung|warmteafgifte"  # the heat of a heat pump
+DELIVERED = (  # the heat of a heat pump
+    r"thermal|thermique|termic|produced|delivered|heat(ing)? (output|production)|(wae?rme|heiz)leistung|warmteafgifte"
 )
 #: what no model reads
 OTHER = (

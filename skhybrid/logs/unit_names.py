@@ -55,7 +55,7 @@ _IS_FOREIGN = re.compile(rf"(?:{_FOREIGN})\Z", re.IGNORECASE)
 _OTHER = re.compile(rf"(?:{_OTHERS})\Z", re.IGNORECASE)
 #: a text that is surely a unit of power or energy, known or not
 _OF_POWER = re.compile(r"[kMGTm]{0,2}(?:W|J|cal|Btu|VA)(?:h|hrs?|s)?(?:[\s/*·^²_-].*)?\Z", re.IGNORECASE)
-_LAST = re.compile(r"(?<=[\s_])(?:[kM]?Wh?/\S+|[kM]?J/\S+|[kM]{0,2}Btu\S*)\Z", re.IGNORECASE)
+_LAST = re.compile(r"(?<=[\s_])([kM]?Wh?/\S+|[kMG]?J/\S+|[kG]?cal/\S+|[kM]{0,2}Btu\S*)\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
     r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
@@ -80,7 +80,7 @@ def unit_text(name: str) -> str | None:
     found = _BRACKETS.search(name)
     if found and (found[1].strip() and is_unit(found[1])):
         return found[1].strip()
-    if ending := _ENDING.search(name):
+    if (ending := _ENDING.search(name)) or ((ending := _LAST.search(name)) and is_unit(ending[1])):
         return ending[1]
     return unit_text(name[: found.start()]) if found else None  # EnergyPlus ends with (TimeStep)
 
