@@ -8,6 +8,7 @@ import pytest
 
 from skhybrid.logs import LogReport
 from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.logs.zone_names import assign_zone_roles
 
 STAMPS = pd.date_range("2024-01-15", periods=240, freq="1h")
 HOURS = np.asarray(STAMPS.hour)
@@ -409,3 +410,10 @@ def test_an_air_conditioner_that_runs_in_the_cold_is_asked_about(outdoor, asked)
     ) == asked
     both = LogReport(frame.assign(**{"Heat valve": 1.0 - runs}))
     assert not [f for f in both.findings if f.where == "AC on"]
+
+
+@pytest.mark.parametrize("zone", ["zon1", "roo2", "zone1", "room_3", "master_bedroom"])
+def test_the_name_of_a_zone_is_found_as_it_was_given(zone):
+    names = {f"{zone} valve": None, f"{zone} temp": None}
+    found = assign_zone_roles(names, {f"T_za_{zone}": f"{zone} temp", "T_za_hall": "hall temp"})
+    assert [guess.role for guess in found.values()] == [f"u_heat_{zone}", f"T_za_{zone}"]

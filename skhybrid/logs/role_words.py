@@ -126,7 +126,7 @@ OTHER = (
     r"|previs|vorhersage|prognos|verwacht|wet ?bulb|feuchtkugel|apparent|feels like|gefuhlt|ressenti|wind ?chill|"
     r"\b(plug|light(ing|s)?|base|it|server|internal|electric(al|ity)?|appliance|equipment) loads?\b|"
     r"\bshift|adjust|verschieb|korrektur|\bheat (gain|loss)|recovery|\bwrg\b|efficien|voltage|kayttove|lammin ?ve|"
-    r"ilmanvaih|puhal|valais|\btuul|sade(maar|\b)|ilmanpaine|lasnaolo"
+    r"ilmanvaih|puhal|valaist|\btuul|sade(maar|\b)|ilmanpaine|lasnaolo"
 )
 POWER = (
     r"\bkw\b|power|capacity|electricity|elec\b|\bq (hea|coo|flo)|heat (rate|flow)|leistung|vermogen|puissance|teho\b|"

@@ -183,7 +183,7 @@ def words_of(name: str, zones: Iterable[str] = ()) -> list[str]:
     """The words of a name, those of each zone as one: ``master_bedroom`` is not ``bedroom``."""
     text = _NUMBERED.sub(r"\1\2", plain(name))
     for zone in sorted(zones, key=len, reverse=True):
-        text = re.sub(rf"\b{zone.replace('_', ' ')}\b", zone, text)
+        text = re.sub(rf"\b{' '.join(words_of(zone))}\b", zone, text)
     return text.split()
 
 
