@@ -63,8 +63,9 @@ _DAY_OF_YEAR = rf"{_WEEKDAY}?(\d{{1,2}})[/-]({_MONTH})"  # of IES, without a yea
 _IS_DATE = re.compile(rf"{_DATE}|{_DAY_OF_YEAR}", re.IGNORECASE)
 _IS_TIME = re.compile(_TIME, re.IGNORECASE)
 _WITHOUT_YEAR = r"\d{1,2}/\d{1,2}\s+\d{1,2}:\d{2}(?::\d{2})?"  # of EnergyPlus
+_JOINED = r"(?:DT#)?(\d{4}-\d{1,2}-\d{1,2})[-_](?=\d{1,2}:\d{2})"  # to the time, as controllers and FHEM write it
 _IS_STAMP = re.compile(
-    rf"{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_WITHOUT_YEAR}|{_DAY_OF_YEAR}|{ANY}",
+    rf"{_JOINED}{_TIME}|{_DATE}(?:(?:T|[\s,]+)(?:{_TIME}|\d{{4}}(?:\d{{2}})?){_ZONE})?|{_WITHOUT_YEAR}|{_DAY_OF_YEAR}|{ANY}",
     re.IGNORECASE,
 )
 _POINTS = r"(?<=\d[T\s])\d{1,2}\.\d{2}(?:\.\d{2})?$"  # between hour and minute, as in Italy
@@ -220,6 +221,8 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
     """The stamps of a block, None where they need no change; marks those at 24:00 in ``late``."""
     plain = cells.astype(str).str.strip()
     text = with_separators(plain)
+    if text.iloc[:1000].str.match(_JOINED).any():
+        text = text.str.replace(f"^{_JOINED}", r"\1 ", regex=True)
     if text.iloc[:1000].str.contains(r"\.\s|\.$", regex=True).any():
         text = text.str.replace(_SPACED, r"\1.\2.\3", regex=True)
     if text.iloc[:1000].str.contains(_POINTS, regex=True).any():
