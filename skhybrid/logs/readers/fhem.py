@@ -30,7 +30,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 def read(path: Path, **options: Any) -> RawLog:
     """Read a file log into one column per device and reading; the options are those of ``Choice``."""
-    pieces = Pieces((), (_STAMP,), repr(path.name), "FHEM")
+    pieces = Pieces((), (_STAMP,), repr(path.name), "FHEM", first_line=1)
     pieces.frames = _frames(path, pieces)
     return assemble_long(pieces, POINT, VALUE, Choice(**options))
 
