@@ -103,6 +103,18 @@ def test_a_back_test_goes_on_from_the_training_that_is_in_its_table(model, log, 
     pd.testing.assert_frame_equal(frame, backtest(model, later, later[T_OF], **given))
 
 
+@pytest.mark.parametrize("limits", [None, (-2.0, 3.0), {"kitchen": (0.0, 1.0)}])
+def test_loads_go_on_from_the_training_that_is_in_their_table(model, log, limits):
+    rows = log[TRAINED - 2 * DAY - 5 : TRAINED + 2 * DAY]
+    held = {zone: (rows[f"T_heat_set_{zone}"], None) for zone in ZONES}
+    later, known = (
+        {zone: (low[part], None) for zone, (low, _) in held.items()} for part in (slice(53, None), slice(53))
+    )
+    load = model.predict_load(rows, held, limits)
+    pd.testing.assert_frame_equal(load[53:], model.predict_load(rows[53:], later, limits))
+    pd.testing.assert_frame_equal(load[:53], model.predict_load(rows[:53], known, limits))
+
+
 def test_errors_of_the_weather_forecast_are_those_of_each_origin_in_all_zones(model, later):
     given = {"start": later.index[4 * DAY], "quantiles": LEVELS, "heat_known": False}
     exact = backtest(model, later[: 6 * DAY + 1], later[T_OF][: 6 * DAY + 1], **given)

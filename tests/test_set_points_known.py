@@ -178,6 +178,20 @@ def test_a_closed_loop_goes_on_from_the_training_that_is_in_its_table(log, model
             np.testing.assert_array_equal(values[1], own[0])
 
 
+@pytest.mark.parametrize("scheme", ["model", "two_stages"])
+@pytest.mark.parametrize("held", [21.0, (20.0, 24.0)])
+def test_a_load_goes_on_from_the_training_that_is_in_its_table(log, scheme, held, request):
+    """From the midnight before the training's end it was that of a model without history."""
+    model = request.getfixturevalue(scheme)
+    begin, end = (TRAINED if scheme == "model" else 14 * DAY) - 29, 3 * DAY
+    X = log[begin : begin + 29 + end]
+    load, limits = model.predict_load(X, held), (np.linspace(-4.0, -3.0, len(X)), 5.0)
+    pd.testing.assert_frame_equal(load[29:], model.predict_load(X[29:], held))
+    pd.testing.assert_frame_equal(load[:29], model.predict_load(X[:29], held))
+    limited = model.predict_load(X, held, limits)
+    pd.testing.assert_frame_equal(limited[29:], model.predict_load(X[29:], held, (limits[0][29:], 5.0)))
+
+
 def test_quantiles_reach_a_member_by_their_distance_from_the_median():
     offsets = np.array([[-1.0, 0.1, 1.0], [-1.0, 0.1, 1.0], [-1.0, 0.1, 1.0]])
     found = reaching(offsets, np.array([4.0, -4.0, 0.5]), np.array([0.1, 0.5, 0.7]))

@@ -44,6 +44,10 @@ class Limits(NamedTuple):
         """The same limits in all rows."""
         return cls(np.full(n_rows, lowest), np.full(n_rows, highest))
 
+    def rows(self, chosen: slice) -> Limits:
+        """The limits of some of the rows."""
+        return Limits(*(side[chosen] for side in self))
+
     def within(self, lowest: float, highest: float) -> Limits:
         """The narrower of these limits and a range [kW]."""
         return Limits(*(np.clip(side, lowest, highest) for side in self))

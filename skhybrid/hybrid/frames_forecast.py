@@ -13,7 +13,7 @@ from .._joining import read_now, refuse_no_frames
 from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
 from .._threads import one_blas_thread
-from ..control import read_limits, read_plant_limits, read_setpoint
+from ..control import Band, Limits, read_limits, read_plant_limits, read_setpoint
 from ..forecasting.quantiles import quantile_columns, read_quantiles
 from ..forecasting.weather_error import read_weather_error, weather_of_quantiles
 from .frames_reading import FramesReadingMixin
@@ -184,7 +184,8 @@ class FramesForecastMixin(FramesReadingMixin):
         Parameters
         ----------
         X : DataFrame or array-like of shape (n_samples, n_features)
-            Heating and cooling columns are read up to each origin only; rows ahead need none.
+            Heating and cooling columns are read up to each origin only; rows ahead need none.  Where X begins with
+            known rows (:meth:`n_known_of`), those after the last of these go on from it.
         setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
             Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
             row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
@@ -218,12 +219,31 @@ class FramesForecastMixin(FramesReadingMixin):
     ) -> pd.DataFrame:
         """The frame of :meth:`predict_load`; of a zone without a plant its load is 0."""
         levels = None if quantiles is None else read_quantiles(quantiles)
-        table, _, origins = self._load_rows(X, self._plant)
-        run = self._run
-        table = run.with_earlier(table)
-        here = table.rows(slice(table.n_history, None))
+        table, n_tail, origins = self._load_rows(X, self._plant)
+        here = table.rows(slice(n_tail, None))
         wanted, within = read_setpoint(setpoint, here), None if limits is None else read_limits(limits, here)
-        return run.held(table, origins + table.n_history, wanted, within, levels)
+        if not (n := self._n_known_before(table, n_tail)):
+            return self._load_of(table, origins + n_tail, wanted, within, levels)
+        past, later = slice(n), slice(n, None)
+        earlier = self._load_of(
+            table.rows(past), origins[origins < n], wanted.rows(past), within and within.rows(past), levels
+        )
+        table, n_tail = self._after_tail(table.rows(later))
+        origins = np.append(n, origins[origins > n]) - n + n_tail
+        load = self._load_of(table, origins, wanted.rows(later), within and within.rows(later), levels)
+        return pd.concat([earlier, load.set_axis(here.index[later])])
+
+    def _load_of(
+        self, table: ZoneTable, origins: np.ndarray, wanted: Band, within: Limits | None, levels: np.ndarray | None
+    ) -> pd.DataFrame:
+        """The load of the rows of a table after its history, from origins among them."""
+        longer = self._run.with_earlier(table)
+        return self._run.held(longer, origins + longer.n_rows - table.n_rows, wanted, within, levels)
+
+    def _n_known_before(self, table: ZoneTable, n_tail: int) -> int:
+        """Number of the first rows of a table that are known already, where others follow these in it."""
+        n_known = 0 if n_tail else self._n_known(table)
+        return n_known if n_known < table.n_rows else 0
 
     @one_blas_thread
     def closed_loop_from(

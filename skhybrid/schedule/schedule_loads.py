@@ -45,10 +45,8 @@ def loads(
     frames = []
     for origin, end, state in zip(origins, ends, states, strict=True):
         rows = slice(origin - origins[0], end - origins[0])
-        band = Band(*(side[rows] for side in setpoint))
-        within = Limits(*(side[rows] for side in limits))
-        ahead = segment.between(int(origin), int(end))
-        frames.append(_load_from(fit, ahead, state, table.index[origin:end], band, within, variation))
+        ahead, asked = segment.between(int(origin), int(end)), (setpoint.rows(rows), limits.rows(rows))
+        frames.append(_load_from(fit, ahead, state, table.index[origin:end], *asked, variation))
     return pd.concat(frames) if len(frames) > 1 else frames[0]
 
 

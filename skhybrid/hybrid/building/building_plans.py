@@ -13,7 +13,7 @@ from ..._clock import hour_of_day
 from ..._table import ZoneTable
 from ..._time import wall_clock
 from ..._warnings import ignore, warnings_dropped, warnings_to
-from ...control import Limits, LoadPaths, heat_column, read_limits
+from ...control import Limits, LoadPaths, heat_column, read_limits, read_setpoint
 from ...exceptions import PlanWarning, UnitWarning
 from ...forecasting.quantiles import LeftOut
 from ...forecasting.weather_error import WeatherError
@@ -79,16 +79,30 @@ def closed_loops(zones: FittedZones, X: Any, origins: np.ndarray, *asked: Any) -
 
 def loads_of_zones(zones: FittedZones, rows: Any, wanted: Mapping[str, Any], limits: Any) -> pd.DataFrame:
     """Loads of all zones under set-points, within limits of each zone's own plant or of one for all."""
-    if limits is None or isinstance(limits, Mapping):
-        own = zones.arguments.limits(limits)
-        return _loads(zones, rows, wanted, {key: own.get(key[0]) for key in product(zones.own, (False, True))})[0]
-    first = zones.first
-    with of_zone(zones.columns.zones[0]):
-        table, n_tail, _ = first._load_rows(rows, first._plant)
-    shared = read_limits(limits, table.rows(slice(n_tail, None)))
-    if (shared.lower > 0.0).any() or (shared.upper < 0.0).any():
+    shared = limits is not None and not isinstance(limits, Mapping)
+    most = {} if shared else {zone: own for zone, own in zones.arguments.limits(limits).items() if own is not None}
+    here, held, n_known = {}, {}, len(rows)
+    for zone, model in zones.own.items():
+        with of_zone(zone):
+            with warnings_to(ignore):  # told where it is forecast
+                table, n_tail, _ = model._load_rows(rows, model._plant)
+            here[zone], n_known = table.rows(slice(n_tail, None)), min(n_known, model._n_known_before(table, n_tail))
+            if model._plant:
+                held[zone] = read_setpoint(wanted.get(zone), here[zone])
+            if zone in most:
+                most[zone] = read_limits(most[zone], here[zone])
+    together = read_limits(limits, here[zones.columns.zones[0]]) if shared else None
+    if together and ((together.lower > 0.0).any() or (together.upper < 0.0).any()):
         raise ValueError("limits of all zones together must have 0 kW, a plant that is off, between them.")
-    return _shared_out(zones, rows, wanted, shared)
+    loads = []
+    for part in (slice(n_known), slice(n_known, None)) if n_known else (slice(None),):  # the known rows by themselves
+        X, bands, own = rows[part], *({zone: v.rows(part) for zone, v in given.items()} for given in (held, most))
+        if together:
+            loads.append(_shared_out(zones, X, bands, together.rows(part)))
+        else:
+            within = {key: own.get(key[0]) for key in product(zones.own, (False, True))}
+            loads.append(_loads(zones, X, bands, within)[0])
+    return pd.concat(loads)
 
 
 def _loads(
