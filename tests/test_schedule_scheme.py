@@ -18,6 +18,7 @@ from skhybrid.control.setpoints import Band, Limits
 from skhybrid.datasets import load_small_office, make_office
 from skhybrid.filtering import ForecastSample
 from skhybrid.hybrid.blending.blend import blend_weights, by_lead, faded, lead_groups, moments
+from skhybrid.hybrid.blending.daily_profile import MeanDay, ProfileRows
 from skhybrid.hybrid.blending.members import ARXMember, DailyProfileMember
 from skhybrid.hybrid.blending.numbered_table import NumberedTable
 from skhybrid.hybrid.blending.rolling_blend import BlendRecord, RollingBlend, residual_correction
@@ -496,6 +497,22 @@ def test_the_daily_profile_by_plain_loops():
     sample = ForecastSample(np.arange(0, 48, 5), leads)
     errors = rule.left_out(training, sample, np.zeros(len(sample.origins), dtype=int))
     np.testing.assert_allclose(errors[7], [T[35 + h] - forecast(35, h) for h in leads], atol=1e-9)
+
+
+def test_the_hour_that_comes_twice_counts_once_in_however_many_calls_it_comes():
+    """At once the second hour counted, row by row the first: forecasts differed for as long as a day is remembered."""
+    index = pd.date_range("2023-10-28", periods=72, freq="1h", tz="Europe/Berlin")
+    T = np.arange(72.0)
+    X = pd.DataFrame({"T_oa": T, "T_za": T}, index=index)
+    rows = ProfileRows.of(read_table(HybridPredictor(), X, reset=True), T)
+    at_once, by_row = (MeanDay(24, 20.0, int(rows.place[0])) for _ in range(2))
+    at_once.extend(rows, 0, 72)
+    for i in range(72):
+        by_row.extend(rows, i, i + 1)
+    twice, ends = np.array([24 + 2]), rows.place[[25, 26, 27, 71]]
+    found = [[mean.at(rows, twice, end)[0] for end in ends] for mean in (at_once, by_row)]
+    of_both = (26.0 + 2.0 * 0.5 ** (1 / 7)) / (1.0 + 0.5 ** (1 / 7))
+    np.testing.assert_allclose(found, [[2.0, *[of_both] * 3]] * 2, rtol=1e-12)
 
 
 def test_the_daily_profile_of_the_training_serves_a_table_elsewhere(office):

@@ -51,7 +51,8 @@ class MeanDay:
         T, place, weekend = rows.T[chosen], rows.place[chosen], rows.weekend[chosen]
         n, day = len(self._days), self._per_day
         at = place - self._last - 1 + n
-        new = np.isfinite(T) & (at >= n)  # the hour that comes twice in autumn counts once
+        # of the hour that comes twice in autumn the first counts, in however many calls the rows come
+        new = np.isfinite(T) & (at > np.maximum.accumulate(np.append(n - 1, at[:-1])))
         days = np.concatenate([self._days, np.zeros((max(int(at.max(initial=0)) + 1 - n, 0), 3, 2))])
         days[at[new], 0, weekend[new]], days[at[new], 1, weekend[new]] = T[new], 1.0
         for k in range(n, len(days), day):
