@@ -345,6 +345,18 @@ def test_one_update_is_many_of_one_row_and_a_history(log, two_stages):
         pd.testing.assert_frame_equal(model.forecast(None, future), given, rtol=0, atol=1e-9)
 
 
+def test_a_forecast_leaves_no_refit_on_rows_that_nobody_knew(log):
+    """The week's fit was made of a disturbance that the forecast itself had guessed, and kept for that week."""
+    begin, before, end = 14 * DAY, TRAINED - 5, TRAINED + DAY
+    gray_box = InputDisturbanceID("1R1C", known={"Q_h": 6.0}, n_starts=1)
+    model = TwoStagePredictor(gray_box, intervals=False, random_state=0).fit(log[:begin], log["T_za"][:begin])
+    asked = copy.deepcopy(model).update(log[begin:before])
+    asked.forecast(None, ahead(log, before))
+    asked.update(log[before:end])
+    expected = model.update(log[begin:end]).forecast(None, ahead(log, end))
+    pd.testing.assert_frame_equal(asked.forecast(None, ahead(log, end)), expected, rtol=0, atol=1e-9)
+
+
 def test_a_load_of_a_thermostat_is_the_learned_one(log, model):
     later = ahead(log, TRAINED)
     sides = later[["T_heat_set", "T_cool_set"]]

@@ -98,12 +98,15 @@ class EarlierStates(Scheme):
         self, out: LoadPaths, group: np.ndarray, table: ZoneTable, origins: np.ndarray, wanted: WantedPaths
     ) -> None:
         """Write the paths of origins that lie so far apart that one call of ``required_heat`` has them all."""
-        n_leads, n, begin, own = out.heat.shape[1], table.n_rows, table.n_history, origins[group]
+        n_leads, begin, own = out.heat.shape[1], table.n_history, origins[group]
+        # no start comes after the last wanted one: rows from there on may be unknown, and a refit on them would be kept
+        table = table.rows(slice(None, min(table.n_rows, int(own[-1]) + n_leads + 1)))
+        n = table.n_rows
         # a path ends where the next one starts: more starts keep paths short, but none may lie within a wanted path
         between = np.arange(begin, n, n_leads + 1)
         since = between[:, None] - own
         starts = np.union1d(own, between[~((since > 0) & (since <= n_leads)).any(axis=1)])
-        band, within = wanted.band.rows(slice(begin, None)), Limits.constant(-np.inf, np.inf, n - begin)
+        band, within = wanted.band.rows(slice(begin, n)), Limits.constant(-np.inf, np.inf, n - begin)
         for side, limit in zip(within, wanted.limits, strict=True):
             for i in group:
                 side[origins[i] - begin :][:n_leads] = limit[i]
