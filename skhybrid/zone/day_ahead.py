@@ -94,7 +94,7 @@ def day_ahead(
     measured = settings.roles_of("T_za")
     refuse_stuck(frame, measured, origin)
     refuse_cut_value(frame, settings, origin)
-    later = _not_past(frame[frame.index > origin], measured)
+    later, half_written = _without_half_row(_not_past(frame[frame.index > origin], measured), settings)
     end = origin + pd.Timedelta(settings.horizon)
     given = later
     if weather is not None:
@@ -109,6 +109,7 @@ def day_ahead(
     shown = ahead[[*(role for role in held if role not in idle), *weather_roles]]
     out = with_electricity(found.join(shown), settings).rename_axis("time")
     remarks = [
+        *half_written,
         *_unused(later, settings, schedule, {role: idle[role] for role in held if role in idle}),
         *([] if unread is None or unread.is_step else [str(unread)]),
         *zone.remarks_on_outages(frame, history),
@@ -145,6 +146,19 @@ def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
         after = later.iloc[int(np.flatnonzero(past)[-1]) + 1 :]
         later = later.drop(columns=[role for role in later if after[role].isna().all() and role not in measured])
     return later.drop(columns=measured)
+
+
+def _without_half_row(later: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    """Rows after the origin without heat and set-points of the first alone, which is no plan of a day; and a remark."""
+    if later.empty or pd.Timedelta(settings.horizon) <= pd.Timedelta(settings.step):
+        return later, []
+    known = later[[role for role in map(str, later) if is_plant(role) or role in settings.setpoints]].notna()
+    alone = list(known.columns[known.iloc[0] & ~known.iloc[1:].any()])
+    names = listed(log_columns(alone, settings) or alone)
+    text = (
+        f"the row {later.index[0]}, with {names} but no temperature, seems half written and is left for the next time"
+    )
+    return later.drop(columns=alone), [text] if alone else []
 
 
 def _from_origin(given: pd.DataFrame, later: pd.DataFrame) -> pd.DataFrame:
