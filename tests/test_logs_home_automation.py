@@ -460,3 +460,18 @@ def test_the_file_log_of_fhem(tmp_path):
     (tmp_path / "fhem.log").write_text("2018-13-45_01:00:00 Bad T: 1\n", encoding="utf-8")
     with pytest.raises(ValueError, match=r"row 1 of 'fhem\.log': the time stamp '2018-13-45 01:00:00' is not a date"):
         read_log(tmp_path / "fhem.log")
+
+
+def test_raw_statistics_as_csv_are_read_by_sensor(tmp_path):
+    """With their column of stamps given, the values of all sensors were mixed in silence."""
+    stamps = pd.date_range("2024-01-01", periods=200, freq="1h", tz="UTC")
+    rows = [(t.timestamp(), sensor, T, T - 0.2) for t in stamps for sensor, T in ((7, 20.0), (12, 5.0 + t.hour))]
+    path = tmp_path / "statistics.csv"
+    pd.DataFrame(rows, columns=["start_ts", "metadata_id", "mean", "min"]).to_csv(path)
+    for given in ({}, {"time_column": "start_ts"}):
+        with pytest.raises(ValueError, match="point_column='metadata_id' and value_column='mean'"):
+            read_log(path, format="CSV", **given)
+    named = {"time_column": "start_ts", "point_column": "metadata_id", "value_column": "mean"}
+    frame = read_log(path, "change of value", **named).frame
+    assert (frame.index == stamps).all()
+    np.testing.assert_array_equal(frame["12"], 5.0 + stamps.hour)

@@ -80,6 +80,16 @@ def _refuse_shifted(rows: Sequence[Sequence[str]], layout: Layout, where: str) -
             )
 
 
+def _refuse_statistics(sample: pd.DataFrame, where: str) -> None:
+    """Refuse a raw table of Home Assistant's statistics of several sensors, whose rows would be mixed."""
+    if {"metadata_id", "start_ts", "mean"} <= set(sample) and len(set(sample["metadata_id"])) > 1:
+        raise ValueError(
+            f"{where} is a table of Home Assistant's statistics, whose column 'metadata_id' numbers the sensors; pass "
+            "format='change of value', time_column='start_ts', point_column='metadata_id' and value_column='mean', or "
+            "give the database itself."
+        )
+
+
 def looks_like(path: Path, head: str) -> bool:
     """Whether a file is a text table with time stamps."""
     lines = head.splitlines()
@@ -92,6 +102,7 @@ def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **op
     choice = Choice(**options)
     table = open_table(path, sep, decimal)
     where = repr(path.name)
+    _refuse_statistics(table.sample, where)
     stamps = find_stamp_columns(table.sample, choice.time_column, where)
     if blocks := paired_columns(table.sample, stamps):
         wanted = choice.wanted(table.layout.names, tuple(blocks), where)
