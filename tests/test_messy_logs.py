@@ -1092,6 +1092,23 @@ def test_days_and_months_without_a_year(write, form):
     np.testing.assert_allclose(log.frame["Air temperature"], ROOM)
 
 
+@pytest.mark.parametrize("start", ["2018-10-01", "2023-12-30", "2020-02-27"])
+def test_days_of_the_week_tell_the_year(write, start):
+    """It was assumed to begin on a Sunday, and weekends were those of another year."""
+    stamps = pd.date_range(start, periods=10 * 24, freq="1h")
+    rows = "".join(f"{t:%a %d/%b},{t:%H:%M},{20 + t.hour / 10}\n" for t in stamps)
+    log = read_log(write(f"Date,Time,Air temperature\n{rows}"))
+    found = log.frame.index
+    assert (found.strftime("%a %d/%b %H:%M") == stamps.strftime("%a %d/%b %H:%M")).all()
+    now = pd.Timestamp.now()
+    later = (t for k in range(1, now.year - stamps[0].year + 1) if (t := found[-1] + pd.DateOffset(years=k)) <= now)
+    assert found[-1] <= now
+    assert all(t.weekday() != found[-1].weekday() or t.is_leap_year != found[-1].is_leap_year for t in later)
+    assert f"the stamps have no year: {found[0].year} is the last one with these days of the week" in str(log.notes)
+    wrong = rows.replace("Mon", "Sat")
+    assert "which begins on a Sunday" in str(read_log(write(f"Date,Time,Air temperature\n{wrong}")).notes)
+
+
 def test_values_that_another_at_the_same_stamp_replaces_are_told(write):
     """The hour that a clock without a time zone shows twice was lost in silence."""
     stamps = pd.date_range("2023-10-28", periods=48, freq="1h", tz="Europe/Berlin").tz_localize(None)

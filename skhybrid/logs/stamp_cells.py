@@ -71,6 +71,7 @@ _IS_STAMP = re.compile(
 _POINTS = r"(?<=\d[T\s])\d{1,2}\.\d{2}(?:\.\d{2})?$"  # between hour and minute, as in Italy
 _LATE = r"[T\s]24:00(?::00)?\b"
 _SUNDAY, _LEAP_SUNDAY = 2017, 2012  # years that begin on a Sunday
+_CALENDARS = 28  # years after which the days of the week come again
 
 
 def is_stamp(text: str) -> bool:
@@ -184,21 +185,36 @@ def read_stamps(
 
 def _with_years(cells: pd.Series, year: int | None) -> tuple[pd.Series, list[str]]:
     """Stamps that have a month and a day alone, with a year, and a remark on it; others as they are."""
-    head = cells.iloc[:1000].astype(str).str.strip()
+    head, days = cells.iloc[:1000].astype(str).str.strip(), None
     if head.str.match(rf"(?i){_DAY_OF_YEAR}\s+\d").all():
+        days = cells.astype(str).str.strip().str.extract(r"(?i)^(mon|tue|wed|thu|fri|sat|sun)")[0]
         cells = cells.astype(str).str.strip().str.replace(rf"(?i)^{_DAY_OF_YEAR}", _in_numbers, regex=True)
     elif not head.str.fullmatch(_WITHOUT_YEAR).all():
         return cells, []
     text = cells.astype(str).str.strip()
     apart = text.str.extract(r"^(\d{1,2})/(\d{1,2})\s+(.*)$")
     month = pd.to_numeric(apart[0])
-    leap = ((month == 2) & (pd.to_numeric(apart[1]) == 29)).any()
-    first = year or (_LEAP_SUNDAY if leap else _SUNDAY)
-    notes = [] if year else [
-        f"the stamps have no year: {first} is assumed, which begins on a Sunday; give year = in [log]"
-    ]  # fmt: skip
-    years = (first + (month.diff() < -6).cumsum()).astype(str)
+    dates = pd.DataFrame({"year": (month.diff() < -6).cumsum(), "month": month, "day": pd.to_numeric(apart[1])})
+    leap = ((month == 2) & (dates["day"] == 29)).any()
+    dated = None if year or days is None else _year_of_weekdays(dates.assign(weekday=days.str.lower()))
+    first = year or dated or (_LEAP_SUNDAY if leap else _SUNDAY)
+    why = "is the last one with these days of the week" if dated else "is assumed, which begins on a Sunday"
+    notes = [] if year else [f"the stamps have no year: {first} {why}; give year = in [log]"]
+    years = (first + dates["year"]).astype(str)
     return years + "-" + apart[0].str.zfill(2) + "-" + apart[1].str.zfill(2) + " " + apart[2], notes
+
+
+def _year_of_weekdays(days: pd.DataFrame) -> int | None:
+    """The latest year, not in the future, in which all days fall on their day of the week; None where there is none.
+
+    The column ``year`` counts from that of the first row.
+    """
+    days, now = days.drop_duplicates(), pd.Timestamp.now()
+    for year in range(now.year, now.year - _CALENDARS, -1):
+        dates = pd.to_datetime(days[["year", "month", "day"]].assign(year=year + days["year"]), errors="coerce")
+        if dates.iloc[-1] <= now and (dates.dt.day_name().str[:3].str.lower() == days["weekday"]).all():
+            return year
+    return None
 
 
 def _in_numbers(day: re.Match[str]) -> str:
