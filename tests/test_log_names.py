@@ -417,3 +417,12 @@ def test_the_name_of_a_zone_is_found_as_it_was_given(zone):
     names = {f"{zone} valve": None, f"{zone} temp": None}
     found = assign_zone_roles(names, {f"T_za_{zone}": f"{zone} temp", "T_za_hall": "hall temp"})
     assert [guess.role for guess in found.values()] == [f"u_heat_{zone}", f"T_za_{zone}"]
+
+
+@pytest.mark.parametrize("names", [["tC"], ["tC", "tF"], ["Temp C", "Temp F"], ["tF"]])
+def test_a_temperature_in_two_units_is_one(names):
+    """Shelly writes tC and tF, of which none was placed."""
+    values = {name: ROOM if name.endswith("C") else 1.8 * ROOM + 32.0 for name in names}
+    report = LogReport(pd.DataFrame({"outdoor temperature [°C]": ROOM - 15.0, **values}, STAMPS))
+    assert report.roles["T_za"] == names[0]
+    np.testing.assert_allclose(report.frame["T_za"], ROOM)

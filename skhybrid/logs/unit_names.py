@@ -58,7 +58,7 @@ _OF_POWER = re.compile(r"[kMGTm]{0,2}(?:W|J|cal|Btu|VA)(?:h|hrs?|s)?(?:[\s/*·^�
 _LAST = re.compile(r"(?<=[\s_])([kM]?Wh?/\S+|[kMG]?J/\S+|[kG]?cal/\S+|[kM]{0,2}Btu\S*)\Z", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]([^\[\](){}]*(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*\Z")
 _ENDING = re.compile(
-    r"(°\s?[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
+    r"(°\s?[CF]|(?<=\bt)[CF]|(?<=_t)[CF]|%|(?:(?<=[\s_,/])|\A)(?:deg_?\s?[CF]|k?W_m2|k?Wh?/m(?:2|²|\^2)|[kM]?J/c?m(?:2|²|\^2)|percent|pct|k?W|m[3³]|Celsius|"
     r"Fahrenheit|(?i:tons?|[km]?wh|[mg]j|k?btu[/_]?hr?|k?btu|therms?)))\s*\Z"
 )
 _SYMBOLS = str.maketrans({**dict.fromkeys("Â^·⋅*", ""), "²": "2", "³": "3", "°": "deg", "º": "deg", "⁻": "-"})

@@ -112,11 +112,15 @@ def assign_zone_roles(
 
 def _with_room(guesses: dict[str, Guess]) -> dict[str, Guess]:
     """The guesses, with the one temperature of which nothing is said as the room's, if only that outdoors is found."""
-    alone = [c for c, guess in guesses.items() if guess.reason == UNPLACED and _TEMPERATURE_ALONE.fullmatch(plain(c))]
+    bare = {c: _without_unit(c).strip() for c, guess in guesses.items() if guess.reason == UNPLACED}
+    # an export may have one temperature in two units, of which the first is read
+    named = {c: name for c, name in reversed(bare.items()) if _TEMPERATURE_ALONE.fullmatch(name)}
+    alone = {(name, name == plain(c) and c): c for c, name in named.items()}
     roles = {guess.role for guess in guesses.values()}
     if len(alone) != 1 or "T_oa" not in roles or "T_za" in roles:
         return guesses
-    return guesses | {alone[0]: Guess("T_za", 1, "a temperature, taken for the room's, since another is that outdoors")}
+    room = Guess("T_za", 1, "a temperature, taken for the room's, since another is that outdoors")
+    return guesses | {next(iter(alone.values())): room}
 
 
 def zone_guesses(units: Mapping[str, str | None], roles: Mapping[str, str]) -> dict[str, Guess]:
