@@ -186,12 +186,13 @@ def read_stamps(
 def _with_years(cells: pd.Series, year: int | None) -> tuple[pd.Series, list[str]]:
     """Stamps that have a month and a day alone, with a year, and a remark on it; others as they are."""
     head, days = cells.iloc[:1000].astype(str).str.strip(), None
-    if head.str.match(rf"(?i){_DAY_OF_YEAR}\s+\d").all():
-        days = cells.astype(str).str.strip().str.extract(r"(?i)^(mon|tue|wed|thu|fri|sat|sun)")[0]
-        cells = cells.astype(str).str.strip().str.replace(rf"(?i)^{_DAY_OF_YEAR}", _in_numbers, regex=True)
-    elif not head.str.fullmatch(_WITHOUT_YEAR).all():
+    named = head.str.match(rf"(?i){_DAY_OF_YEAR}\s+\d").all()
+    if not named and not head.str.fullmatch(_WITHOUT_YEAR).all():
         return cells, []
     text = cells.astype(str).str.strip()
+    if named:
+        days = text.str.extract(r"(?i)^(mon|tue|wed|thu|fri|sat|sun)")[0]
+        text = text.str.replace(rf"(?i)^{_DAY_OF_YEAR}", _in_numbers, regex=True)
     apart = text.str.extract(r"^(\d{1,2})/(\d{1,2})\s+(.*)$")
     month = pd.to_numeric(apart[0])
     dates = pd.DataFrame({"year": (month.diff() < -6).cumsum(), "month": month, "day": pd.to_numeric(apart[1])})

@@ -112,10 +112,12 @@ def assign_zone_roles(
 
 def _with_room(guesses: dict[str, Guess]) -> dict[str, Guess]:
     """The guesses, with the one temperature of which nothing is said as the room's, if only that outdoors is found."""
-    bare = {c: _without_unit(c).strip() for c, guess in guesses.items() if guess.reason == UNPLACED}
-    # an export may have one temperature in two units, of which the first is read
-    named = {c: name for c, name in reversed(bare.items()) if _TEMPERATURE_ALONE.fullmatch(name)}
-    alone = {(name, name == plain(c) and c): c for c, name in named.items()}
+    alone: dict[tuple[str, str], str] = {}
+    for column, guess in guesses.items():
+        bare = _without_unit(column).strip()
+        if guess.reason == UNPLACED and _TEMPERATURE_ALONE.fullmatch(bare):
+            # an export may have one temperature in two units, of which the first is read
+            alone.setdefault((bare, column if bare == plain(column) else ""), column)
     roles = {guess.role for guess in guesses.values()}
     if len(alone) != 1 or "T_oa" not in roles or "T_za" in roles:
         return guesses
