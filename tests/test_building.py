@@ -307,6 +307,7 @@ def test_targets_by_the_names_of_zones(house):
             fit(wrong)
 
 
+@pytest.mark.slow
 def test_rooms_are_identified_one_by_one(house):
     """The partitions of a house of four rooms within a fifth, and all else but the sun's share within 15 %."""
     X = with_heat(house).rename(columns={"T_oa": "outdoors"})

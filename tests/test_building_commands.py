@@ -255,6 +255,7 @@ def staged() -> pd.DataFrame:
 @pytest.mark.parametrize(
     "known", [{"Q_h": 2.0}, {"Q_h_living": 2.0, "Q_h_kitchen": 2.0}, {"Q_h": 9.0, "Q_h_living": 2.0}]
 )
+@pytest.mark.slow
 def test_capacities_of_rooms_hold_for_identification_and_forecast(known, staged):
     """The identification took those of rooms alone, and the forecast that of all alone."""
     content = {"columns": {role: role for role in staged}, "step": "1h", "adjacency": [["living", "kitchen"]]}
@@ -585,6 +586,7 @@ def _ahead(log, now, silent_from=None):
     return rows
 
 
+@pytest.mark.slow
 def test_a_dead_heat_meter_costs_its_room_alone(log, tmp_path):
     (tmp_path / "house.toml").write_text(CONFIG)
     log[:N_KNOWN].to_csv(tmp_path / "log.csv")

@@ -14,6 +14,7 @@ EPW = {
 
 
 @pytest.mark.parametrize("climate", ["oakland", "chicago"])
+@pytest.mark.slow
 def test_monthly_means_are_those_of_the_epw(shared_data, climate):
     truth = read_epw(shared_data / EPW[climate]).tz_localize(None)
     monthly = truth.groupby(truth.index.month).mean()

@@ -330,6 +330,7 @@ def test_an_alternating_series_has_no_power_below_the_highest_frequency():
 
 
 @pytest.mark.parametrize("share_missing", [0.0, 0.3])
+@pytest.mark.slow
 def test_white_noise_is_refused_as_often_as_said(share_missing):
     rng, n = np.random.default_rng(4), 250
     box, spectrum = [], []

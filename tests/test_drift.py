@@ -47,6 +47,7 @@ def test_siegmunds_threshold_has_its_run_length():
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.6])
+@pytest.mark.slow
 def test_a_building_that_stays_raises_few_alarms(correlation):
     """One a year is meant; with four weeks of reference and errors that resemble those of yesterday at most three."""
     rng, alarms, years = np.random.default_rng(1), 0, 20

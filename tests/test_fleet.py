@@ -96,6 +96,7 @@ def fleet(_fitted, tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------------ as single zones
+@pytest.mark.slow
 def test_every_method_gives_what_single_zones_give(fleet, alone):
     X, history = rows(slice(7 * DAY, None)), rows(slice(0, 8 * DAY))
     found = {

@@ -102,6 +102,7 @@ def mixed():
     ]
 
 
+@pytest.mark.slow
 def test_order_and_other_candidates_change_nothing():
     X, y = hourly(14)
     alone = [clone(one).fit(X, y).predict(X) for one in mixed()]

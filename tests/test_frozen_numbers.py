@@ -70,7 +70,13 @@ def test_every_section_is_frozen():
     assert list(FROZEN) == list(frozen.SECTIONS)
 
 
-@pytest.mark.parametrize("section", frozen.SECTIONS)
+def _marked(section):
+    """Of what is not the default, one building is enough for a quick run."""
+    quick = section.startswith("schedule") or section.endswith(("-office", "conventional-small_office"))
+    return pytest.param(section, marks=[] if quick else pytest.mark.slow)
+
+
+@pytest.mark.parametrize("section", [_marked(section) for section in frozen.SECTIONS])
 def test_numbers_are_those_that_were_frozen(section):
     if section.endswith(frozen.HOMES) and not frozen.SHARED_DATA.is_dir():
         pytest.skip("reference data (../shared/data) is not on this machine")

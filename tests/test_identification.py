@@ -590,6 +590,7 @@ def test_rho_box(office):
         clone(stable).set_params(rho_box="wide").fit(office.X[:480], office.y[:480])
 
 
+@pytest.mark.slow
 def test_starts_are_the_same_under_any_n_jobs(office):
     one = OutputDisturbanceID(known=KNOWN, n_starts=3, random_state=5).fit(office.X[:480], office.y[:480])
     two = clone(one).set_params(n_jobs=2).fit(office.X[:480], office.y[:480])

@@ -419,6 +419,7 @@ sk.PeriodicDisturbanceID(variance="day")
 """
 
 
+@pytest.mark.slow
 def test_a_type_checker_rejects_an_unknown_choice(tmp_path, monkeypatch):
     api = pytest.importorskip("mypy.api")
     (tmp_path / "snippet.py").write_text(SNIPPET)

@@ -348,6 +348,7 @@ def test_the_density_is_that_of_one_error_at_a_time(errors):
     np.testing.assert_allclose(found, np.array(expected) - expected[0], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_seed_repeats_a_fit_and_global_random_states_stay(errors):
     few = errors[errors["case"].isin(["case01", "case03"])]
     np.random.seed(7)  # noqa: NPY002
@@ -580,6 +581,7 @@ def test_baselines_are_ranked_by_their_error(results):
     assert _baselines(rows, robust, "x", 0.6)["sufficient"].tolist() == [True, True, False]
 
 
+@pytest.mark.slow
 def test_a_choice_from_beginning_to_end(results):
     baselines = pd.DataFrame({"framework": ["ridge", "profile"], "name": ["ridge", "profile"], "rmse": [0.32, 1.2]})
     baselines = baselines.assign(case=None, disturbance="input")

@@ -308,6 +308,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
+@pytest.mark.slow
 def test_an_interrupted_call_leaves_the_model_as_it_was(error, either, said, places, office, monkeypatch):
     """Wherever it is interrupted, and however much it has done by then."""
     model = deepcopy(either)
@@ -389,6 +390,7 @@ def test_a_network_keeps_its_weights_unless_asked(office):
 
 
 @pytest.mark.parametrize("gray_box", [InputDisturbanceID, PeriodicDisturbanceID])
+@pytest.mark.slow
 def test_full_identifies_again_from_where_it_was(gray_box, office):
     """One start, at the known parameters; the result is as likely as that of a fit of everything."""
     n, now = 8 * DAY, 12 * DAY

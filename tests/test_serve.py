@@ -650,6 +650,7 @@ def _until_it_answers(address):
     raise AssertionError("no answer")
 
 
+@pytest.mark.slow
 def test_a_server_answers_over_a_socket(address):
     answer = _until_it_answers(address)
     assert answer.status_code == 200

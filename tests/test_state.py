@@ -214,6 +214,7 @@ OWN = ("_transaction.py", "_threads.py")
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
 def test_an_interrupt_at_any_depth_changes_nothing(name, fitted, office):
     known, fresh = copy.deepcopy(fitted[name]), copy.deepcopy(CASES[name])
     expected = outputs(known, office)

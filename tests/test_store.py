@@ -283,6 +283,7 @@ def test_the_fingerprint_names_what_differs():
     assert _differs(estimator=DisturbanceForecaster("ridge", verbose=1)) == []
 
 
+@pytest.mark.slow
 def test_values_in_words_are_the_same_in_another_process():
     values = [Ridge(alpha=np.float64(0.5)), {"a": (1, None)}, np.arange(2000.0), pd.Timedelta("1D"), mean_squared_error]
     values.append({f"2024-12-{day}" for day in range(10, 30)})

@@ -31,6 +31,7 @@ def rooms():
     return runpy.run_path(str(EXAMPLE))
 
 
+@pytest.mark.slow
 def test_every_parameter_is_recovered(rooms):
     error = rooms["model"].theta_ / pd.Series(rooms["truth"]) - 1
     assert error.abs().max() < 0.10
@@ -145,6 +146,7 @@ def test_a_room_whose_sensor_fails(rooms):
     assert error[["C_n", "C_s", "R_ns"]].abs().max() < 0.15
 
 
+@pytest.mark.slow
 def test_periodic_gains_of_two_rooms(rooms):
     """Each room has a gain state, a profile and a ventilation of its own."""
     X, flat = rooms["X"], rooms["flat"]

@@ -510,6 +510,7 @@ def test_a_log_without_a_time_zone_and_without_set_points(log, cheap, tmp_path):
 
 
 @pytest.mark.parametrize("scaled", [False, True])
+@pytest.mark.slow
 def test_stages_are_scored_in_their_unit_and_in_kw_where_a_capacity_is_known(log, cheap, monkeypatch, tmp_path, scaled):
     stages = log.assign(u_heat=log["Q_hvac"].clip(lower=0) / 6.0).drop(columns=["Q_hvac", "T_cool_set"])
     source = write(stages, tmp_path / "log.csv", 8)
