@@ -332,12 +332,36 @@ def test_recorded_errors_count_by_the_hour_at_which_they_ended(office):
     np.testing.assert_array_equal(met[0].slot, day_type_hour(table)[origin + leads - back[:, None]])
 
 
+def test_offsets_under_a_weather_forecast_are_wider_as_those_of_a_forecast(fitted, tables):
+    """By an independent error: the squares of what is beyond the median add up."""
+    X, future, T = _rows(tables, "schedule")
+    model, levels = fitted("schedule").update(X[N_TRAIN:NOW]), (0.1, 0.5, 0.9)
+    plain, wider = (
+        model.affine_forecast(None, future, T_za=T, quantiles=levels, weather_error=error).offsets
+        for error in (None, "high")
+    )
+    forecast, under = (
+        model.forecast(None, future, T_za=T, quantiles=levels, weather_error=error) for error in (None, "high")
+    )
+    assert (np.ptp(wider, axis=1)[2:] > np.ptp(plain, axis=1)[2:]).all()  # the weather of now is known
+    beyond, own = (
+        np.diff((frame.filter(like="q_").to_numpy() - frame[["T_za"]].to_numpy())[1:], axis=1) ** 2
+        for frame in (forecast, under)
+    )
+    np.testing.assert_allclose(
+        np.diff(wider[1:], axis=1) ** 2 - np.diff(plain[1:], axis=1) ** 2, own - beyond, atol=1e-9
+    )
+    with pytest.raises(ValueError, match="weather_error= widens quantiles"):
+        model.affine_forecast(None, future, T_za=T, weather_error="high")
+
+
 def test_offsets_from_a_history_and_of_two_stages(fitted, tables):
     X, future, T = _rows(tables, "two-stage")
     model, inputs = fitted("two-stage"), ("u_heat", "u_cool")
-    for now in (None, T):
-        found = model.affine_forecast(X[N_TRAIN:NOW], future, inputs, T_za=now, quantiles=[0.1, 0.9])
-        forecast = model.forecast(X[N_TRAIN:NOW], future, T_za=now, quantiles=[0.1, 0.9])
+    for now, error in ((None, None), (T, None), (T, "low")):
+        wanted = {"T_za": now, "quantiles": [0.1, 0.9], "weather_error": error}
+        found = model.affine_forecast(X[N_TRAIN:NOW], future, inputs, **wanted)
+        forecast = model.forecast(X[N_TRAIN:NOW], future, **wanted)
         beyond = forecast.filter(like="q_").to_numpy() - forecast["T_za"].to_numpy()[:, None]
         np.testing.assert_allclose(found.offsets, beyond, rtol=0, atol=1e-9)
 

@@ -162,16 +162,20 @@ class QuantileForecastMixin(RollingForecastMixin):
         clock, past_clock = path_clock(table, origins, n_leads), path_clock(table, past, per_day)
         further: Any = None
         if weather is not None and len(origins):
-            further = weather_spreads(weather, table, origins, n_leads, partial(self._each_path, n_leads=n_leads))
+            further = self._weather_spread(weather, table, origins, n_leads)
         out = np.empty((*paths.shape, len(levels)))
         for i, origin in enumerate(origins):
             own = np.flatnonzero(np.isin(past, earlier[i]))
             now = origin * table.step_hours / 24.0
             recent = (errors[own], past_clock.rows(own))
             factor = intervals.factor_at(recent, now)
-            wider = None if further is None else further[i, 0]
+            wider = None if further is None else further[i]
             out[i] = intervals.offsets(clock.rows(slice(i, i + 1)), levels, recent, now, wider, factor)
         return paths, out
+
+    def _weather_spread(self, weather: WeatherError, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
+        """(n_origins, n_leads) standard deviation of what errors of the weather change [K]."""
+        return weather_spreads(weather, table, origins, n_leads, partial(self._each_path, n_leads=n_leads))[:, 0]
 
     def _each_path(self, tables: Sequence[ZoneTable], origin: int, n_leads: int) -> np.ndarray:
         """(n_tables, 1, n_leads) forecasts from one origin of tables that differ after it only."""

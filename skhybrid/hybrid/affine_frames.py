@@ -28,6 +28,7 @@ from ..control import (
 from ..exceptions import GainWarning
 from ..forecasting.intervals import LeadIntervals, PathClock
 from ..forecasting.quantiles import path_clock, read_quantiles
+from ..forecasting.weather_error import WeatherError, weather_of_quantiles
 from .frames_forecast import FramesForecastMixin
 from .scheme import Ahead, RecentErrors
 
@@ -44,6 +45,7 @@ class AffineFramesMixin(FramesForecastMixin):
         T_za: float | None = None,
         member: str = "blend",
         quantiles: Sequence[float] | None = None,
+        weather_error: Any = None,
     ) -> AffineForecast:
         """Forecast as an affine function of the heat that is planned: ``T = free + gain @ q``.
 
@@ -69,6 +71,9 @@ class AffineFramesMixin(FramesForecastMixin):
             The whole model, or the forecast of its network alone, which the two-stage scheme is.
         quantiles : sequence of float, optional
             As in :meth:`predict_quantiles`.
+        weather_error : {None, "low", "medium", "high"} or WeatherError, default=None
+            As in :meth:`predict_quantiles`, for ``offsets``: the weather in ``future`` is a forecast.  The call
+            takes three to four times as long.
 
         Returns
         -------
@@ -80,7 +85,8 @@ class AffineFramesMixin(FramesForecastMixin):
         Raises
         ------
         ValueError
-            As :meth:`forecast` does, and if an input was not in training.
+            As :meth:`forecast` does, and if an input was not in training, or ``weather_error`` is given without
+            ``quantiles``.
 
         Warns
         -----
@@ -91,13 +97,14 @@ class AffineFramesMixin(FramesForecastMixin):
         """
         check_is_fitted(self)
         levels = None if quantiles is None else read_quantiles(quantiles)
+        weather = weather_of_quantiles(weather_error, quantiles)
         trained, boundaries = list(self._scheme.rows.training.inputs), self._scheme.planned_boundaries
         roles = read_inputs(inputs, trained, self._column_of, boundaries)
         ahead, plan = self._planned(history, future, roles, T_za)
         found = self._present_scheme().affine(ahead, plan, read_member(member))
         warn_bent(plan, found.bent, self.training_)
         free = found.temperature - np.tensordot(found.gain, plan.values, axes=2)
-        offsets = None if levels is None else self._offsets_ahead(ahead, levels, found.recent)
+        offsets = None if levels is None else self._offsets_ahead(ahead, levels, found.recent, weather)
         return AffineForecast(free, found.gain, found.zeta, future.index, roles, offsets)
 
     @one_blas_thread
@@ -155,29 +162,41 @@ class AffineFramesMixin(FramesForecastMixin):
             warn_once(self._scheme.gain_doubt, GainWarning, self.training_)
         return ahead, plan
 
-    def _offsets_ahead(self, ahead: Ahead, levels: np.ndarray, recent: RecentErrors | None) -> np.ndarray:
+    def _offsets_ahead(
+        self, ahead: Ahead, levels: np.ndarray, recent: RecentErrors | None, weather: WeatherError | None
+    ) -> np.ndarray:
         """(H, n_levels) what quantiles have beyond a forecast of the rows ahead [K]."""
         out, n_leads = np.zeros((ahead.n_rows, len(levels))), ahead.n_leads
         if not n_leads:
             return out
         if ahead.origin is not None:
             table, origin = ahead.table, np.array([ahead.origin])
-        elif recent is not None and ahead.T_za is not None:
+        elif recent is not None and ahead.T_za is not None and weather is None:
             table, origin = with_measured(ahead.table, 0, ahead.T_za), np.array([0])
         else:
             table, origin = self._after_known(ahead.table, ahead.T_za)
         if recent is None:
-            found = self._quantile_offsets(table, origin, n_leads, levels)[1][0]
+            found = self._quantile_offsets(table, origin, n_leads, levels, weather)[1][0]
         else:
-            found = recent_offsets(self.intervals_, path_clock(table, origin, n_leads), table, recent, levels)
+            wider = None if weather is None else self._weather_spread(weather, table, origin, n_leads)[0]
+            clock = path_clock(table, origin, n_leads)
+            found = recent_offsets(self.intervals_, clock, table, recent, levels, wider)
         out[ahead.n_rows - n_leads :] = found
         return out
 
 
 def recent_offsets(
-    intervals: LeadIntervals, clock: PathClock, table: ZoneTable, recent: RecentErrors, levels: np.ndarray
+    intervals: LeadIntervals,
+    clock: PathClock,
+    table: ZoneTable,
+    recent: RecentErrors,
+    levels: np.ndarray,
+    wider: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(n_leads, n_levels) quantiles of the error of a path to the table's end, by recorded errors."""
+    """(n_leads, n_levels) quantiles of the error of a path to the table's end, by recorded errors.
+
+    They are wider by an error with the standard deviations ``wider`` (n_leads,).
+    """
     hours = table.step_hours
     ends = recent.leads - recent.back[:, None]  # rows from the origin
     since_last = ends - clock.lead.shape[1]
@@ -185,4 +204,4 @@ def recent_offsets(
     lead = np.broadcast_to(recent.leads * hours, ends.shape)
     errors = recent.values, PathClock(lead, slots, ends * hours / 24.0)
     factor = intervals.factor_at(errors, 0.0)
-    return intervals.offsets(clock._replace(day=clock.day - clock.day), levels, errors, 0.0, None, factor)
+    return intervals.offsets(clock._replace(day=clock.day - clock.day), levels, errors, 0.0, wider, factor)
