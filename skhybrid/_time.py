@@ -332,10 +332,10 @@ def read_instant(value: Any, index: pd.Index, name: str, where: str) -> Any:
     if stamp is None or pd.isna(stamp):
         raise ValueError(f"{name}={value!r} is not a time stamp; {such}")
     if index.tz is not None and stamp.tz is None:
-        try:
-            return stamp.tz_localize(index.tz)
-        except ValueError:
-            raise ValueError(f"{name}={value!r} is skipped or repeated by the clock of {index.tz}; {such}") from None
+        local = stamp.tz_localize(index.tz, ambiguous="NaT", nonexistent="NaT")
+        if pd.isna(local):
+            raise ValueError(f"{name}={value!r} is skipped or repeated by the clock of {index.tz}; {such}")
+        return local
     if index.tz is None and stamp.tz is not None:
         raise ValueError(f"{name}={value!r} has a time zone, but {where} has none; {such}")
     return stamp

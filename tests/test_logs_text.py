@@ -589,6 +589,14 @@ def test_one_sentence_for_a_bad_file(write, text, options, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_first_row_without_a_stamp_is_not_the_header(write):
+    """Its numbers became the names of the columns, and ``read_zone_csv`` ended with a TypeError."""
+    path = write("time,T_za,T_oa\n,20,2\n" + "".join(f"2024-01-01 0{k}:00,2{k},{k}\n" for k in range(4)))
+    assert list(read_log(path).frame) == ["T_za", "T_oa"]
+    with pytest.raises(ValueError, match=r"row 2 of 'log\.csv': the time stamp is empty"):
+        read_zone_csv(path)
+
+
 def test_missing_file(tmp_path):
     with pytest.raises(FileNotFoundError, match="there is no file"):
         read_log(tmp_path / "none.csv")

@@ -112,9 +112,8 @@ def test_a_hybrid_comes_back_whole(tmp_path, model):
     np.testing.assert_array_equal(back.predict(office.X[-48:]), hybrid.predict(office.X[-48:]))
     pd.testing.assert_series_equal(back.gray_box_.theta_, hybrid.gray_box_.theta_)
     assert back.get_params(deep=False).keys() == hybrid.get_params(deep=False).keys()
-    np.testing.assert_array_equal(  # continues from the kept end of the training table, and can be fitted again
-        clone(back).fit(office.X[:-48], office.y[:-48]).predict(office.X[-48:]), hybrid.predict(office.X[-48:])
-    )
+    again = clone(back).fit(office.X[:-48], office.y[:-48])  # torch may add up in another order
+    np.testing.assert_allclose(again.predict(office.X[-48:]), hybrid.predict(office.X[-48:]), rtol=1e-11)
 
 
 STAMPS = pd.date_range("2024-03-30", periods=30, freq="15min", tz="Europe/Amsterdam")

@@ -29,29 +29,39 @@ def parse_stamps(
     """
     if dayfirst is not None:
         check_bool("dayfirst", dayfirst)
+    refuse_empty(cells, where)
     text = cells.astype(str)
-    absent = cells.isna().to_numpy()
     zoned = np.zeros(len(text), dtype=bool)
     offsets: set[str] = set()
     for rows in blocks(len(text)):
         found = text.iloc[rows].str.strip().str.extract(_OFFSET)[0]
         zoned[rows] = found.notna().to_numpy()
         offsets.update(found.dropna())
-    if zoned.any() and not zoned[~absent].all():
-        row = int(np.argmax(~zoned & ~absent))
+    if zoned.any() and not zoned.all():
+        row = int(np.argmin(zoned))
         raise ValueError(
             f"row {line(text.index[row])} of {where}: the time stamp {cell(text.iloc[row])} has no offset from UTC, "
             "but others have one."
         )
     day_first, form = _day_first(text, dayfirst, where), text.iloc[0].strip()
     parts = [
-        _parse(text.iloc[rows].str.strip(), absent[rows], bool(zoned.any()), day_first, form, where)
-        for rows in blocks(len(text))
+        _parse(text.iloc[rows].str.strip(), bool(zoned.any()), day_first, form, where) for rows in blocks(len(text))
     ]
     stamps = pd.DatetimeIndex(parts[0].append(parts[1:]) if len(parts) > 1 else parts[0])
     if next_day is not None and next_day.any():
         stamps = pd.DatetimeIndex(stamps.where(~next_day, stamps + pd.Timedelta("1D")))
     return stamps.tz_convert(pd.Timestamp(form).tz) if len(offsets) == 1 else stamps
+
+
+def refuse_empty(cells: pd.Series, where: str) -> None:
+    """Refuse cells of time stamps of which one is empty."""
+    empty = cells.isna().to_numpy()
+    if empty.any():
+        raise _wrong(cells.index[int(np.argmax(empty))], "is empty", where)
+
+
+def _wrong(row: int, what: str, where: str) -> ValueError:
+    return ValueError(f"row {line(row)} of {where}: the time stamp {what}; write it as 2024-01-31 13:45.")
 
 
 def blocks(n: int) -> list[slice]:
@@ -104,26 +114,22 @@ def _day_first(text: pd.Series, dayfirst: bool | None, where: str) -> bool:
     )
 
 
-def _parse(text: pd.Series, absent: np.ndarray, utc: bool, day_first: bool, form: str, where: str) -> pd.DatetimeIndex:
+def _parse(text: pd.Series, utc: bool, day_first: bool, form: str, where: str) -> pd.DatetimeIndex:
     """Stamps of a block of rows; ``form`` is the first stamp of the log."""
     if _has_named_zone(form):  # pandas before 3 drops the name
         raise ValueError(f"{where} {_ZONE_BY_NAME}")
-    known = text.mask(absent)
     guess = guess_datetime_format(form, dayfirst=day_first)
-    parsed = _to_stamps(known, utc, guess or "mixed", day_first, where)
-    again = parsed.isna().to_numpy() & ~absent & ~_contradicts(text, day_first)
+    parsed = _to_stamps(text, utc, guess or "mixed", day_first, where)
+    again = parsed.isna().to_numpy() & ~_contradicts(text, day_first)
     if again.any():  # some loggers omit the time at midnight, or seconds that are zero
-        other = _to_stamps(known[again], utc, "mixed", day_first, where)
+        other = _to_stamps(text[again], utc, "mixed", day_first, where)
         parsed = parsed.where(~again, other)
     failed = parsed.isna().to_numpy()
     if failed.any():
         row = int(np.argmax(failed))
-        if not absent[row] and _has_named_zone(text.iloc[row]):
+        if _has_named_zone(text.iloc[row]):
             raise ValueError(f"{where} {_ZONE_BY_NAME}")
-        found = "is empty" if absent[row] else f"{cell(text.iloc[row])} is not a date and time"
-        raise ValueError(
-            f"row {line(text.index[row])} of {where}: the time stamp {found}; write it as 2024-01-31 13:45."
-        )
+        raise _wrong(text.index[row], f"{cell(text.iloc[row])} is not a date and time", where)
     stamps = pd.DatetimeIndex(parsed)
     strange = (stamps.year < YEARS[0]) | (stamps.year > YEARS[1])
     if strange.any():

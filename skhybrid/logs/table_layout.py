@@ -132,7 +132,7 @@ def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -
     for i in range(first - 1, -1, -1):
         row = list(rows[i])
         rest = [cell for j, cell in enumerate(row) if cell and j != place]
-        if not any(row):
+        if not any(row) or (i and _lacks_stamp(row, rows[i - 1], place)):
             continue
         if _are_units(row, place):
             # below the units there may be a line of "Avg", "Max"
@@ -145,6 +145,13 @@ def _header(rows: Sequence[Sequence[str]], first: int, width: int, place: int) -
             return _grouped(row, above, place), _beside_stamps(units, width, place)
         break
     return units if len(units) >= width - 1 else [], []  # a channel may be called "kW"
+
+
+def _lacks_stamp(row: Sequence[str], above: Sequence[str], place: int) -> bool:
+    """Whether a row right below the names is one of numbers, whose stamp is empty."""
+    rest = [cell for cell in row if cell]
+    named = len(row) == len(above) and is_stamp_name(above[place])
+    return named and not row[place] and all(map(_is_number, rest))
 
 
 def _are_units(row: Sequence[str], place: int) -> bool:
