@@ -12,6 +12,7 @@ from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.blank_setpoints import filled_setpoints
 from skhybrid.logs.log_findings import doubts_on_log
 from skhybrid.logs.naming import guess_role, unit_in_name
+from skhybrid.logs.readers import delimited
 from skhybrid.logs.setpoint_modes import COOLS, HEATS, in_force, kind_of_words, mode_of_plant, sides_of_plant
 from skhybrid.logs.standstills import without_standstills
 from skhybrid.logs.sun_clock import clock_jumps
@@ -731,6 +732,54 @@ def test_two_values_of_a_point_at_a_stamp_are_refused(write):
     with pytest.raises(ValueError, match="two or more values of 'temperature' at 60 stamps"):
         read_log(path)
     assert list(read_log(path, point_column="room").frame) == ["0", "1"]
+
+
+@pytest.mark.parametrize(
+    ("zones", "apart", "grouped"),
+    [
+        (("Hall", "Kitchen"), 0, False),
+        (("Hall", "Kitchen"), 20, False),
+        (("Hall", "Kitchen"), 0, True),
+        ((1, 2), 0, False),
+    ],
+)
+@pytest.mark.parametrize("name", ["log.csv", "log.xlsx"])
+def test_a_row_for_each_zone_and_stamp(write, tmp_path, monkeypatch, zones, apart, grouped, name):
+    """The rows of all rooms were mixed in one column of each quantity, with a note on stamps that occur twice."""
+    monkeypatch.setattr(delimited, "_HEAD", 1500)  # of one zone, where rows are grouped
+    table = pd.DataFrame(
+        [
+            (stamp + pd.Timedelta(minutes=apart * room), zone, ROOM[k] + room, 21 - room, 5 + k / 10)
+            for k, stamp in enumerate(STAMPS)
+            for room, zone in enumerate(zones)
+        ],
+        columns=["timestamp", "zone", "temperature [°C]", "setpoint [°C]", "outdoor temp [°C]"],
+    )
+    if grouped:
+        table = table.sort_values(["zone", "timestamp"])
+    path = tmp_path / name
+    if name.endswith("csv"):
+        table.to_csv(path, index=False, sep=";")
+    elif grouped:
+        pytest.skip("the first rows of a sheet are of one zone")
+    else:
+        table.to_excel(path, index=False)
+    log = read_log(path)
+    own = [f"zone {zone}" if zone == room + 1 else zone for room, zone in enumerate(zones)]
+    quantities = ["temperature [°C]", "setpoint [°C]"]
+    assert set(log.frame) == {f"{zone} {one}" for zone in own for one in quantities} | {"outdoor temp [°C]"}
+    assert set(log.units) == set(log.frame)
+    for room, zone in enumerate(own):
+        at = STAMPS + pd.Timedelta(minutes=apart * room)
+        np.testing.assert_allclose(log.frame.loc[at, f"{zone} temperature [°C]"], ROOM + room)
+        np.testing.assert_allclose(log.frame.loc[at, "outdoor temp [°C]"], 5 + np.arange(60) / 10)
+    assert any("a row for each 'zone'" in note for note in log.notes)
+
+
+def test_a_zone_of_a_row_that_has_no_stamp_is_named_by_its_line(write):
+    rows = "".join(f"{stamp};{zone};20.5;21\n" for stamp in STAMPS for zone in ("Hall", "Bath"))
+    with pytest.raises(ValueError, match=r"row 122 of 'log\.csv': the time stamp '2024-13-45' is not a date"):
+        read_log(write(f"time;zone;temperature;setpoint\n{rows}2024-13-45;Hall;20.5;21\n"))
 
 
 def test_a_table_with_fewer_names_than_cells_is_refused_in_a_sentence(write):

@@ -16,6 +16,7 @@ from .._warnings import several
 from .cell_numbers import NumberColumn, columns_judged, number_in, quality_columns, without_bad
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
+from .paired_columns import ROW
 from .raw_log import RawLog
 from .stamp_cells import is_stamp, is_stamp_name
 from .stamp_parts import joined_cells
@@ -74,7 +75,7 @@ class Pieces:
     stamps: tuple[str, ...]  # columns of the time stamp, or of date and time
     where: str  # the source as messages name it
     format: str
-    units: Mapping[str, str] = field(default_factory=dict)  # beside those in the names, as the source writes them
+    units: dict[str, str] = field(default_factory=dict)  # beside those in the names, as the source writes them
     decimal: str = "."
     first_line: int = 2  # of the file, that holds the first row
     notes: list[str] = field(default_factory=list)
@@ -184,7 +185,8 @@ def _with_stamps(pieces: Pieces) -> Iterator[pd.DataFrame]:
     """The rows of each piece that have a time stamp, numbered so that messages name their line of the file."""
     begin, date = pieces.first_line - 2, None
     for rows in pieces.frames:
-        piece = rows.set_axis(range(begin, begin + len(rows)), axis=0)
+        at = rows.index + pieces.first_line - 2 if rows.index.name == ROW else range(begin, begin + len(rows))
+        piece = rows.set_axis(at, axis=0)
         if len(pieces.stamps) == 2 and len(piece):
             piece, date = _with_dates(piece, pieces, date)
         yield _with_stamp(piece, pieces)

@@ -10,6 +10,7 @@ from .._table import listed
 from .stamp_cells import holds_stamps
 
 POINT, VALUE = "point", "value"
+ROW = "row of the file"  # the name of an index of numbers of rows, from 0 on, which may occur again
 _LEAST_BLOCKS = 3  # of stamps with names of their own
 
 
@@ -38,7 +39,7 @@ def note_of(blocks: dict[str, list[str]]) -> str:
 def as_long(frames: Iterable[pd.DataFrame], blocks: dict[str, list[str]]) -> Iterator[pd.DataFrame]:
     """The rows of each piece with one value each, its name and its own stamp."""
     first = next(iter(blocks))
-    for piece in frames:
+    for piece in number_rows(frames):
         parts = []
         for stamp, channels in blocks.items():
             for name in channels if stamp in piece else ():
@@ -46,4 +47,11 @@ def as_long(frames: Iterable[pd.DataFrame], blocks: dict[str, list[str]]) -> Ite
                     part = piece[[stamp, name]].set_axis([first, VALUE], axis=1)
                     logged = part[first].notna() & (part[first] != "") & (part[VALUE] != name)  # no header again
                     parts.append(part[logged].assign(**{POINT: name}))
-        yield pd.concat(parts, ignore_index=True)
+        yield pd.concat(parts)
+
+
+def number_rows(frames: Iterable[pd.DataFrame], first: int = 0) -> Iterator[pd.DataFrame]:
+    """Pieces of a table whose index numbers their rows in the file."""
+    for piece in frames:
+        yield piece.set_axis(pd.RangeIndex(first, first + len(piece), name=ROW), axis=0)
+        first += len(piece)

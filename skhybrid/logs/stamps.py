@@ -118,11 +118,12 @@ def _parse(text: pd.Series, utc: bool, day_first: bool, form: str, where: str) -
     """Stamps of a block of rows; ``form`` is the first stamp of the log."""
     if _has_named_zone(form):  # pandas before 3 drops the name
         raise ValueError(f"{where} {_ZONE_BY_NAME}")
+    cells = text.reset_index(drop=True)  # rows of a file may come again
     guess = guess_datetime_format(form, dayfirst=day_first)
-    parsed = _to_stamps(text, utc, guess or "mixed", day_first, where)
+    parsed = _to_stamps(cells, utc, guess or "mixed", day_first, where)
     again = parsed.isna().to_numpy() & ~_contradicts(text, day_first)
     if again.any():  # some loggers omit the time at midnight, or seconds that are zero
-        other = _to_stamps(text[again], utc, "mixed", day_first, where)
+        other = _to_stamps(cells[again], utc, "mixed", day_first, where)
         parsed = parsed.where(~again, other)
     failed = parsed.isna().to_numpy()
     if failed.any():

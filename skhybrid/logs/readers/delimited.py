@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from .. import zone_rows
 from ..assembly import Choice, Pieces, assemble, assemble_long, rows_of_piece
 from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
@@ -108,8 +109,22 @@ def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **op
         wanted = choice.wanted(table.layout.names, tuple(blocks), where)
         frames = as_long(table.pieces(tuple(blocks), wanted, wanted), blocks)
         return assemble_long(pieces_of(table, frames, stamps, "CSV", [note_of(blocks)]), POINT, VALUE, choice)
+    if zone := _zone_column(table, stamps):
+        names = [name for name in table.layout.names if name not in stamps]
+        pieces = pieces_of(table, iter(()), stamps, "CSV", [zone_rows.note_of(zone)])
+        pieces.frames = zone_rows.as_long(table.pieces(stamps, names, names), stamps, zone, pieces.units)
+        return assemble_long(pieces, POINT, VALUE, choice)
     wanted = choice.wanted(table.layout.names, stamps, where)
     return assemble(pieces_of(table, table.pieces(stamps, wanted), stamps, "CSV"), choice)
+
+
+def _zone_column(table: TextTable, stamps: Sequence[str]) -> str | None:
+    """The column that names the zone of each row, if any; where the first are of one zone, all rows tell."""
+    among, n_columns = zone_rows.may_name_zones(table.sample, stamps), len(table.layout.names)
+    found = zone_rows.zone_column(table.sample, stamps, among, n_columns)
+    if found or not (alike := [name for name in among if len(table.sample[name].unique()) == 1]):
+        return found
+    return zone_rows.zone_column(pd.concat(table.pieces(stamps, alike, alike)), stamps, alike, n_columns)
 
 
 def pieces_of(

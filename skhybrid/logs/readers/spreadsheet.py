@@ -12,6 +12,7 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import pandas as pd
 
+from .. import zone_rows
 from ..assembly import Choice, Pieces, assemble_columns, assemble_long, columns_beside
 from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
@@ -57,6 +58,11 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
         if blocks := paired_columns(table_of(head, names), stamps):
             pieces.notes.append(note_of(blocks))
             pieces.frames = as_long(frames, blocks)
+            return assemble_long(pieces, POINT, VALUE, choice)
+        sample = table_of(head, names)
+        if zone := zone_rows.zone_column(sample, stamps, zone_rows.may_name_zones(sample, stamps), len(names)):
+            pieces.notes.append(zone_rows.note_of(zone))
+            pieces.frames = zone_rows.as_long(frames, stamps, zone, pieces.units)
             return assemble_long(pieces, POINT, VALUE, choice)
         return assemble_columns(
             pieces, names, long_columns(names), choice, lambda wanted: (piece[wanted] for piece in frames)

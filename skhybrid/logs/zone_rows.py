@@ -1,0 +1,74 @@
+"""Tables with a row for each zone and stamp, which a column names, and a column for each quantity."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+
+import pandas as pd
+
+from .cell_numbers import NumberColumn
+from .naming import guess_role, unit_in_name
+from .paired_columns import POINT, VALUE, number_rows
+
+_OFTEN = 0.5  # share of the rows, from which on stamps occur again by design
+_FEW_ROWS = 2  # of each zone, at least
+_RARELY = 0.01  # share of the rows up to which a zone may have a stamp again, as in autumn
+#: names of columns that tell zones apart, also by numbers
+_ZONE = re.compile(
+    r"(zone|room|raum|zimmer|kamer|ruimte|piece|pièce|stanza|habitaci[oó]n|thermostat|device|sensor)"
+    r"([ _-]?(id|name|no|nr|number))?",
+    re.IGNORECASE,
+)
+
+
+def may_name_zones(sample: pd.DataFrame, stamps: Sequence[str]) -> list[str]:
+    """The columns beside some of time stamps that hold words, or the numbers of zones."""
+    rest = sample.columns.drop(list(stamps))
+    return [name for name in map(str, rest) if _ZONE.fullmatch(name) or _are_words(sample[name])]
+
+
+def zone_column(rows: pd.DataFrame, stamps: Sequence[str], among: Iterable[str], n_columns: int) -> str | None:
+    """The column that tells rows of several zones apart, ``among`` some of a table of ``n_columns``; None for none.
+
+    Most stamps must have several rows, or words stand in a column that is named after zones.
+    """
+    often = rows.duplicated(list(stamps), keep=False).mean() > _OFTEN
+    for name in among if n_columns > len(stamps) + 1 else ():
+        known = rows[rows[name].notna() & (rows[name] != "")]
+        n_zones, again = known[name].nunique(), known.duplicated([*stamps, name]).mean()
+        by_name = n_zones > 1 and _ZONE.fullmatch(name) is not None and _are_words(known[name])
+        if (often or by_name) and again < _RARELY and _FEW_ROWS * n_zones <= len(known):
+            return name
+    return None
+
+
+def note_of(zone: str) -> str:
+    """A remark on what was read."""
+    return f"a row for each {zone!r} and stamp: read as a column for each quantity and {zone!r}"
+
+
+def as_long(
+    frames: Iterable[pd.DataFrame], stamps: Sequence[str], zone: str, units: dict[str, str]
+) -> Iterator[pd.DataFrame]:
+    """The values of each piece one below the other, each named after its zone and column; weather has no zone.
+
+    Names of points get the ``units`` of their columns.
+    """
+    for rows in number_rows(frames):
+        piece = rows[rows[zone].notna() & (rows[zone] != "")]
+        zones = piece[zone].astype(str).str.strip().str.replace(r"^(?=\d+$)", "zone ", regex=True)
+        parts = []
+        for name in map(str, piece.columns.drop([*stamps, zone])):
+            of_weather = guess_role(name, unit_in_name(name)).role in ("T_oa", "q_sol")
+            points = name if of_weather else zones + " " + name
+            parts.append(piece[list(stamps)].assign(**{POINT: points, VALUE: piece[name]}))
+            units.update(dict.fromkeys(parts[-1][POINT].unique(), units[name]) if name in units else {})
+        yield pd.concat(parts)  # with the numbers of their rows
+
+
+def _are_words(cells: pd.Series) -> bool:
+    """Whether the cells of a column are neither numbers nor words such as on and off."""
+    column = NumberColumn()
+    column.add(cells, ".")
+    return column.is_text
