@@ -457,8 +457,9 @@ def test_the_file_log_of_fhem(tmp_path):
     assert log.frame["Pumpe"].dropna().tolist() == [1.0, 0.0] * 24
     assert "1 line that FHEM does not write so left out" in log.notes
     assert list(read_log(tmp_path / "fhem.log", columns=["Pumpe"]).frame) == ["Pumpe"]
-    (tmp_path / "fhem.log").write_text("2018-13-45_01:00:00 Bad T: 1\n", encoding="utf-8")
-    with pytest.raises(ValueError, match=r"row 1 of 'fhem\.log': the time stamp '2018-13-45 01:00:00' is not a date"):
+    lines = ["2018-10-01_00:00:00 Bad T: 21.0 H: 45 valve: 3 %", "shutdown", "2018-13-45_01:00:00 Bad T: 1 H: 45"]
+    (tmp_path / "fhem.log").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"row 3 of 'fhem\.log': the time stamp '2018-13-45 01:00:00' is not a date"):
         read_log(tmp_path / "fhem.log")
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 
 from ..._warnings import several
 from ..assembly import Choice, Pieces, assemble_long, rows_of_piece
-from ..paired_columns import POINT, VALUE
+from ..paired_columns import POINT, ROW, VALUE
 from ..raw_log import RawLog
 from ..text_files import damage_refused, encoding_of, open_bytes
 
@@ -37,14 +37,17 @@ def read(path: Path, **options: Any) -> RawLog:
 
 def _frames(path: Path, pieces: Pieces) -> Iterator[pd.DataFrame]:
     """The rows of each piece with one value each, its name and its stamp; other lines are counted in a note."""
-    n_others = 0
+    n_others, begin = 0, 0
     with damage_refused(pieces.where), open_bytes(path) as file:
         text = TextIOWrapper(file, encoding_of(path) or "utf-8", errors="replace")
         while lines := list(islice(text, rows_of_piece(3))):
-            known = [found for line in lines if (found := _LINE.fullmatch(line.rstrip("\r\n")))]
-            n_others += len(lines) - len(known)
-            rows = [(f"{one[1]} {one[2]}", *pair) for one in known for pair in _values(one[3], one[4])]
-            yield pd.DataFrame(rows, columns=[_STAMP, POINT, VALUE], dtype=str)
+            found = {row: _LINE.fullmatch(line.rstrip("\r\n")) for row, line in enumerate(lines, begin)}
+            known = {row: one for row, one in found.items() if one}
+            n_others, begin = n_others + len(lines) - len(known), begin + len(lines)
+            rows = [
+                (row, f"{one[1]} {one[2]}", *pair) for row, one in known.items() for pair in _values(one[3], one[4])
+            ]
+            yield pd.DataFrame(rows, columns=[ROW, _STAMP, POINT, VALUE], dtype=str).astype({ROW: int}).set_index(ROW)
     if n_others:
         pieces.notes.append(f"{several(n_others, 'line')} that FHEM does not write so left out")
 
