@@ -129,6 +129,7 @@ def test_storeys_means_and_guests_are_not_doubted(name):
         ("Heat pump heat output (W)", "Q_heat", False),  # its electricity came before it
         ("Riscaldamento potenza elettrica kW", "Q_heat", True),
         ("Consommation chauffage kWh", "Q_heat", True),
+        ("boiler switch:0.apower", "Q_heat", True),  # of Shelly, it was heat
         ("HVAC cooling power (kW)", "Q_cool", False),  # it was heat, by its sign
         ("Zone Radiant HVAC Heating Rate [W](Hourly)", "Q_heat", False),
     ],
@@ -136,6 +137,14 @@ def test_storeys_means_and_guests_are_not_doubted(name):
 def test_electricity_and_cold_are_told_from_heat(name, role, is_electricity):
     guess = guess_role(name, unit_in_name(name))
     assert (guess.role, guess.is_electricity) == (role, is_electricity)
+
+
+def test_a_meter_of_shelly_counts_watt_hours_and_its_temperatures_are_numbered():
+    """Its counter was read in kWh, and its power by its values."""
+    heat = {"heater switch:0.apower": HOURS % 5, "heater switch:0.aenergy.total": np.cumsum(HOURS % 5)}
+    for (name, values), unit in zip(heat.items(), ("W", "Wh counter"), strict=True):
+        columns = LogReport(pd.DataFrame({"Room temp": ROOM, name: values.astype(float)}, STAMPS)).columns
+        assert columns.loc[name, ["role", "unit", "assumed"]].tolist() == ["Q_heat", unit, False]
 
 
 @pytest.mark.parametrize(
@@ -419,7 +428,9 @@ def test_the_name_of_a_zone_is_found_as_it_was_given(zone):
     assert [guess.role for guess in found.values()] == [f"u_heat_{zone}", f"T_za_{zone}"]
 
 
-@pytest.mark.parametrize("names", [["tC"], ["tC", "tF"], ["Temp C", "Temp F"], ["tF"]])
+@pytest.mark.parametrize(
+    "names", [["tC"], ["tC", "tF"], ["Temp C", "Temp F"], ["tF"], ["temperature:0.tC", "temperature:0.tF"]]
+)
 def test_a_temperature_in_two_units_is_one(names):
     """Shelly writes tC and tF, of which none was placed."""
     values = {name: ROOM if name.endswith("C") else 1.8 * ROOM + 32.0 for name in names}

@@ -42,6 +42,7 @@ _NUMBERED_ZONE = re.compile(
 )
 _PLACES = "room|zone|out|amb(?:ient)?|set|setheat|setcool|int|ext|air"  # after the T of a temperature
 _IN_WATTS = re.compile(r"(?i)(?:power|heat|cool|heating|cooling|load|rate|hvac|leistung|heizung|flow)[ _](w|watts?)$")
+_OF_SHELLY = re.compile(r"(?<![^\W_])a(?:power|(energy))(?![^\W_])")  # active, of a switch or meter
 _NOT_READ = "no model reads such a quantity"
 UNPLACED = "a temperature, but its name does not say of what"
 PLACE_ALONE = "its name says where it measures, but not what"
@@ -111,6 +112,8 @@ def unit_in_name(name: str) -> str | None:
         text = inner[1]  # such as Heating_kWh_15min
     if text is None and (power := _IN_WATTS.search(name)):
         text = power[1]
+    if text is None and (shelly := _OF_SHELLY.search(name)):
+        text = "Wh" if shelly[1] else "W"
     return None if text is None else unit_or_energy(text) or _TIMES.get(text.lower())
 
 

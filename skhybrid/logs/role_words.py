@@ -101,7 +101,7 @@ NO_IRRADIANCE = (
 #: what heats, and may cool
 HEAT_PUMP = r"heat ?pump|varmepump|lampopump|wae?rmepumpe|warmtepomp|pompe a chaleur|pompa di calore|bomba de calor"
 ELECTRICITY = (
-    rf"ele[ck]|sahko|elettr|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
+    rf"ele[ck]|\ba(power|energy)\b|sahko|elettr|strom(?!ung)|stroom|{HEAT_PUMP}|\b(pac|wp|hp|ac)\b|air ?con|compressor|"
     r"consum(ption|ed|o)|consom|verbrauch|verbruik|(?<!lammon)kulutus|plug|socket|chiller(?! (load|evap|cool))"
 )
 DELIVERED = (  # the heat of a heat pump

@@ -24,7 +24,7 @@ _MOST_WORDS = 3  # of the name of a room, such as "master bedroom"
 _NO_ROOM, _NO_PLACE = re.compile(rf"{TEMPERATURE}|{HEAT}|{COOL}"), re.compile(OTHER_THAN_AIR)
 #: a name that says of a temperature no more than that it is measured, and of air
 _TEMPERATURE_ALONE = re.compile(
-    r"((air|luft|temp\w*|lufttemp\w*|lampotila|teplota|t|avg|mean|actual|current|measured|value|ist) ?)+"
+    r"((air|luft|temp\w*|lufttemp\w*|lampotila|teplota|t|avg|mean|actual|current|measured|value|ist|\d+) ?)+"
 )
 _OWN = ("u_heat", "u_cool", "Q_hvac", "Q_heat", "Q_cool", "T_heat_set", "T_cool_set")
 
