@@ -303,6 +303,19 @@ def test_what_is_named_after_a_plant_alone_is_heat_where_its_values_are(name, va
     assert told in found["reason"]
 
 
+def test_a_valve_that_hardly_opens_is_asked_about_or_shown_by_another():
+    """It was heat in kW, which nobody was told could be a valve."""
+    few = pd.DataFrame({"heating hall": 0.2 * ROOM}, STAMPS)
+    asked = [f.text for f in LogReport(few).findings if "give it as u_heat" in f.text]
+    assert len(asked) == 1
+    told = LogReport(few, {"u_heat": "heating hall"}, {"u_heat": "percent"})
+    np.testing.assert_allclose(told.frame["u_heat"], 0.002 * ROOM)
+    rooms = {f"temp {room}": ROOM for room in ("hall", "bath")}
+    both = LogReport(few.assign(**{"heating bath": 4.0 * ROOM}, **rooms))
+    assert both.columns.loc[["heating hall", "heating bath"], "role"].tolist() == ["u_heat_hall", "u_heat_bath"]
+    assert not [f for f in both.findings if "give it as u_heat" in f.text]
+
+
 @pytest.mark.parametrize(
     ("name", "role", "is_electricity"),
     [

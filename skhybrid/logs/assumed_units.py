@@ -10,7 +10,7 @@ import pandas as pd
 from .._ranges import range_of
 from .conversion import Channel, contract_unit, row_hours
 from .counters import is_counter, usual_peak
-from .naming import NAMED_BY_ROLE, OF_PLANT, PLACE_ALONE, SURE, Guess, guess_role
+from .naming import FEW_FOR_PERCENT, NAMED_BY_ROLE, OF_PLANT, PLACE_ALONE, SURE, Guess, guess_role
 
 _LEAST_PERCENT = 20.0  # that is neither kW/m2 nor the kW of a room
 _TEMPERATURES = {"T_za": (8.0, 35.0), "T_oa": (-40.0, 45.0)}  # of a room and outdoors [degC]
@@ -56,12 +56,16 @@ def reread_values(
     What is named after a plant alone is its heat where its values are those of no stage.
     """
     found = dict(guesses)
+    bare = frame[[name for name, guess in guesses.items() if guess.reason == OF_PLANT and stated[name] is None]]
+    tops = bare.max().where(bare.min() >= 0.0)
+    in_percent = bool(((tops > _LEAST_PERCENT) & (tops <= _STAGE_STEPS[-1])).any())  # so are all of their kind
     for name, guess in guesses.items():
         if stated[name] is None and guess.certainty < SURE and guess.reason != NAMED_BY_ROLE:
             known, role = frame[name].dropna(), str(guess.role)
             low, high = known.min(), known.max()
-            if guess.reason == OF_PLANT and _is_heat(known):
-                reason = f"its name is that of a plant, and its values up to {high:.5g} are those of no stage"
+            if guess.reason == OF_PLANT and _is_heat(known, in_percent):
+                why = FEW_FOR_PERCENT if high <= _LEAST_PERCENT else "are those of no stage"
+                reason = f"its name is that of a plant, and its values up to {high:.5g} {why}"
                 found[name] = guess._replace(role=f"Q_{role[2:]}", reason=reason)
             if not (len(known) and low >= 0.0 and _LEAST_PERCENT < high <= 100.0):
                 continue
@@ -88,10 +92,13 @@ def _with_places(guesses: dict[str, Guess], stated: Mapping[str, str | None], fr
     return guesses
 
 
-def _is_heat(known: pd.Series) -> bool:
-    """Whether the values of a plant are beyond those of a stage, or have decimals and are few for a percentage."""
+def _is_heat(known: pd.Series, in_percent: bool) -> bool:
+    """Whether the values of a plant are beyond those of a stage, or have decimals and are few for a percentage.
+
+    They are no few where those of a column of this kind are ``in_percent``.
+    """
     low, high = known.min(), known.max()
-    few, whole = 1.0 < high <= _LEAST_PERCENT, (known % 1.0 == 0.0).all()
+    few, whole = 1.0 < high <= _LEAST_PERCENT and not in_percent, (known % 1.0 == 0.0).all()
     many = high > (_BYTE if whole else _STAGE_STEPS[-1])
     return bool(low >= 0.0 and (many or (few and not whole)) and not (np.diff(known) >= 0.0).all())
 

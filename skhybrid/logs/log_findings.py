@@ -15,7 +15,7 @@ from .._warnings import percent, several
 from .column_spans import lost_columns
 from .counters import counter_jumps, counter_resets, counter_tick
 from .even_steps import own_steps
-from .naming import DOUBTFUL, OF_A_MODE, OF_FUEL, PART_OF_SUN
+from .naming import DOUBTFUL, FEW_FOR_PERCENT, OF_A_MODE, OF_FUEL, PART_OF_SUN
 from .standstills import room_standstills, standstills
 from .sun_clock import jump_texts, noon_text
 
@@ -361,6 +361,9 @@ def partial_findings(reasons: Mapping[str, str]) -> Iterator[Finding]:
         elif reason == OF_A_MODE:
             text = "is the set-point of one mode, by its name: if it is not always in force, write the one that is"
             yield Finding("warning", name, f"{text} in one column.")
+        elif FEW_FOR_PERCENT in reason:
+            text = "so kW are assumed; if it is a valve or stage in percent, give it as u_heat or u_cool, and its unit"
+            yield Finding("warning", name, f"{reason}, {text} as 'percent'.")
         elif DOUBTFUL in reason:
             yield Finding("warning", name, f"{reason}: if so, give the column that is right.")
         elif OF_FUEL in reason:

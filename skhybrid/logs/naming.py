@@ -71,6 +71,8 @@ OF_A_MODE = "its name is that of the set-point of one mode"
 #: reasons of stages: of a name of one, and of a name that says no more than that something heats or cools
 OF_STAGE = "its name is that of a stage or valve"
 OF_PLANT = "its name says that it heats or cools, but not in which quantity"
+#: the end of the reason where the values of a plant, which may be a valve that hardly opens, are taken for kW
+FEW_FOR_PERCENT = "have decimals and are few for a percentage"
 #: ends of reasons where the name of a column has a word of another quantity
 DOUBTFUL = "in its name may say that it is another quantity"
 OF_FUEL = "in its name or unit may say that it counts the fuel"
