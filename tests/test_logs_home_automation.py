@@ -463,6 +463,29 @@ def test_the_file_log_of_fhem(tmp_path):
         read_log(tmp_path / "fhem.log")
 
 
+def test_the_statistics_of_loxone(tmp_path):
+    """They were refused as a web page or XML."""
+    parts = [
+        ("Raum &amp; Flur", "Temperatur,Soll", lambda k: f'V="{20 + k / 10:.1f}" V2="{21 - k % 2}"'),
+        ("Aussentemperatur", "Value", lambda k: f'V="{k / 10:.1f}"'),
+    ]
+    text = ""
+    for name, outputs, values in parts:
+        text += '<?xml version="1.0" encoding="utf-8"?>\n'
+        text += f'<Statistics Name="{name}" NumOutputs="{outputs.count(",") + 1}" Outputs="{outputs}">\n'
+        text += "".join(f'<S T="2024-01-01 {k:02d}:00:00" {values(k)}/>\n' for k in range(24)) + "</Statistics>\n"
+    (tmp_path / "log.xml").write_text(text, encoding="utf-8")
+    log = read_log(tmp_path / "log.xml")
+    assert (log.format, log.frame.index[-1]) == ("Loxone", pd.Timestamp("2024-01-01 23:00"))
+    assert list(log.frame) == ["Raum & Flur Temperatur", "Raum & Flur Soll", "Aussentemperatur"]
+    np.testing.assert_allclose(log.frame["Raum & Flur Temperatur"], 20 + np.arange(24) / 10)
+    np.testing.assert_allclose(log.frame["Raum & Flur Soll"], 21 - np.arange(24) % 2)
+    np.testing.assert_allclose(log.frame["Aussentemperatur"], np.arange(24) / 10)
+    (tmp_path / "log.xml").write_text(text.replace("2024-01-01 23", "2024-13-01 23"), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"row 26 of 'log\.xml': the time stamp '2024-13-01 23:00:00' is not a date"):
+        read_log(tmp_path / "log.xml")
+
+
 def test_raw_statistics_as_csv_are_read_by_sensor(tmp_path):
     """With their column of stamps given, the values of all sensors were mixed in silence."""
     stamps = pd.date_range("2024-01-01", periods=200, freq="1h", tz="UTC")

@@ -21,6 +21,7 @@ from .readers import (
     fhem,
     home_assistant,
     influx,
+    loxone,
     spreadsheet,
     sql_table,
 )
@@ -43,6 +44,7 @@ FORMATS: dict[str, ModuleType] = {
     "EPA thermostat": epa_thermostat,
     "InfluxDB": influx,
     "FHEM": fhem,
+    "Loxone": loxone,
     "Excel": spreadsheet,
     "Parquet": columnar,
     "SQL": sql_table,
