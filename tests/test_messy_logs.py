@@ -776,6 +776,15 @@ def test_a_row_for_each_zone_and_stamp(write, tmp_path, monkeypatch, zones, apar
     assert any("a row for each 'zone'" in note for note in log.notes)
 
 
+def test_a_zone_without_a_quantity_has_no_column_of_it_and_halves_of_a_day_are_no_zones(write):
+    rows = "".join(f"{stamp};Hall;20.5;21\n{stamp};Outside;5.5;\n" for stamp in STAMPS)
+    log = read_log(write(f"time;zone;temperature;setpoint\n{rows}"))
+    assert list(log.frame) == ["Hall temperature", "Outside temperature", "Hall setpoint"]
+    clock = [(stamp.strftime("%Y-%m-%d %I:%M"), stamp.strftime("%p")) for stamp in STAMPS]
+    rows = "".join(f"{time};{half};20.5;21\n" for time, half in clock)
+    assert list(read_log(write(f"time;AM/PM;temperature;setpoint\n{rows}")).frame) == ["temperature", "setpoint"]
+
+
 def test_a_zone_of_a_row_that_has_no_stamp_is_named_by_its_line(write):
     rows = "".join(f"{stamp};{zone};20.5;21\n" for stamp in STAMPS for zone in ("Hall", "Bath"))
     with pytest.raises(ValueError, match=r"row 122 of 'log\.csv': the time stamp '2024-13-45' is not a date"):

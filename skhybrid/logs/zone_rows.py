@@ -64,11 +64,12 @@ def as_long(
             points = name if of_weather else zones + " " + name
             parts.append(piece[list(stamps)].assign(**{POINT: points, VALUE: piece[name]}))
             units.update(dict.fromkeys(parts[-1][POINT].unique(), units[name]) if name in units else {})
-        yield pd.concat(parts)  # with the numbers of their rows
+        cells = pd.concat(parts)  # with the numbers of their rows
+        yield cells[(cells[VALUE].notna() & (cells[VALUE] != "")).to_numpy()]
 
 
 def _are_words(cells: pd.Series) -> bool:
-    """Whether the cells of a column are neither numbers nor words such as on and off."""
+    """Whether the cells of a column are neither numbers nor words such as on and off, or halves of the day."""
     column = NumberColumn()
     column.add(cells, ".")
-    return column.is_text
+    return column.is_text and not cells.astype(str).str.fullmatch(r"\s*[AaPp]\.?[Mm]\.?\s*").any()
