@@ -55,9 +55,10 @@ HEAT = (
     r"(?<!ulko)(?<!sisa)(?<!huone)lampo(?!til)|patteri"
 )
 COOL = (
-    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill|(?<!heat pump )(?<!heatpump )compressor|"
-    r"froid|frio\b|freddo|refrig|raffresc|\bac\b|air ?con|clg|\bchwv?\b|"
-    r"chlo?a?d[znic]|\bkyl|\bkoling|arrefec|koude|frigor|\bcoo\b|jaahdy|viilen"
+    r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill(?!\b)|"
+    r"(?<!heat pump )(?<!heatpump )compressor|froid|frio\b|freddo|refrig|raffresc|"
+    r"\bac\b(?!.*\bl[123]\b)|air ?con|clg|\bchwv?\b|chlo?a?d[znic]|\bkyl|\bkoling|arrefec|koude|frigor|"
+    r"\bcoo\b|jaahdy|viilen"
 )
 #: what air or water goes in and out of
 VESSEL = (
