@@ -33,6 +33,8 @@ _NO_TABLES = (
     (re.compile(rb"PK\x03\x04"), "a ZIP archive; unpack it and give the log in it"),
     (re.compile(rb"%PDF"), "a PDF; export the log as CSV"),
     (re.compile(rb"\s*<"), "a web page or XML; open it in Excel and save it as .xlsx, or export the log as CSV"),
+    (re.compile(rb"\S+ [^=\s]+=[^\n]* \d{10,19}\s"), "InfluxDB's line protocol; query it as annotated CSV (--raw)"),
+    (re.compile(rb'[^\n{"]+[ \t;]\{"'), "lines with JSON in them; write a column for each of its values, as CSV"),
     (re.compile(rb'\s*[\[{]\s*["{\[]'), "JSON; write it as CSV, one row for each time stamp"),
 )
 _BLANK = 1 << 16  # bytes without any character, after which a file is taken as empty
