@@ -216,6 +216,11 @@ def test_long_tables_of_databases(write, header):
         (b"%PDF-1.7 " + bytes(range(256)), "a PDF; export the log as CSV"),
         (b"<html><table><tr><td>20.1</td></tr></table></html>", "a web page or XML"),
         (json.dumps([{"time": "2024-01-01 00:00", "T": 20.1}]).encode(), "JSON; write it as CSV"),
+        (
+            b"climate,room=hall T=20.1,RH=45 1704067200000000000\n" * 3,
+            "InfluxDB's line protocol; query it as annotated",
+        ),
+        (b'2024-01-01T00:00:00Z zigbee2mqtt/hall {"T":20.1,"RH":45}\n' * 3, "lines with JSON in them"),
         (b"".join(b'"2024-01-01 00:%02d;20,1"\n' % k for k in range(9)), "take the quotes around each row away"),
     ],
 )
@@ -783,6 +788,23 @@ def test_a_zone_without_a_quantity_has_no_column_of_it_and_halves_of_a_day_are_n
     clock = [(stamp.strftime("%Y-%m-%d %I:%M"), stamp.strftime("%p")) for stamp in STAMPS]
     rows = "".join(f"{time};{half};20.5;21\n" for time, half in clock)
     assert list(read_log(write(f"time;AM/PM;temperature;setpoint\n{rows}")).frame) == ["temperature", "setpoint"]
+
+
+@pytest.mark.parametrize(("header", "row"), [("id;ts;val;ack;q\n", "{1};{0};{2};true;0\n"), ("", "{0} home/{1} {2}\n")])
+def test_a_row_for_each_value_of_a_point_that_has_no_usual_name(write, header, row):
+    """Of ioBroker and MQTT: all values were mixed in one column."""
+    points = {"hall.temp": ROOM, "outdoor.temp": ROOM - 15.0}
+    rows = (row.format(stamp, name, values[k]) for k, stamp in enumerate(STAMPS) for name, values in points.items())
+    log = read_log(write(header + "".join(rows)))
+    assert [name.removeprefix("home/") for name in log.frame] == list(points)
+    np.testing.assert_allclose(log.frame.to_numpy(), np.stack(list(points.values()), axis=1))
+
+
+@pytest.mark.parametrize("words", [("heat", "off"), ("on", "off")])
+def test_words_that_are_no_zones(write, words):
+    rows = "".join(f"{stamp};{words[k % 2]};{ROOM[k]}\n" for k, stamp in enumerate(STAMPS))
+    log = read_log(write(f"time;thermostat;room temp\n{rows}"))
+    np.testing.assert_allclose(log.frame["room temp"], ROOM)
 
 
 def test_a_zone_of_a_row_that_has_no_stamp_is_named_by_its_line(write):

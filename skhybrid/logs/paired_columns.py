@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 
 import pandas as pd
@@ -12,6 +13,10 @@ from .stamp_cells import holds_stamps
 POINT, VALUE = "point", "value"
 ROW = "row of the file"  # the name of an index of numbers of rows, from 0 on, which may occur again
 _LEAST_BLOCKS = 3  # of stamps with names of their own
+_IS_VALUE = re.compile(
+    r"_?(((present|object|actual)[ _]?)?value|payload|val|reading|state|wert|messwert|waarde|valeur|valore?|mean)",
+    re.IGNORECASE,
+)
 
 
 def paired_columns(sample: pd.DataFrame, stamps: Sequence[str]) -> dict[str, list[str]]:
@@ -55,3 +60,8 @@ def number_rows(frames: Iterable[pd.DataFrame], first: int = 0) -> Iterator[pd.D
     for piece in frames:
         yield piece.set_axis(pd.RangeIndex(first, first + len(piece), name=ROW), axis=0)
         first += len(piece)
+
+
+def is_value_name(name: str) -> bool:
+    """Whether a column is named after values as such, and not after what they are of."""
+    return _IS_VALUE.fullmatch(re.sub(r"\s*[\[(].*", "", name).strip()) is not None

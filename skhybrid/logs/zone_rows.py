@@ -69,7 +69,8 @@ def as_long(
 
 
 def _are_words(cells: pd.Series) -> bool:
-    """Whether the cells of a column are neither numbers nor words such as on and off, or halves of the day."""
+    """Whether the cells of a column are words, and not on and off, those of a mode, or the halves of a day."""
     column = NumberColumn()
     column.add(cells, ".")
-    return column.is_text and not cells.astype(str).str.fullmatch(r"\s*[AaPp]\.?[Mm]\.?\s*").any()
+    halves = cells.astype(str).str.fullmatch(r"\s*[AaPp]\.?[Mm]\.?\s*").any()
+    return column.is_text and not halves and not column.channels(str(cells.name))

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from ..assembly import Choice, assemble_long, columns_beside
+from ..paired_columns import is_value_name
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
 from ..table_layout import find_layout, separator_of, split_lines
@@ -24,10 +25,6 @@ _POINT = re.compile(
 _OF_POINTS = re.compile(
     r"item([ _]?name)?|topic|device([ _]?name)?|key|kanal|trend([ _]?(log|name|point))?|description|beschreibung|"
     r"attribute|quantity|(group[ _]?)?address|property|location",
-    re.IGNORECASE,
-)
-_VALUE = re.compile(
-    r"_?(((present|object|actual)[ _]?)?value|payload|val|reading|state|wert|messwert|waarde|valeur|valore?|mean)",
     re.IGNORECASE,
 )
 
@@ -84,8 +81,3 @@ def _usual_columns(names: Sequence[str] | pd.Index) -> tuple[str | None, str | N
     points = [name for usual in (_POINT, _OF_POINTS) for name in names if usual.fullmatch(name.strip())]
     values = [name for name in names if is_value_name(name)]
     return points[0] if points else None, values[0] if len(values) == 1 else None
-
-
-def is_value_name(name: str) -> bool:
-    """Whether a column is named after values as such, and not after what they are of."""
-    return _VALUE.fullmatch(re.sub(r"\s*[\[(].*", "", name).strip()) is not None

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from .. import zone_rows
-from ..assembly import Choice, Pieces, assemble, assemble_long, rows_of_piece
+from ..assembly import Choice, Pieces, assemble, assemble_long, columns_beside, rows_of_piece
 from ..cell_numbers import decimal_sign
-from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
+from ..paired_columns import POINT, VALUE, as_long, is_value_name, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp, is_stamp_name
 from ..table_layout import Layout, find_layout, separator_of, split_lines, table_of
@@ -110,12 +110,22 @@ def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **op
         frames = as_long(table.pieces(tuple(blocks), wanted, wanted), blocks)
         return assemble_long(pieces_of(table, frames, stamps, "CSV", [note_of(blocks)]), POINT, VALUE, choice)
     if zone := _zone_column(table, stamps):
-        names = [name for name in table.layout.names if name not in stamps]
-        pieces = pieces_of(table, iter(()), stamps, "CSV", [zone_rows.note_of(zone)])
-        pieces.frames = zone_rows.as_long(table.pieces(stamps, names, names), stamps, zone, pieces.units)
-        return assemble_long(pieces, POINT, VALUE, choice)
+        return _by_zone(table, stamps, zone, choice)
     wanted = choice.wanted(table.layout.names, stamps, where)
     return assemble(pieces_of(table, table.pieces(stamps, wanted), stamps, "CSV"), choice)
+
+
+def _by_zone(table: TextTable, stamps: tuple[str, ...], zone: str, choice: Choice) -> RawLog:
+    """The log of a table with a row for each zone and stamp; one column of values needs no name beside that."""
+    names = [name for name in table.layout.names if name not in stamps]
+    values = [name for name in names if name != zone and (table.layout.headless or is_value_name(name))]
+    pieces = pieces_of(table, iter(()), stamps, "CSV", [zone_rows.note_of(zone)])
+    if len(values) == 1:
+        read = [zone, *values, *columns_beside(names)]
+        pieces.frames = table.pieces(stamps, read, read)
+        return assemble_long(pieces, zone, values[0], choice)
+    pieces.frames = zone_rows.as_long(table.pieces(stamps, names, names), stamps, zone, pieces.units)
+    return assemble_long(pieces, POINT, VALUE, choice)
 
 
 def _zone_column(table: TextTable, stamps: Sequence[str]) -> str | None:

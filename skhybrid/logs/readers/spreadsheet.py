@@ -15,12 +15,12 @@ import pandas as pd
 from .. import zone_rows
 from ..assembly import Choice, Pieces, assemble_columns, assemble_long, columns_beside
 from ..cell_numbers import decimal_sign
-from ..paired_columns import POINT, VALUE, as_long, note_of, paired_columns
+from ..paired_columns import POINT, VALUE, as_long, is_value_name, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp
 from ..table_layout import Layout, find_layout, table_of
 from ..unit_names import unit_text
-from .change_of_value import is_value_name, long_columns
+from .change_of_value import long_columns
 
 _HEAD, _PIECE = 200, 20_000  # rows
 _TIME = "time"
