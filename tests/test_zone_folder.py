@@ -240,24 +240,28 @@ def test_a_log_in_another_unit_of_a_stuck_sensor_or_half_written_is_refused(chan
     assert (tables(zone), zone.model.read_bytes()) == before
 
 
+@pytest.mark.parametrize("n_rows", [1, 3])
 @pytest.mark.parametrize("blank", [["T_za"], ["T_za", "T_oa", "q_sol"]])
-def test_a_row_that_is_half_written_is_left_for_the_next_tick(blank, log, zone, tmp_path):
-    """Its heat was taken for a plan of the day to come, of which all other rows were missing."""
-    path, last = tmp_path / "log.csv", log.index[24 * (DAYS + 1) - 1]
+def test_rows_that_are_half_written_are_left_for_the_next_tick(n_rows, blank, log, zone, tmp_path):
+    """Their heat was taken for a plan of the day to come, of which all other rows were missing."""
+    path, half = tmp_path / "log.csv", log.index[24 * (DAYS + 1) - n_rows : 24 * (DAYS + 1)]
     rows = pd.read_csv(write(log, path, DAYS + 1), index_col=0)
     with zone.config.open("a", encoding="utf-8") as config:
         config.write("\n[thermostat]\nheat = 20\ncool = 25\n")
-    rows.loc[str(last), blank] = np.nan
+    rows.loc[half.astype(str), blank] = np.nan
     rows.to_csv(path)
     found = zone.tick(path)
-    assert found.n_new == 23
+    assert found.n_new == 24 - n_rows
     assert len(found.forecast.frame) == 24
     said = [text for text in found.remarks if "half written" in text]
     of = "'Q_hvac', 'T_heat_set', 'T_cool_set'"
-    assert said == [f"the row {last}, with {of} but no temperature, seems half written and is left for the next time"]
+    told = f"row {half[0]}, with {of} but no temperature, seems half written and is"
+    if n_rows > 1:
+        told = f"rows {half[0]} to {half[-1]}, with {of} but no temperature, seem half written and are"
+    assert said == [f"the {told} left for the next time"]
     write(log, path, DAYS + 1)
     found = zone.tick(path)
-    assert (found.n_new, [text for text in found.remarks if "half written" in text]) == (1, [])
+    assert (found.n_new, [text for text in found.remarks if "half written" in text]) == (n_rows, [])
 
 
 def _without_heat(rows):

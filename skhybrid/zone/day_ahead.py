@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant, listed
+from .._time import SHORTEST_GAP
 from .._warnings import percent
 from ..datasets import read_weather
 from ..logs import LogReport
@@ -94,12 +95,14 @@ def day_ahead(
     measured = settings.roles_of("T_za")
     refuse_stuck(frame, measured, origin)
     refuse_cut_value(frame, settings, origin)
-    later, half_written = _without_half_row(_not_past(frame[frame.index > origin], measured), settings)
+    later = _not_past(frame[frame.index > origin], measured)
     end = origin + pd.Timedelta(settings.horizon)
     given = later
     if weather is not None:
         given = read_ahead(weather, settings, origin.tz, range(origin.year, end.year + 1))
         given = _from_origin(given, frame[frame.index > origin].drop(columns=measured))
+    later, half_written = _without_half_rows(later, given, settings)
+    given = later if weather is None else given
     inputs = [str(role) for role in inputs_of(history) if role not in (*measured, *settings.setpoints)]
     ahead, planned = rows_ahead(settings, origin, inputs, weather=given, plan=later, schedule=schedule)
     found = zone.forecast(history, ahead).drop(columns=settings.roles_of("zeta"), errors="ignore")
@@ -148,17 +151,28 @@ def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
     return later.drop(columns=measured)
 
 
-def _without_half_row(later: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
-    """Rows after the origin without heat and set-points of the first alone, which is no plan of a day; and a remark."""
-    if later.empty or pd.Timedelta(settings.horizon) <= pd.Timedelta(settings.step):
+def _without_half_rows(later: pd.DataFrame, ahead: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    """Rows after the origin without heat and set-points that are no plan of a day, and a remark.
+
+    These end with the first row, or within hours and before the weather of the rows ``ahead`` and the horizon: they are
+    readings, of which the temperature is still to come.
+    """
+    step, horizon = pd.Timedelta(settings.step), pd.Timedelta(settings.horizon)
+    if later.empty or horizon <= step:
         return later, []
-    known = later[[role for role in map(str, later) if is_plant(role) or role in settings.setpoints]].notna()
-    alone = list(known.columns[known.iloc[0] & ~known.iloc[1:].any()])
+    early = later.index[: max(1, min(SHORTEST_GAP, horizon - step) // step)]
+    known = later[[role for role in map(str, later) if is_plant(role) or role in settings.setpoints]]
+    ends: dict[str, Any] = {str(role): values.last_valid_index() for role, values in known.items()}
+    if not like_index(ahead.index[-1], later.index) > early[-1]:
+        early = early[:1]
+    alone = [role for role, end in ends.items() if end in early]
+    if not alone:
+        return later, []
+    first, last = later.index[0], max(ends[role] for role in alone)
     names = listed(log_columns(alone, settings) or alone)
-    text = (
-        f"the row {later.index[0]}, with {names} but no temperature, seems half written and is left for the next time"
-    )
-    return later.drop(columns=alone), [text] if alone else []
+    rows, seem, are = (f"row {first}", "seems", "is") if first == last else (f"rows {first} to {last}", "seem", "are")
+    text = f"the {rows}, with {names} but no temperature, {seem} half written and {are} left for the next time"
+    return later.drop(columns=alone), [text]
 
 
 def _from_origin(given: pd.DataFrame, later: pd.DataFrame) -> pd.DataFrame:
