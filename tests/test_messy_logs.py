@@ -800,6 +800,11 @@ def test_a_row_for_each_value_of_a_point_that_has_no_usual_name(write, header, r
     np.testing.assert_allclose(log.frame.to_numpy(), np.stack(list(points.values()), axis=1))
 
 
+def test_a_numbered_sensor_is_no_zone(write):
+    rows = "".join(f"{stamp};{k};{ROOM[k]};45\n" for stamp in STAMPS for k in (1, 2))
+    assert list(read_log(write(f"time;sensor_id;temp;rh\n{rows}")).frame)[:2] == ["sensor 1 temp", "sensor 2 temp"]
+
+
 @pytest.mark.parametrize("words", [("heat", "off"), ("on", "off")])
 def test_words_that_are_no_zones(write, words):
     rows = "".join(f"{stamp};{words[k % 2]};{ROOM[k]}\n" for k, stamp in enumerate(STAMPS))

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .. import zone_rows
+from .. import rows_by_zone
 from ..assembly import Choice, Pieces, assemble, assemble_long, columns_beside, rows_of_piece
 from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, is_value_name, note_of, paired_columns
@@ -119,22 +119,22 @@ def _by_zone(table: TextTable, stamps: tuple[str, ...], zone: str, choice: Choic
     """The log of a table with a row for each zone and stamp; one column of values needs no name beside that."""
     names = [name for name in table.layout.names if name not in stamps]
     values = [name for name in names if name != zone and (table.layout.headless or is_value_name(name))]
-    pieces = pieces_of(table, iter(()), stamps, "CSV", [zone_rows.note_of(zone)])
+    pieces = pieces_of(table, iter(()), stamps, "CSV", [rows_by_zone.note_on_zones(zone)])
     if len(values) == 1:
         read = [zone, *values, *columns_beside(names)]
         pieces.frames = table.pieces(stamps, read, read)
         return assemble_long(pieces, zone, values[0], choice)
-    pieces.frames = zone_rows.as_long(table.pieces(stamps, names, names), stamps, zone, pieces.units)
+    pieces.frames = rows_by_zone.long_of_zones(table.pieces(stamps, names, names), stamps, zone, pieces.units)
     return assemble_long(pieces, POINT, VALUE, choice)
 
 
 def _zone_column(table: TextTable, stamps: Sequence[str]) -> str | None:
     """The column that names the zone of each row, if any; where the first are of one zone, all rows tell."""
-    among, n_columns = zone_rows.may_name_zones(table.sample, stamps), len(table.layout.names)
-    found = zone_rows.zone_column(table.sample, stamps, among, n_columns)
+    among, n_columns = rows_by_zone.may_name_zones(table.sample, stamps), len(table.layout.names)
+    found = rows_by_zone.zone_column(table.sample, stamps, among, n_columns)
     if found or not (alike := [name for name in among if len(table.sample[name].unique()) == 1]):
         return found
-    return zone_rows.zone_column(pd.concat(table.pieces(stamps, alike, alike)), stamps, alike, n_columns)
+    return rows_by_zone.zone_column(pd.concat(table.pieces(stamps, alike, alike)), stamps, alike, n_columns)
 
 
 def pieces_of(

@@ -12,7 +12,7 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import pandas as pd
 
-from .. import zone_rows
+from .. import rows_by_zone
 from ..assembly import Choice, Pieces, assemble_columns, assemble_long, columns_beside
 from ..cell_numbers import decimal_sign
 from ..paired_columns import POINT, VALUE, as_long, is_value_name, note_of, paired_columns
@@ -60,9 +60,9 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
             pieces.frames = as_long(frames, blocks)
             return assemble_long(pieces, POINT, VALUE, choice)
         sample = table_of(head, names)
-        if zone := zone_rows.zone_column(sample, stamps, zone_rows.may_name_zones(sample, stamps), len(names)):
-            pieces.notes.append(zone_rows.note_of(zone))
-            pieces.frames = zone_rows.as_long(frames, stamps, zone, pieces.units)
+        if zone := rows_by_zone.zone_column(sample, stamps, rows_by_zone.may_name_zones(sample, stamps), len(names)):
+            pieces.notes.append(rows_by_zone.note_on_zones(zone))
+            pieces.frames = rows_by_zone.long_of_zones(frames, stamps, zone, pieces.units)
             return assemble_long(pieces, POINT, VALUE, choice)
         return assemble_columns(
             pieces, names, long_columns(names), choice, lambda wanted: (piece[wanted] for piece in frames)

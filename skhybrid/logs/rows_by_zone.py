@@ -43,21 +43,23 @@ def zone_column(rows: pd.DataFrame, stamps: Sequence[str], among: Iterable[str],
     return None
 
 
-def note_of(zone: str) -> str:
+def note_on_zones(zone: str) -> str:
     """A remark on what was read."""
     return f"a row for each {zone!r} and stamp: read as a column for each quantity and {zone!r}"
 
 
-def as_long(
+def long_of_zones(
     frames: Iterable[pd.DataFrame], stamps: Sequence[str], zone: str, units: dict[str, str]
 ) -> Iterator[pd.DataFrame]:
     """The values of each piece one below the other, each named after its zone and column; weather has no zone.
 
     Names of points get the ``units`` of their columns.
     """
+    found = _ZONE.fullmatch(zone)
+    number = rf"{found[1] if found else zone} \g<0>"
     for rows in number_rows(frames):
         piece = rows[rows[zone].notna() & (rows[zone] != "")]
-        zones = piece[zone].astype(str).str.strip().str.replace(r"^(?=\d+$)", "zone ", regex=True)
+        zones = piece[zone].astype(str).str.strip().str.replace(r"^\d+$", number, regex=True)
         parts = []
         for name in map(str, piece.columns.drop([*stamps, zone])):
             of_weather = guess_role(name, unit_in_name(name)).role in ("T_oa", "q_sol")
