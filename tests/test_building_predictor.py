@@ -262,6 +262,9 @@ def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
     np.testing.assert_array_equal(temperatures(frame)[0], list(now.values()))
     for wrong, said in (
         ({"kitchen": 20.5}, "T_za lacks the zone 'hall'; the zones are"),
+        ({**now, "hall": np.nan}, "T_za lacks the zone 'hall'.* or leave T_za out"),
+        ([20.0, None, 18.0], "T_za lacks the zone 'hall'.* or leave T_za out"),
+        (20.0, "T_za has 1 value; give one for each of 'kitchen'"),
         ([20.0, 19.0, 18.0, 17.0], "T_za has 4 values; give one for each of 'kitchen'"),
         ({**now, "attic": 3.0}, "T_za names 'attic', which is not a zone; the zones are"),
     ):

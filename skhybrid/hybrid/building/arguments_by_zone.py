@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..._table import as_numbers, listed
+from ..._warnings import several
 from .zone_columns import MEASURED, setpoints_by_zone
 
 
@@ -24,15 +25,20 @@ class ArgumentsByZone:
         """Temperatures that are measured now, given by zone or in the order of zones; empty where there are none."""
         if T_za is None:
             return {}
-        if not isinstance(T_za, Mapping | pd.Series):
+        if isinstance(T_za, Mapping | pd.Series):
+            by_zone = self._by_zone(T_za, "T_za")
+        else:
             values = np.atleast_1d(as_numbers(T_za, "T_za"))
             if len(values) != len(self.zones):
-                raise ValueError(f"T_za has {len(values)} values; give one for each of {listed(self.zones)}.")
-            return dict(zip(self.zones, values, strict=True))
-        by_zone = self._by_zone(T_za, "T_za")
-        absent = [zone for zone in self.zones if zone not in by_zone]
+                found = several(len(values), "value")
+                raise ValueError(f"T_za has {found}; give one for each of {listed(self.zones)}.")
+            by_zone = dict(zip(self.zones, values, strict=True))
+        absent = [zone for zone in self.zones if np.ndim(T := by_zone.get(zone)) == 0 and pd.isna(T)]
         if absent:
-            raise ValueError(f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones)}.")
+            raise ValueError(
+                f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones)}: give the temperature of each, "
+                "or leave T_za out, so that the forecast begins at the last known row."
+            )
         return by_zone
 
     def setpoints(self, setpoint: Any) -> dict[str, Any]:
