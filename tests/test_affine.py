@@ -49,7 +49,7 @@ def test_a_plan_of_a_table_whose_columns_have_numbers_for_names():
     assert given == ["u_heat"]
     assert list(future) == [0]
     for q in ([1.0], [1.0, 2.0, 3.0], [[1.0, 2.0]]):
-        with pytest.raises(ValueError, match=r"the plan has shape .*, but there are 2 rows from 0 to 1 and 1 inputs"):
+        with pytest.raises(ValueError, match=r"the plan has shape .*, but there are 2 rows from 0 to 1 and 1 input;"):
             heat_plan.as_plan(q, ("u_heat",), future.index)
     assert heat_plan.as_plan([1.0, 2.0], ("u_heat",), future.index).tolist() == [[1.0], [2.0]]
 

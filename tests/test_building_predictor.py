@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import io
 import sys
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -434,10 +435,26 @@ def test_a_zone_whose_thermometer_fails_is_forecast_from_the_others(building, la
     silent = known.assign(T_za_hall=np.nan)
     with pytest.warns(MeasurementWarning, match="zone 'hall'.*no temperature"):
         model = copy.deepcopy(building).update(silent)
+    with pytest.warns(MeasurementWarning, match="zone 'hall'.*no temperature"):
+        building.forecast(silent, future)
+    with pytest.warns(MeasurementWarning, match="zone 'hall'.*no temperature"):
+        building.affine_forecast(silent, future)
     found = temperatures(model.forecast(None, future))
     assert np.isfinite(found).all()
     whole = copy.deepcopy(building).update(known)
     assert np.abs(found - temperatures(whole.forecast(None, future)))[:, 1].max() < 4.0
+
+
+def test_a_silence_is_told_once_however_few_rows_come_at_a_time(building, later):
+    model, hour = copy.deepcopy(building).update(later[:DAY]), DAY // 24
+    for begin in range(DAY, DAY + 3 * hour):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            model.update(later[begin : begin + 1].assign(T_za_hall=np.nan))
+        said = [str(one.message) for one in told if one.category is MeasurementWarning]
+        assert len(said) == (begin == DAY + hour - 1), said
+    with pytest.warns(MeasurementWarning, match=f"from {later.index[DAY]} to "):  # a day of rows tells it anew
+        model.update(later[begin + 1 : begin + 1 + DAY].assign(T_za_hall=np.nan))
 
 
 @pytest.mark.parametrize("zone", ZONES)

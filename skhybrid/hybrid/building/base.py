@@ -203,6 +203,8 @@ class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
         -----
         PlanWarning
             As there.
+        MeasurementWarning
+            Of zones that are not measured in the last hour of the history, where others are.
         SkhybridWarning
             Of plants that run as usual, once per fit.
         """
@@ -221,7 +223,10 @@ class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
             of = by_frames(zones, known, ahead, now, wanted if setpoints else None, within, *asked)
         else:
             of = under_heat(tables, ahead.index, now, *asked)
-        return pd.DataFrame(zones.joined(of, first_lead=0 if now else 1), future.index)
+        found = zones.joined(of, first_lead=0 if now else 1)
+        if known is not None:
+            zones.warn_of_silent(zones.columns.known(known), len(known))
+        return pd.DataFrame(found, future.index)
 
     def closed_loop_from(
         self,
@@ -329,6 +334,8 @@ class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
         ahead, now = self._prepared(future), zones.arguments.now(T_za)
         known = None if history is None else self._prepared(history)
         found = affine_of_zones(zones, known, ahead, roles, now)
+        if known is not None:
+            zones.warn_of_silent(zones.columns.known(known), len(known))
         return AffineForecast(*found, future.index, tuple(roles))
 
     def sample(

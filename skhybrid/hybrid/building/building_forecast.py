@@ -11,7 +11,9 @@ import pandas as pd
 
 from ..._joining import read_now
 from ..._table import ZoneTable
-from ..._warnings import ignore, warnings_to
+from ..._time import rows_in
+from ..._warnings import ignore, warn_user, warnings_to
+from ...exceptions import MeasurementWarning
 from ...forecasting.quantiles import read_quantiles
 from ...forecasting.weather_error import WeatherError
 from ..base import BaseHybrid
@@ -52,6 +54,22 @@ class FittedZones:
     def last_after(self, T: pd.DataFrame) -> dict[str, float]:
         """The last known temperature of each zone after measured ones (n, n_zones)."""
         return {zone: float(values[-1]) for zone, values in self.carried_on(T).items()}
+
+    def warn_of_silent(self, measured: Mapping[str, pd.Series], n_new: int) -> None:
+        """Warn of zones that are not measured in the last hour of known rows (n,), where others are.
+
+        Of a silence that goes on, less than a day of new rows tells once: when it has lasted for an hour.
+        """
+        hour, day = (rows_in(hours, self.first.sampling_time_) for hours in (1.0, 24.0))
+        silent = {zone: int(T.isna()[::-1].cumprod().sum()) for zone, T in measured.items()}
+        for zone, n_rows in silent.items():
+            if n_rows >= hour > min(silent.values()) and (n_new >= day or n_rows - n_new < hour):
+                stamps = measured[zone].index
+                warn_user(
+                    f"zone {zone!r} has no temperature from {stamps[-n_rows]} to {stamps[-1]}: it is forecast from what "
+                    "was known before and from its neighbours.",
+                    MeasurementWarning,
+                )
 
     def with_measured(self, X: Any, T: pd.DataFrame | None = None) -> Any:
         """X with the measured temperatures (n, n_zones), by default its own, as boundaries of neighbours."""

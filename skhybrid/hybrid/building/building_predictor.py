@@ -20,8 +20,8 @@ from ..._table import as_numbers, as_pandas
 from ..._threads import one_blas_thread
 from ..._time import rows_of
 from ..._transaction import unchanged_on_failure
-from ..._warnings import kept_warnings, warn_of_zone, warn_user, warnings_dropped, warnings_joined
-from ...exceptions import GainWarning, MeasurementWarning, PlanWarning
+from ..._warnings import kept_warnings, warn_of_zone, warnings_dropped, warnings_joined
+from ...exceptions import GainWarning, PlanWarning
 from ...forecasting.quantiles import LeftOut
 from ...thermal import get_network
 from ..base import BaseHybrid
@@ -299,12 +299,6 @@ class BuildingPredictor(BaseBuilding):
                 "ahead are for predict and forecast)."
             )
         T = self._columns.known(X, y)
-        for zone in self._silent(T):
-            warn_user(
-                f"zone {zone!r} has no temperature from {T.index[0]} to {T.index[-1]}: it is forecast from what was "
-                "known before and from its neighbours.",
-                MeasurementWarning,
-            )
         tables = None if y is not None else tables_of_zones(self.own_, self._columns, X, measured=True)
         X = self._zones.with_measured(X, T) if self.coupled_ and tables is None else X
         known = self._zones.carried_on(T)
@@ -320,13 +314,9 @@ class BuildingPredictor(BaseBuilding):
         coupled = self.coupled_.items()
         self.coupled_ = {zone: replace(one, model=after(zone, one.model, one.neighbours)) for zone, one in coupled}
         self._last = self._zones.last_after(T)
+        if T[-1:].isna().to_numpy().any():
+            self._zones.warn_of_silent(self._zones.of_each(lambda model: model.known_rows_["T_za"]), len(T))
         return self
-
-    def _silent(self, T: pd.DataFrame) -> list[str]:
-        """Zones of which nothing was measured for an hour or more, where others were measured."""
-        seen = np.isfinite(T.to_numpy(dtype=float)).any(axis=0)
-        long = len(T) * self._zones.first.sampling_time_ >= pd.Timedelta("1h")
-        return [zone for zone, known in zip(self.zones_, seen, strict=True) if not known and long and seen.any()]
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
         """Coefficient of determination of :meth:`predict`, the mean of the zones; missing rows are left out.
