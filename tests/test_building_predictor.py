@@ -25,7 +25,7 @@ from skhybrid import (
     TwoStagePredictor,
 )
 from skhybrid.datasets import make_house
-from skhybrid.exceptions import MeasurementWarning, PlanWarning, ScaleNotIdentifiableWarning, UnitWarning
+from skhybrid.exceptions import MeasurementWarning, PlanWarning, RoleWarning, ScaleNotIdentifiableWarning, UnitWarning
 from skhybrid.forecasting.quantiles import LeftOut
 from skhybrid.hybrid import frames_reading
 from skhybrid.hybrid.blending.rolling_blend import RollingBlend
@@ -575,6 +575,27 @@ def test_set_points_in_columns_of_the_zones_are_those_of_each(building, later, r
     expected = building.predict_load(later[:DAY], {zone: wanted[zone] for zone in wanted})
     for given in (wanted, wanted.add_prefix("T_za_")):
         pd.testing.assert_frame_equal(building.predict_load(later[:DAY], given), expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        (
+            "Q_hvac_hal",
+            "'Q_hvac_hal' ends with the name of no zone and counts as a plant that all zones share; the zones",
+        ),
+        ("T_heat_set_hal", "'T_heat_set_hal' ends with the name of no zone and is not read; the zones are"),
+    ],
+)
+def test_a_column_that_is_named_after_no_zone_is_told(rooms, name, said):
+    X, y = rooms
+    X = X.rename(columns={"Q_hvac_hall": name})[:N_TRAIN]
+    model = BuildingPredictor(HybridPredictor(intervals=False, network="1R1C"), adjacency=[])
+    with pytest.warns(RoleWarning, match=said):
+        model.fit(X, y[:N_TRAIN])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RoleWarning)
+        model.fit(X.rename(columns={name: "Q_oven"}), y[:N_TRAIN])
 
 
 def test_zones_of_one_sensor_are_no_neighbours(rooms):

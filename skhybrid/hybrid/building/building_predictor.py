@@ -118,6 +118,7 @@ class BuildingPredictor(BaseBuilding):
         self._single = np.asanyarray(y).ndim == 1
         self._columns = ZoneColumns.of(X, tuple(T.columns), template.columns)
         self._columns.refuse_exchanged(X, T)
+        self._columns.warn_of_no_zone()
         self.zones_ = list(self._columns.zones)
         neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
         self.coupled_, self._last = {}, dict.fromkeys(self.zones_, np.nan)

@@ -14,12 +14,15 @@ from sklearn.utils import check_consistent_length
 
 from ..._last_known import carried_forward
 from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, ending_zone, is_plant, listed, numeric, role_of
+from ..._warnings import warn_user
+from ...exceptions import RoleWarning
 from ...thermal.declaration import capacity_name
 from ...thermal.joined_rooms import checked_pairs
 from ..scheme import NEXT as NEXT
 
 MEASURED = "T_za_"  # before a zone's name: the role of its measured temperature
 _SETPOINTS = tuple(f"{role}_" for role in SETPOINT_ROLES)
+_OWN_PLANTS = ("Q_hvac_", "u_heat_", "u_cool_")
 _MOST_FOUND = 3  # neighbours of a zone that are taken from data
 _LEAST_CORRELATION = 0.2  # of the temperatures' changes
 _ALIKE, _ENOUGH_VALUES = 0.95, 5  # share of equal rows, and distinct values, from which on two columns are the same
@@ -133,6 +136,20 @@ class ZoneColumns:
                 f"column {self.shared_plants[0]!r} is of a plant that several zones share, which cannot hold the "
                 "set-points of each; give its stages or heat ahead to forecast, or plan them with affine_forecast and "
                 "an optimiser."
+            )
+
+    def warn_of_no_zone(self) -> None:
+        """Warn of set-points of no zone, and of shared plants named as a zone's own where a zone has none such."""
+        for role, column in self.columns.items():
+            kind = next((kind for kind in (*_SETPOINTS, *_OWN_PLANTS) if role.startswith(kind)), None)
+            lacking = [zone for zone in self.zones if f"{kind}{zone}" not in self.columns]
+            if kind is None or self.owner(role) or (kind in _OWN_PLANTS and not 0 < len(lacking) < len(self.zones)):
+                continue
+            so = "is not read" if kind in _SETPOINTS else "counts as a plant that all zones share"
+            warn_user(
+                f"column {column!r} ends with the name of no zone and {so}; the zones are {listed(self.zones)}: rename "
+                "it if it is of one of them.",
+                RoleWarning,
             )
 
     def refuse_exchanged(self, X: Any, T: pd.DataFrame) -> None:
