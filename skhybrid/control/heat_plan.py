@@ -149,7 +149,8 @@ def as_plan(q: Any, inputs: Sequence[str], index: pd.Index) -> np.ndarray:
     if values.shape != shape and (values.ndim != 1 or shape[1] != 1 or len(values) != shape[0]):
         raise ValueError(
             f"the plan has shape {values.shape}, but there are {shape[0]} rows from {index[0]} to {index[-1]} and "
-            f"{several(shape[1], 'input')}; give a value per row and input, and more rows in future for a longer horizon."
+            f"{several(shape[1], 'input')}; give a value per row and input, and more rows in future for a longer "
+            "horizon."
         )
     values = values.reshape(shape)
     if (unknown := ~np.isfinite(values).all(axis=1)).any():

@@ -20,7 +20,7 @@ from .stamp_numbers import (
     with_separators,
 )
 from .stamp_parts import hour_column, part_columns
-from .stamps import blocks, cell, numbered_dates, parse_stamps, refuse_empty
+from .stamps import blocks, cell, numbered_dates, parse_stamps, refuse_blank_stamps
 
 _USUAL_NAMES = re.compile(
     r"(?:#|<>)?\s*((time ?stamps?|ts|epoch|unix([ _-]?time(stamp)?)?)([ _-]?(s|ms|us|ns))?|"
@@ -166,7 +166,7 @@ def read_stamps(
     """
     if pd.api.types.is_datetime64_any_dtype(cells):
         return pd.DatetimeIndex(cells), [], False
-    refuse_empty(cells, where)
+    refuse_blank_stamps(cells, where)
     if (numbers := stamps_of_numbers(cells, where)) is not None:
         return *numbers, False
     if (guesses or year) and (elapsed := stamps_of_elapsed(cells, year or _SUNDAY, where)) is not None:

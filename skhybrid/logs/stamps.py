@@ -29,7 +29,7 @@ def parse_stamps(
     """
     if dayfirst is not None:
         check_bool("dayfirst", dayfirst)
-    refuse_empty(cells, where)
+    refuse_blank_stamps(cells, where)
     text = cells.astype(str)
     zoned = np.zeros(len(text), dtype=bool)
     offsets: set[str] = set()
@@ -53,14 +53,14 @@ def parse_stamps(
     return stamps.tz_convert(pd.Timestamp(form).tz) if len(offsets) == 1 else stamps
 
 
-def refuse_empty(cells: pd.Series, where: str) -> None:
+def refuse_blank_stamps(cells: pd.Series, where: str) -> None:
     """Refuse cells of time stamps of which one is empty."""
     empty = cells.isna().to_numpy()
     if empty.any():
-        raise _wrong(cells.index[int(np.argmax(empty))], "is empty", where)
+        raise _bad_stamp(cells.index[int(np.argmax(empty))], "is empty", where)
 
 
-def _wrong(row: int, what: str, where: str) -> ValueError:
+def _bad_stamp(row: int, what: str, where: str) -> ValueError:
     return ValueError(f"row {line(row)} of {where}: the time stamp {what}; write it as 2024-01-31 13:45.")
 
 
@@ -130,7 +130,7 @@ def _parse(text: pd.Series, utc: bool, day_first: bool, form: str, where: str) -
         row = int(np.argmax(failed))
         if _has_named_zone(text.iloc[row]):
             raise ValueError(f"{where} {_ZONE_BY_NAME}")
-        raise _wrong(text.index[row], f"{cell(text.iloc[row])} is not a date and time", where)
+        raise _bad_stamp(text.index[row], f"{cell(text.iloc[row])} is not a date and time", where)
     stamps = pd.DatetimeIndex(parsed)
     strange = (stamps.year < YEARS[0]) | (stamps.year > YEARS[1])
     if strange.any():

@@ -33,7 +33,7 @@ class ArgumentsByZone:
                 found = several(len(values), "value")
                 raise ValueError(f"T_za has {found}; give one for each of {listed(self.zones)}.")
             by_zone = dict(zip(self.zones, values, strict=True))
-        absent = [zone for zone in self.zones if np.ndim(T := by_zone.get(zone)) == 0 and pd.isna(T)]
+        absent = [zone for zone in self.zones if isinstance(T := by_zone.get(zone), float | None) and pd.isna(T)]
         if absent:
             raise ValueError(
                 f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones)}: give the temperature of each, "

@@ -55,7 +55,7 @@ class FittedZones:
         """The last known temperature of each zone after measured ones (n, n_zones)."""
         return {zone: float(values[-1]) for zone, values in self.carried_on(T).items()}
 
-    def warn_of_silent(self, measured: Mapping[str, pd.Series], n_new: int) -> None:
+    def warn_of_silent(self, measured: pd.DataFrame, n_new: int) -> None:
         """Warn of zones that are not measured in the last hour of known rows (n,), where others are.
 
         Of a silence that goes on, less than a day of new rows tells once: when it has lasted for an hour.
@@ -66,8 +66,8 @@ class FittedZones:
             if n_rows >= hour > min(silent.values()) and (n_new >= day or n_rows - n_new < hour):
                 stamps = measured[zone].index
                 warn_user(
-                    f"zone {zone!r} has no temperature from {stamps[-n_rows]} to {stamps[-1]}: it is forecast from what "
-                    "was known before and from its neighbours.",
+                    f"zone {zone!r} has no temperature from {stamps[-n_rows]} to {stamps[-1]}: it is forecast from "
+                    "what was known before and from its neighbours.",
                     MeasurementWarning,
                 )
 

@@ -302,13 +302,13 @@ class BuildingPredictor(BaseBuilding):
         T = self._columns.known(X, y)
         tables = None if y is not None else tables_of_zones(self.own_, self._columns, X, measured=True)
         X = self._zones.with_measured(X, T) if self.coupled_ and tables is None else X
-        known = self._zones.carried_on(T)
+        carried = self._zones.carried_on(T)
 
         def after(zone: str, model: BaseHybrid, neighbours: Sequence[str] = ()) -> BaseHybrid:
             with of_zone(zone):
                 if tables is None:
                     return copy(model).update(X, _target(X, T[zone]))
-                around = {other: known[other] for other in neighbours}
+                around = {other: carried[other] for other in neighbours}
                 return model._copy_after(with_neighbour_temperatures(tables[zone], around))
 
         self.own_ = {zone: after(zone, model) for zone, model in self.own_.items()}
@@ -316,7 +316,8 @@ class BuildingPredictor(BaseBuilding):
         self.coupled_ = {zone: replace(one, model=after(zone, one.model, one.neighbours)) for zone, one in coupled}
         self._last = self._zones.last_after(T)
         if T[-1:].isna().to_numpy().any():
-            self._zones.warn_of_silent(self._zones.of_each(lambda model: model.known_rows_["T_za"]), len(T))
+            known = pd.DataFrame(self._zones.of_each(lambda model: model.known_rows_["T_za"]))
+            self._zones.warn_of_silent(known, len(T))
         return self
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
