@@ -421,6 +421,13 @@ def test_a_full_disk_ends_the_work_and_leaves_no_partial_file(monkeypatch, tmp_p
     assert ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN)).zones_ == ["a", "b/1", "c"]
 
 
+def test_a_store_that_is_a_file_is_refused(tmp_path):
+    path = tmp_path / "store"
+    path.write_text("x")
+    with pytest.raises(ValueError, match="is a file; give a folder"):
+        ZoneFleet(ARX, store=path).fit(rows(TRAIN))
+
+
 def test_two_fleets_on_one_store_are_refused(tmp_path):
     fleet = ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN))
     with (

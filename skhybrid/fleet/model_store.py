@@ -172,6 +172,8 @@ class ModelStore:
     @contextmanager
     def locked(self, settings: Mapping[str, str]) -> Iterator[None]:
         """Let no other fleet write meanwhile; SQLite's lock vanishes with its process."""
+        if self.path.is_file():
+            raise ValueError(f"store={str(self.path)!r} is a file; give a folder, which is made where there is none.")
         self.path.mkdir(parents=True, exist_ok=True)
         with self._open() as database:
             with transaction(database):  # of its own: a kill must not lose the settings
