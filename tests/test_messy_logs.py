@@ -748,10 +748,12 @@ def test_two_values_of_a_point_at_a_stamp_are_refused(write):
         ((1, 2), 0, False),
     ],
 )
-@pytest.mark.parametrize("name", ["log.csv", "log.xlsx"])
-def test_a_row_for_each_zone_and_stamp(write, tmp_path, monkeypatch, zones, apart, grouped, name):
+@pytest.mark.parametrize(("name", "head"), [("log.csv", 1500), ("log.csv", 3000), ("log.xlsx", 0)])
+def test_a_row_for_each_zone_and_stamp(write, tmp_path, monkeypatch, zones, apart, grouped, name, head):
     """The rows of all rooms were mixed in one column of each quantity, with a note on stamps that occur twice."""
-    monkeypatch.setattr(delimited, "_HEAD", 1500)  # of one zone, where rows are grouped
+    monkeypatch.setattr(
+        delimited, "_HEAD", head
+    )  # of one zone, or of one and a part of the next, where rows are grouped
     table = pd.DataFrame(
         [
             (stamp + pd.Timedelta(minutes=apart * room), zone, ROOM[k] + room, 21 - room, 5 + k / 10)
@@ -809,6 +811,14 @@ def test_a_numbered_sensor_is_no_zone(write):
 def test_words_that_are_no_zones(write, words):
     rows = "".join(f"{stamp};{words[k % 2]};{ROOM[k]}\n" for k, stamp in enumerate(STAMPS))
     log = read_log(write(f"time;thermostat;room temp\n{rows}"))
+    np.testing.assert_allclose(log.frame["room temp"], ROOM)
+
+
+def test_a_state_of_a_thermostat_is_no_zone(write):
+    """The temperatures under ``auto`` and ``manual`` became those of two rooms."""
+    rows = "".join(f"{stamp};{('auto', 'manual')[k // 15 % 2]};{ROOM[k]}\n" for k, stamp in enumerate(STAMPS))
+    log = read_log(write(f"time;thermostat;room temp\n{rows}"))
+    assert list(log.frame) == ["room temp"]
     np.testing.assert_allclose(log.frame["room temp"], ROOM)
 
 

@@ -13,6 +13,7 @@ from .paired_columns import POINT, VALUE, number_rows
 
 _OFTEN = 0.5  # share of the rows, from which on stamps occur again by design
 _FEW_ROWS = 2  # of each zone, at least
+_IN_TURN = 0.3  # share of the rows from which on another zone than the row before is the rule
 _RARELY = 0.01  # share of the rows up to which a zone may have a stamp again, as in autumn
 #: names of columns that tell zones apart, also by numbers
 _ZONE = re.compile(
@@ -31,13 +32,15 @@ def may_name_zones(sample: pd.DataFrame, stamps: Sequence[str]) -> list[str]:
 def zone_column(rows: pd.DataFrame, stamps: Sequence[str], among: Iterable[str], n_columns: int) -> str | None:
     """The column that tells rows of several zones apart, ``among`` some of a table of ``n_columns``; None for none.
 
-    Most stamps must have several rows, or words stand in a column that is named after zones.
+    Most stamps must have several rows, or words stand in a column that is named after zones and change from row to row,
+    where those of a state would last.
     """
     often = rows.duplicated(list(stamps), keep=False).mean() > _OFTEN
     for name in among if n_columns > len(stamps) + 1 else ():
         known = rows[rows[name].notna() & (rows[name] != "")]
         n_zones, again = known[name].nunique(), known.duplicated([*stamps, name]).mean()
-        by_name = n_zones > 1 and _ZONE.fullmatch(name) is not None and _are_words(known[name])
+        in_turn = n_zones > 1 and (known[name] != known[name].shift()).mean() > _IN_TURN
+        by_name = in_turn and _ZONE.fullmatch(name) is not None and _are_words(known[name])
         if (often or by_name) and again < _RARELY and _FEW_ROWS * n_zones <= len(known):
             return name
     return None

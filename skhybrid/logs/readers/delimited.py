@@ -129,12 +129,17 @@ def _by_zone(table: TextTable, stamps: tuple[str, ...], zone: str, choice: Choic
 
 
 def _zone_column(table: TextTable, stamps: Sequence[str]) -> str | None:
-    """The column that names the zone of each row, if any; where the first are of one zone, all rows tell."""
+    """The column that names the zone of each row, if any; where zones follow one another, all rows tell."""
     among, n_columns = rows_by_zone.may_name_zones(table.sample, stamps), len(table.layout.names)
     found = rows_by_zone.zone_column(table.sample, stamps, among, n_columns)
-    if found or not (alike := [name for name in among if len(table.sample[name].unique()) == 1]):
+    if found or not (alike := [name for name in among if _in_blocks(table.sample[name])]):
         return found
     return rows_by_zone.zone_column(pd.concat(table.pieces(stamps, alike, alike)), stamps, alike, n_columns)
+
+
+def _in_blocks(cells: pd.Series) -> bool:
+    """Whether equal cells stand together."""
+    return bool((cells != cells.shift()).sum() == cells.nunique())
 
 
 def pieces_of(
