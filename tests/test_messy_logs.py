@@ -740,20 +740,23 @@ def test_two_values_of_a_point_at_a_stamp_are_refused(write):
 
 
 @pytest.mark.parametrize(
-    ("zones", "apart", "grouped"),
+    ("name", "head", "zones", "apart", "grouped"),
     [
-        (("Hall", "Kitchen"), 0, False),
-        (("Hall", "Kitchen"), 20, False),
-        (("Hall", "Kitchen"), 0, True),
-        ((1, 2), 0, False),
+        (name, head, zones, apart, grouped)
+        for name, head in (("log.csv", 1500), ("log.csv", 3000), ("log.xlsx", 0))
+        for zones, apart, grouped in (
+            (("Hall", "Kitchen"), 0, False),
+            (("Hall", "Kitchen"), 20, False),
+            (("Hall", "Kitchen"), 0, True),
+            ((1, 2), 0, False),
+        )
+        if not (grouped and name == "log.xlsx")  # of a sheet, the first rows tell
     ],
 )
-@pytest.mark.parametrize(("name", "head"), [("log.csv", 1500), ("log.csv", 3000), ("log.xlsx", 0)])
-def test_a_row_for_each_zone_and_stamp(write, tmp_path, monkeypatch, zones, apart, grouped, name, head):
+def test_a_row_for_each_zone_and_stamp(write, tmp_path, monkeypatch, name, head, zones, apart, grouped):
     """The rows of all rooms were mixed in one column of each quantity, with a note on stamps that occur twice."""
-    monkeypatch.setattr(
-        delimited, "_HEAD", head
-    )  # of one zone, or of one and a part of the next, where rows are grouped
+    # the head is of one zone, or of one and a part of the next, where rows are grouped
+    monkeypatch.setattr(delimited, "_HEAD", head)
     table = pd.DataFrame(
         [
             (stamp + pd.Timedelta(minutes=apart * room), zone, ROOM[k] + room, 21 - room, 5 + k / 10)
@@ -767,8 +770,6 @@ def test_a_row_for_each_zone_and_stamp(write, tmp_path, monkeypatch, zones, apar
     path = tmp_path / name
     if name.endswith("csv"):
         table.to_csv(path, index=False, sep=";")
-    elif grouped:
-        pytest.skip("the first rows of a sheet are of one zone")
     else:
         table.to_excel(path, index=False)
     log = read_log(path)
@@ -800,6 +801,13 @@ def test_a_row_for_each_value_of_a_point_that_has_no_usual_name(write, header, r
     log = read_log(write(header + "".join(rows)))
     assert [name.removeprefix("home/") for name in log.frame] == list(points)
     np.testing.assert_allclose(log.frame.to_numpy(), np.stack(list(points.values()), axis=1))
+
+
+def test_the_points_of_a_long_sheet_are_no_zones(tmp_path):
+    points = {"Room temp": ROOM, "Outdoor temp": ROOM - 15.0}
+    rows = [(stamp, name, values[k]) for k, stamp in enumerate(STAMPS) for name, values in points.items()]
+    pd.DataFrame(rows, columns=["time", "point", "value"]).to_excel(tmp_path / "log.xlsx", index=False)
+    assert list(read_log(tmp_path / "log.xlsx").frame) == list(points)
 
 
 def test_a_numbered_sensor_is_no_zone(write):

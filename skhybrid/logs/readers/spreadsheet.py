@@ -51,22 +51,21 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
         rows, layout, where, notes = _one_table(book, found, repr(path.name))
         names = layout.names
         head = list(islice(rows, layout.first + _HEAD))[layout.first :]
-        stamps = find_stamp_columns(table_of(head, names), choice.time_column, where)
+        sample, long = table_of(head, names), long_columns(names)
+        stamps = find_stamp_columns(sample, choice.time_column, where)
         units = {name: unit for name, unit in layout.units.items() if name not in stamps}
         pieces = Pieces((), stamps, where, "Excel", units, _decimal_of(head), layout.first + 1, notes)
         frames = _pieces(chain(head, rows), names)
-        if blocks := paired_columns(table_of(head, names), stamps):
+        if blocks := paired_columns(sample, stamps):
             pieces.notes.append(note_of(blocks))
             pieces.frames = as_long(frames, blocks)
             return assemble_long(pieces, POINT, VALUE, choice)
-        sample = table_of(head, names)
-        if zone := rows_by_zone.zone_column(sample, stamps, rows_by_zone.may_name_zones(sample, stamps), len(names)):
+        among = [] if long else rows_by_zone.may_name_zones(sample, stamps)
+        if zone := rows_by_zone.zone_column(sample, stamps, among, len(names)):
             pieces.notes.append(rows_by_zone.note_on_zones(zone))
             pieces.frames = rows_by_zone.long_of_zones(frames, stamps, zone, pieces.units)
             return assemble_long(pieces, POINT, VALUE, choice)
-        return assemble_columns(
-            pieces, names, long_columns(names), choice, lambda wanted: (piece[wanted] for piece in frames)
-        )
+        return assemble_columns(pieces, names, long, choice, lambda wanted: (piece[wanted] for piece in frames))
     finally:
         book.close()
 
