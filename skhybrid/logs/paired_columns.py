@@ -62,6 +62,11 @@ def number_rows(frames: Iterable[pd.DataFrame], first: int = 0) -> Iterator[pd.D
         first += len(piece)
 
 
+def numbered_values(rows: Sequence[tuple[int, str, str, str]], stamp: str) -> pd.DataFrame:
+    """Numbers of rows, their stamps, points and values as a piece of a long table."""
+    return pd.DataFrame(rows, columns=[ROW, stamp, POINT, VALUE]).astype({ROW: int}).set_index(ROW)
+
+
 def is_value_name(name: str) -> bool:
     """Whether a column is named after values as such, and not after what they are of."""
     return _IS_VALUE.fullmatch(re.sub(r"\s*[\[(].*", "", name).strip()) is not None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
+import numpy as np
 import pandas as pd
 
 from .cell_numbers import NumberColumn
@@ -37,7 +38,7 @@ def zone_column(rows: pd.DataFrame, stamps: Sequence[str], among: Iterable[str],
     """
     often = rows.duplicated(list(stamps), keep=False).mean() > _OFTEN
     for name in among if n_columns > len(stamps) + 1 else ():
-        known = rows[rows[name].notna() & (rows[name] != "")]
+        known = rows[_is_filled(rows[name])]
         n_zones, again = known[name].nunique(), known.duplicated([*stamps, name]).mean()
         in_turn = n_zones > 1 and (known[name] != known[name].shift()).mean() > _IN_TURN
         by_name = in_turn and _ZONE.fullmatch(name) is not None and _are_words(known[name])
@@ -61,7 +62,7 @@ def long_of_zones(
     found = _ZONE.fullmatch(zone)
     number = rf"{found[1] if found else zone} \g<0>"
     for rows in number_rows(frames):
-        piece = rows[rows[zone].notna() & (rows[zone] != "")]
+        piece = rows[_is_filled(rows[zone])]
         zones = piece[zone].astype(str).str.strip().str.replace(r"^\d+$", number, regex=True)
         parts = []
         for name in map(str, piece.columns.drop([*stamps, zone])):
@@ -70,7 +71,12 @@ def long_of_zones(
             parts.append(piece[list(stamps)].assign(**{POINT: points, VALUE: piece[name]}))
             units.update(dict.fromkeys(parts[-1][POINT].unique(), units[name]) if name in units else {})
         cells = pd.concat(parts)  # with the numbers of their rows
-        yield cells[(cells[VALUE].notna() & (cells[VALUE] != "")).to_numpy()]
+        yield cells[_is_filled(cells[VALUE])]
+
+
+def _is_filled(cells: pd.Series) -> np.ndarray:
+    """(n,) bool, cells that are not empty."""
+    return (cells.notna() & (cells != "")).to_numpy()
 
 
 def _are_words(cells: pd.Series) -> bool:

@@ -23,13 +23,12 @@ _ZONE_BY_NAME = "has time stamps with a zone by name; give an offset from UTC, o
 def parse_stamps(
     cells: pd.Series, dayfirst: bool | None, where: str, next_day: np.ndarray | None = None
 ) -> pd.DatetimeIndex:
-    """Time stamps of a log, in their own zone or naive; unclear or impossible ones are refused.
+    """Time stamps of a log, none blank, in their own zone or naive; unclear or impossible ones are refused.
 
     Rows of ``next_day`` are a day later than they say.
     """
     if dayfirst is not None:
         check_bool("dayfirst", dayfirst)
-    refuse_blank_stamps(cells, where)
     text = cells.astype(str)
     zoned = np.zeros(len(text), dtype=bool)
     offsets: set[str] = set()

@@ -11,6 +11,7 @@ import re
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
@@ -45,6 +46,14 @@ def open_bytes(path: Path) -> IO[bytes]:
 def open_text(path: Path) -> io.TextIOWrapper:
     """The text of a file in UTF-8, decompressed, its line ends as they are."""
     return io.TextIOWrapper(open_bytes(path), encoding="utf-8-sig", newline="")
+
+
+def numbered_lines(path: Path, n: int) -> Iterator[list[tuple[int, str]]]:
+    """The lines of a text file in any encoding and their numbers from 0 on, ``n`` at a time."""
+    with damage_refused(repr(path.name)), open_bytes(path) as file:
+        lines = enumerate(io.TextIOWrapper(file, encoding_of(path) or "utf-8", errors="replace"))
+        while part := list(islice(lines, n)):
+            yield part
 
 
 @contextmanager

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from io import TextIOWrapper
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +11,9 @@ import pandas as pd
 
 from ..._warnings import several
 from ..assembly import Choice, Pieces, assemble_long, rows_of_piece
-from ..paired_columns import POINT, ROW, VALUE
+from ..paired_columns import POINT, VALUE, numbered_values
 from ..raw_log import RawLog
-from ..text_files import damage_refused, encoding_of, open_bytes
+from ..text_files import numbered_lines
 
 _LINE = re.compile(r"(\d{4}-\d{2}-\d{2})_(\d{2}:\d{2}:\d{2})(?:\.\d+)? (\S+) (.*?)\s*")
 _READING = re.compile(r"(\S+): +(.*?)(?=\s+\S+: |\Z)")  # of several on a line, as T: 21.3 H: 45
@@ -37,17 +35,12 @@ def read(path: Path, **options: Any) -> RawLog:
 
 def _frames(path: Path, pieces: Pieces) -> Iterator[pd.DataFrame]:
     """The rows of each piece with one value each, its name and its stamp; other lines are counted in a note."""
-    n_others, begin = 0, 0
-    with damage_refused(pieces.where), open_bytes(path) as file:
-        text = TextIOWrapper(file, encoding_of(path) or "utf-8", errors="replace")
-        while lines := list(islice(text, rows_of_piece(3))):
-            found = {row: _LINE.fullmatch(line.rstrip("\r\n")) for row, line in enumerate(lines, begin)}
-            known = {row: one for row, one in found.items() if one}
-            n_others, begin = n_others + len(lines) - len(known), begin + len(lines)
-            rows = [
-                (row, f"{one[1]} {one[2]}", *pair) for row, one in known.items() for pair in _values(one[3], one[4])
-            ]
-            yield pd.DataFrame(rows, columns=[ROW, _STAMP, POINT, VALUE], dtype=str).astype({ROW: int}).set_index(ROW)
+    n_others = 0
+    for lines in numbered_lines(path, rows_of_piece(3)):
+        known = [(row, found) for row, line in lines if (found := _LINE.fullmatch(line.rstrip("\r\n")))]
+        n_others += len(lines) - len(known)
+        rows = [(row, f"{one[1]} {one[2]}", *pair) for row, one in known for pair in _values(one[3], one[4])]
+        yield numbered_values(rows, _STAMP)
     if n_others:
         pieces.notes.append(f"{several(n_others, 'line')} that FHEM does not write so left out")
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..._table import listed
-from ..stamps import YEARS, cell, in_zone, parse_stamps
+from ..stamps import YEARS, cell, in_zone, parse_stamps, refuse_blank_stamps
 from ..text_files import damage_refused, open_text
 
 _NO_VALUE = ("", "-", "nan", "null", "none", "n/a", "na", "unavailable", "unknown")
@@ -91,6 +91,7 @@ def numeric_columns(table: pd.DataFrame, known: Iterable[str], where: str) -> tu
 def stamps_of(cells: pd.Series, timezone: str | None, dayfirst: bool | None, where: str) -> pd.DatetimeIndex:
     """Stamps of cells whose index counts the lines of the file."""
     rows = cells.set_axis(cells.index - 2)  # rows are counted after a header
+    refuse_blank_stamps(rows, where)
     return in_zone(parse_stamps(rows, dayfirst, where), timezone, rows, where)
 
 

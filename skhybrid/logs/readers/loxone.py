@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from html import unescape
-from io import TextIOWrapper
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from ..assembly import Choice, Pieces, assemble_long, rows_of_piece
-from ..paired_columns import POINT, ROW, VALUE
+from ..paired_columns import POINT, VALUE, numbered_values
 from ..raw_log import RawLog
-from ..text_files import damage_refused, encoding_of, open_bytes
+from ..text_files import numbered_lines
 
 _ELEMENT = re.compile(r"<(?:Statistics|S)\s([^>]*)>")
 _ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
@@ -29,27 +27,24 @@ def looks_like(path: Path, head: str) -> bool:
 
 def read(path: Path, **options: Any) -> RawLog:
     """Read statistics into a column for each block, or for each of its outputs; the options are those of ``Choice``."""
-    pieces = Pieces((), (_STAMP,), repr(path.name), "Loxone", first_line=1)
-    pieces.frames = _frames(path, pieces.where)
+    pieces = Pieces(_frames(path), (_STAMP,), repr(path.name), "Loxone", first_line=1)
     return assemble_long(pieces, POINT, VALUE, Choice(**options))
 
 
-def _frames(path: Path, where: str) -> Iterator[pd.DataFrame]:
+def _frames(path: Path) -> Iterator[pd.DataFrame]:
     """The rows of each piece with one value each, its name and its stamp."""
     points: list[str] = []
-    with damage_refused(where), open_bytes(path) as file:
-        lines = enumerate(TextIOWrapper(file, encoding_of(path) or "utf-8", errors="replace"))
-        while part := list(islice(lines, rows_of_piece(3))):
-            rows: list[tuple[int, str, str, str]] = []
-            for row, line in part:
-                for element in _ELEMENT.findall(line):
-                    found = {key: unescape(text) for key, text in _ATTRIBUTE.findall(element)}
-                    if _STAMP in found:
-                        stamp = found.pop(_STAMP)
-                        rows += [(row, stamp, *pair) for pair in zip(points, found.values(), strict=False)]
-                    else:
-                        points = _points(found.get("Name", ""), found.get("Outputs", "").split(","))
-            yield pd.DataFrame(rows, columns=[ROW, _STAMP, POINT, VALUE]).astype({ROW: int}).set_index(ROW)
+    for part in numbered_lines(path, rows_of_piece(3)):
+        rows: list[tuple[int, str, str, str]] = []
+        for row, line in part:
+            for element in _ELEMENT.findall(line):
+                found = {key: unescape(text) for key, text in _ATTRIBUTE.findall(element)}
+                if _STAMP in found:
+                    stamp = found.pop(_STAMP)
+                    rows += [(row, stamp, *pair) for pair in zip(points, found.values(), strict=False)]
+                else:
+                    points = _points(found.get("Name", ""), found.get("Outputs", "").split(","))
+        yield numbered_values(rows, _STAMP)
 
 
 def _points(name: str, outputs: list[str]) -> list[str]:
