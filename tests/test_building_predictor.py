@@ -421,6 +421,12 @@ def energy_score(drawn: np.ndarray, truth: np.ndarray | float) -> float:
     return float(np.linalg.norm(drawn - truth, axis=-1).mean() - 0.5 * apart)
 
 
+def test_temperatures_of_the_zones_may_come_in_y_alone(building, rooms, later, tomorrow):
+    X, y = rooms
+    alone = BuildingPredictor(adjacency=DOORS).fit(X.drop(columns=T_OF)[:N_TRAIN], y[:N_TRAIN])
+    pd.testing.assert_frame_equal(alone.forecast(X[:N_TRAIN], tomorrow), building.forecast(X[:N_TRAIN], tomorrow))
+
+
 def test_a_zone_without_neighbours_is_its_own_predictor(rooms, later, tomorrow):
     X, y = rooms
     model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=[]).fit(X[:N_TRAIN], y[:N_TRAIN])

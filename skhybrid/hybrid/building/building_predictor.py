@@ -32,7 +32,15 @@ from .base import BaseBuilding
 from .building_plans import JointErrors
 from .building_tables import of_zone, tables_of_zones, with_neighbour_temperatures
 from .coupled_zone import couple, with_neighbours
-from .zone_columns import NEXT, ZoneColumns, found_neighbours, neighbours_of, read_temperatures, refuse_same
+from .zone_columns import (
+    NEXT,
+    ZoneColumns,
+    found_neighbours,
+    neighbours_of,
+    read_temperatures,
+    refuse_same,
+    with_temperatures,
+)
 
 _SETTLED = 10  # days before the one on which the response to a neighbour is computed
 
@@ -116,6 +124,7 @@ class BuildingPredictor(BaseBuilding):
         self.preprocess_ = fit_preprocess(template.preprocess, X, y)
         T = read_temperatures(y, X := self._prepared(X))
         self._single = np.asanyarray(y).ndim == 1
+        X = with_temperatures(X, T, template.columns)
         self._columns = ZoneColumns.of(X, tuple(T.columns), template.columns)
         self._columns.refuse_exchanged(X, T)
         self._columns.warn_of_no_zone()

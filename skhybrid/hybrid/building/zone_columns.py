@@ -200,6 +200,14 @@ def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
     return pd.DataFrame(values, index, names)
 
 
+def with_temperatures(X: Any, T: pd.DataFrame, columns: Mapping[str, Any] | None) -> Any:
+    """X with the temperatures T (n, n_zones) of several zones as the history of each, where X has none itself."""
+    roles = (*(columns or {}), *getattr(X, "columns", ()))
+    if not isinstance(X, pd.DataFrame) or T.shape[1] == 1 or any(str(r).startswith("T_za") for r in roles):
+        return X
+    return X.assign(**{MEASURED + str(zone): values.to_numpy() for zone, values in T.items()})
+
+
 def temperatures_of(y: Any, X: Any, zones: list[str]) -> pd.DataFrame:
     """A target as a frame (n, n_zones) of the ``zones`` that were learned, in their order."""
     T = read_temperatures(y, X)
