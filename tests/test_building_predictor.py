@@ -261,6 +261,8 @@ def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
     now = {"kitchen": 20.5, "hall": 18.5, "study": 19.5}
     frame = building.forecast(None, tomorrow, T_za=now)
     np.testing.assert_array_equal(temperatures(frame)[0], list(now.values()))
+    row = pd.DataFrame(now, tomorrow.index[:1]).add_prefix("T_za_")
+    pd.testing.assert_frame_equal(building.forecast(None, tomorrow, T_za=row), frame)
     for wrong, said in (
         ({"kitchen": 20.5}, "T_za lacks the zone 'hall'; the zones are"),
         ({**now, "hall": np.nan}, "T_za lacks the zone 'hall'.* or leave T_za out"),

@@ -25,6 +25,8 @@ class ArgumentsByZone:
         """Temperatures that are measured now, given by zone or in the order of zones; empty where there are none."""
         if T_za is None:
             return {}
+        if isinstance(T_za, pd.DataFrame) and len(T_za) == 1:  # a row of a log
+            T_za = T_za.iloc[0]
         if isinstance(T_za, Mapping | pd.Series):
             by_zone = self._by_zone(T_za, "T_za")
         else:

@@ -172,7 +172,7 @@ class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
             Rows up to the origin, with ``T_za_<zone>``; None: all that is known.
         future : DataFrame
             The rows to forecast, with the known future inputs.
-        T_za : mapping of zone to float, Series or sequence, optional
+        T_za : mapping of zone to float, Series, row of a frame or sequence, optional
             Temperatures measured at the first row of ``future``, which then is *now* [degC].
         setpoint : mapping or DataFrame of zone to set-point, or one for all zones, optional
             As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free, and one without a plant is
