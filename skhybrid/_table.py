@@ -1,8 +1,7 @@
 """The data contract: validated tables of consecutive time steps, and the functions that read them.
 
-A row is a time step, a column has a role (see :data:`ROLES`).  This is the only module that validates tables: every
-estimator reads its input through :func:`read_table` and :func:`read_target`.  A table is parsed once per public call
-and passed on as a :class:`ZoneTable`.
+A row is a time step, a column has a role (see :data:`ROLES`).  Tables are validated here only, by :func:`read_table`
+and :func:`read_target`, once per public call, and passed on as a :class:`ZoneTable`.
 """
 
 from __future__ import annotations
@@ -56,9 +55,11 @@ from ._ranges import check_range
 from ._target import SCORED as SCORED
 from ._target import UNLIMITED as UNLIMITED
 from ._target import is_target as is_target
+from ._target import refuse_exchanged as refuse_exchanged
 from ._target import refuse_missing, refuse_target_among, warn_if_still, warn_if_temperature
 from ._target import refuse_order as refuse_order
 from ._target import refuse_other_quantity as refuse_other_quantity
+from ._target import same_values as same_values
 from ._time import read_index, spell
 
 _FEW_HOURS = 1.0  # at full load, below which a plant hardly ran
@@ -353,9 +354,8 @@ def _select(estimator: Any, table: ZoneTable, wanted: _Request) -> ZoneTable:
 def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str | None = None) -> np.ndarray:
     """(n_samples,) float64 target, NaN where missing, never infinite.
 
-    Refused where it is None, has another length or other stamps than the table, or all or more than ``max_missing`` of
-    it is missing.  With a ``role``, values beyond its range are refused, as are a history of that role in X that is not
-    y, and an input that is y.
+    Refused where it is None, has other rows than the table, or all or more than ``max_missing`` of it is missing; with
+    a ``role`` also values beyond its range, a history of that role in X that is not y, and an input that is y.
     """
     if y is None:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
@@ -390,11 +390,11 @@ def read_targets(y: Any, table: ZoneTable, roles: tuple[str, ...], *, max_missin
         return read_target(y, table, max_missing=max_missing, role=roles[0])
     y = as_pandas(y, "y")
     frame = y if isinstance(y, pd.DataFrame) else pd.DataFrame(as_numbers(y, "y"))
-    named = isinstance(y, pd.DataFrame) and set(roles) <= set(frame.columns)
+    named = frame is y and set(roles) <= set(frame.columns)
     if not named and frame.shape[1] != len(roles):
         raise ValueError(f"y has shape {np.shape(y)}, but several temperatures are measured: give {', '.join(roles)}.")
     columns: list[Any] = [frame[role] if named else frame.iloc[:, j] for j, role in enumerate(roles)]
-    if not isinstance(y, pd.DataFrame):
-        columns = [column.to_numpy() for column in columns]
-    read = [read_target(c, table, max_missing=max_missing, role=role) for c, role in zip(columns, roles, strict=True)]
-    return np.column_stack(read)
+    columns = columns if frame is y else [column.to_numpy() for column in columns]
+    read = {r: read_target(c, table, max_missing=max_missing, role=r) for c, r in zip(columns, roles, strict=True)}
+    refuse_exchanged(table.history, read)
+    return np.column_stack(list(read.values()))

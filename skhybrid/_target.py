@@ -23,6 +23,8 @@ _MOST_APART = 5.0
 _ENOUGH_ROWS = 24
 #: distinct values from which on it is no coincidence that an input equals y
 _ENOUGH_VALUES = 5
+#: share of equal rows from which on two columns are the same, and by how much their values may differ
+_ALIKE, _ROUNDING = 0.95, 1e-6
 
 
 def refuse_order(given: pd.Index, index: pd.Index) -> None:
@@ -79,6 +81,24 @@ def refuse_other_quantity(history: np.ndarray, y: np.ndarray, role: str, *, scor
         if not scores:
             raise ValueError(text)
         warn_user(text, SkhybridWarning)
+
+
+def same_values(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two columns (n,) are equal in nearly all rows where both are measured."""
+    both = np.isfinite(one) & np.isfinite(other)
+    equal = both & (np.abs(np.where(both, one - other, np.inf)) <= _ROUNDING)
+    return bool(equal.sum() >= _ALIKE * both.sum() and len(np.unique(other[equal])) >= _ENOUGH_VALUES)
+
+
+def refuse_exchanged(history: Mapping[str, np.ndarray], y: Mapping[str, np.ndarray]) -> None:
+    """Refuse targets (n,) of zones of which one is the history (n,) of another zone, and not its own."""
+    for zone, wanted in y.items():
+        others = [other for other in history if other != zone and other in y and same_values(history[other], wanted)]
+        if zone in history and others and not same_values(history[zone], wanted):
+            raise ValueError(
+                f"y of {zone!r} is what X has measured in {others[0]!r}, and not in {zone!r} itself: give y as a "
+                "DataFrame with the column of each zone under its name."
+            )
 
 
 def _cause(known: np.ndarray, wanted: np.ndarray, role: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,6 +23,7 @@ from skhybrid.datasets import make_house
 from skhybrid.exceptions import ExcitationWarning
 from skhybrid.identification import find_adjacency, identify_rooms
 from skhybrid.identification.rooms import _combined
+from skhybrid.model_selection import backtest
 from skhybrid.thermal import building_network, room_network
 
 PAIR = ("north", "south")
@@ -246,7 +248,8 @@ def test_states_and_temperatures_go_by_their_names():
         np.testing.assert_array_equal(model.simulate(house.X, initial_state=given), expected)
     now = house.y.iloc[-8]
     path = model.forecast(None, ahead, T_za=list(now))
-    for given in (now[::-1], now.to_dict()):
+    by_zone = now.rename(lambda name: name.removeprefix("T_za_"))
+    for given in (now[::-1], now.to_dict(), by_zone[::-1], by_zone.to_dict(), pd.Series(now.to_numpy())):
         pd.testing.assert_frame_equal(model.forecast(None, ahead, T_za=given), path)
     with pytest.raises(ValueError, match=r"initial_state has the names 'T_attic', 'T_za_living', .*; give a value for"):
         model.simulate(house.X, initial_state=state.rename({"T_w_living": "T_attic"}))
@@ -305,6 +308,30 @@ def test_targets_by_the_names_of_zones(house):
             ValueError, match=r"exactly one column 'T_za_study' or 'study'; give .* or 'living', 'kitchen'"
         ):
             fit(wrong)
+
+
+def test_a_back_test_of_rooms_is_their_forecast_from_each_origin(house):
+    X, y = house.X, house.y
+    model = GrayBoxRC(house.network, known=house.theta).fit(X[:192], y[:192])
+    found = backtest(model, X[192:480], y[192:480], horizon="6h")
+    assert list(found["zone"].unique()) == list(house.network.zones)
+    origins = [X.index[192:480].get_loc(stamp) for stamp in found["origin"].unique()]
+    paths = model.predict_from(X[192:480], origins, horizon="6h")
+    np.testing.assert_array_equal(found["y_pred"], paths.transpose(2, 0, 1).ravel())
+    kitchen = found[found["zone"] == "kitchen"]
+    np.testing.assert_array_equal(kitchen["y_true"], y["T_za_kitchen"].loc[kitchen["time"]])
+    with pytest.raises(ValueError, match="weather_error with the heat known is for one zone"):
+        backtest(model, X[192:480], y[192:480], weather_error="low")
+
+
+def test_exchanged_rooms_are_refused(house):
+    """A target in another order than its names was fitted, and scored, without a word."""
+    X, y = house.X[:288], house.y[:288]
+    exchanged = y.iloc[:, [1, 0, 2, 3]].set_axis(y.columns, axis=1)
+    model = GrayBoxRC(house.network, known=house.theta).fit(X, y)
+    for method in (model.fit, model.score, partial(backtest, model)):
+        with pytest.raises(ValueError, match="y of 'T_za_living' is what X has measured in 'T_za_kitchen'"):
+            method(X, exchanged)
 
 
 @pytest.mark.slow

@@ -667,9 +667,7 @@ def test_exchanged_rooms_are_refused(two_stages, rooms):
     """An array has its zones in the order of the columns of X; a frame may name them wrongly."""
     X, y = rooms
     turned, learned = X[X.columns[::-1]], slice(0, N_TRAIN)
-    said = (
-        r"y of the zone '(kitchen|study)' is the column 'T_za_(?!\1)\w+' of X, .* and not 'T_za_\1': give y as a Data"
-    )
+    said = r"y of '(kitchen|study)' is what X has measured in '(?!\1)\w+', and not in '\1' itself: give y as a Data"
     with pytest.raises(ValueError, match=said):
         by_themselves().fit(turned[learned], y[learned].to_numpy())
     exchanged = y.set_axis(["study", "hall", "kitchen"], axis=1)
@@ -731,7 +729,7 @@ def test_set_points_in_a_frame_go_by_the_columns_of_the_zones(building, tomorrow
 def test_a_back_test_refuses_zones_that_are_exchanged(building, later):
     y = later.filter(like="T_za_")
     for wrong in (y.to_numpy()[:, ::-1], y.set_axis(y.columns[::-1], axis=1)):
-        with pytest.raises(ValueError, match="which belongs to the zone"):
+        with pytest.raises(ValueError, match="is what X has measured in"):
             backtest(building, later, wrong)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, Self
 
@@ -125,7 +125,7 @@ class ForecastingNetwork(NetworkModel):
             None: all that is known from :meth:`fit` and :meth:`update`.
         future : DataFrame
             The rows to forecast, with all inputs; it begins one step after the history.
-        T_za : float, or several in the order of the measured nodes or by ``T_za_<node>``, optional
+        T_za : float, or several in the order of the measured nodes or by ``T_za_<node>`` or ``<node>``, optional
             Temperature measured at the first row of ``future``, which then is *now* [degC]: the forecast begins there,
             and the heat of that row is still to be decided.  It is not added to the history.
 
@@ -172,7 +172,7 @@ class ForecastingNetwork(NetworkModel):
         inputs : sequence of str, optional
             What is decided: heating and cooling of the training table, kW or stages; default is all of it, in the order
             of the table.
-        T_za : float, or several in the order of the measured nodes or by ``T_za_<node>``, optional
+        T_za : float, or several in the order of the measured nodes or by ``T_za_<node>`` or ``<node>``, optional
             As in :meth:`forecast`.
         member : {"network", "blend"}, default="network"
             The same here: an identification is a network.
@@ -320,6 +320,8 @@ class ForecastingNetwork(NetworkModel):
         if T_za is None:
             return None
         roles = self.network_.history_roles
+        if isinstance(T_za, Mapping | pd.Series):
+            T_za = pd.Series(T_za).rename(dict(zip(self.network_.measured_names, roles, strict=True)))
         values = [T_za] if len(roles) == 1 else by_name(T_za, roles, "T_za")
         if not isinstance(values, list | tuple | np.ndarray | pd.Series) or len(values) != len(roles):
             raise ValueError(f"T_za is not one temperature [degC] per measured node; give those of {listed(roles)}.")

@@ -18,6 +18,7 @@ from .._table import (
     float_columns,
     listed,
     predicted_by,
+    refuse_exchanged,
     refuse_infinite,
     refuse_order,
     refuse_other_quantity,
@@ -28,7 +29,7 @@ from ..forecasting.features import target_rows
 from ..forecasting.quantiles import quantile_levels, read_quantiles
 from ..forecasting.weather_error import read_weather_error
 from .later_measurements import refuse_later_measurements, unwrapped
-from .origin_paths import Asked, columns_from
+from .origin_paths import Asked, columns_from, target_roles
 from .single_reading import read_once, reading_of, takes_tables
 
 _DAY = pd.Timedelta("1D")
@@ -59,7 +60,7 @@ def backtest(
     X : DataFrame, array-like of shape (n_samples, n_features) or ZoneTable
         Consecutive rows, with ``T_za`` as history; a forecast reads history only up to its origin.  After the
         rows that a hybrid predictor or a BuildingPredictor knows, it goes on from them, as in use.
-    y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for a BuildingPredictor
+    y : Series or array-like of shape (n_samples,) or (n_samples, 1), or (n_samples, n_zones) for several zones
         Measured zone temperature [degC]; NaN is kept as it is.
     horizon : timedelta-like, default="1D"
         How far each forecast reaches.
@@ -109,12 +110,13 @@ def backtest(
     if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
     quantiles = None if quantiles is None else read_quantiles(quantiles).tolist()
-    zones = getattr(forecaster, "zones_", ("",))
+    roles = target_roles(forecaster)
+    zones = [role.removeprefix("T_za_") for role in roles]
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
     if isinstance(forecaster, RollingForecastMixin):
         check_range(truth.ravel(), forecaster._target_role, "y", stamps.repeat(len(zones)))
-    _refuse_other_rows(forecaster, X, table, truth)
+    _refuse_other_rows(forecaster, X, table, dict(zip(roles, truth.T, strict=True)))
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
@@ -249,16 +251,24 @@ def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
     return truth.reshape(n_rows, len(zones))
 
 
-def _refuse_other_rows(forecaster: Any, X: Any, table: Any, truth: np.ndarray) -> None:
-    """Refuse measurements (n_samples, n_zones) that are not the past of the same zone in X, as ``score`` does."""
+def _refuse_other_rows(forecaster: Any, X: Any, table: Any, truth: Mapping[str, np.ndarray]) -> None:
+    """Refuse measurements (n_samples,) by role that are not the past of the same zone in X, as ``score`` does."""
     if hasattr(forecaster, "zones_"):
-        forecaster._columns.refuse_exchanged(X, pd.DataFrame(truth, columns=forecaster.zones_))
-    elif takes_tables(forecaster) and (role := forecaster._target_role) == "T_za":
-        column = forecaster._column_of(role)
-        if isinstance(table, ZoneTable) and role in table.history:
-            refuse_other_quantity(table.history[role], truth[:, 0], role)
-        elif isinstance(table, pd.DataFrame) and column in table:
-            refuse_other_quantity(as_numbers(table[column], f"column {column!r}"), truth[:, 0], role)
+        forecaster._columns.refuse_exchanged(X, pd.DataFrame(dict(zip(forecaster.zones_, truth.values(), strict=True))))
+    elif takes_tables(forecaster):
+        past = {role: _past(forecaster, table, role) for role in truth if role != "zeta"}
+        history = {role: values for role, values in past.items() if values is not None}
+        for role, values in history.items():
+            refuse_other_quantity(values, truth[role], role)
+        refuse_exchanged(history, truth)
+
+
+def _past(forecaster: Any, table: Any, role: str) -> np.ndarray | None:
+    """Measurements (n,) of a role in X; None where it has none."""
+    column = forecaster._column_of(role)
+    if isinstance(table, ZoneTable):
+        return table.history.get(role)
+    return as_numbers(table[column], f"column {column!r}") if column in getattr(table, "columns", ()) else None
 
 
 def _clock(forecaster: Any, X: Any) -> tuple[pd.Index, pd.DatetimeIndex, pd.Timedelta]:

@@ -29,6 +29,14 @@ class Asked(NamedTuple):
     heat_known: bool
 
 
+def target_roles(forecaster: Any) -> list[str]:
+    """Roles of what is forecast: one, or those of the zones of a building or of the measured nodes of a network."""
+    if hasattr(forecaster, "zones_"):
+        return [f"T_za_{zone}" for zone in forecaster.zones_]
+    measured = list(getattr(getattr(forecaster, "network_", None), "history_roles", ()))
+    return measured if len(measured) > 1 else [getattr(forecaster, "_target_role", "T_za")]
+
+
 def columns_from(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked) -> dict[str, np.ndarray]:
     """Columns (n_origins, n_leads, ...) of forecasts from increasing origins of a table; NaN after its last row.
 
@@ -52,10 +60,10 @@ def _columns(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked) -> 
     if not heat_known:
         paths, bands, loads = _paths_under_setpoints(forecaster, table, origins, horizon, quantiles, weather)
     elif weather is not None:
-        if len(getattr(forecaster, "zones_", ())) > 1:
+        if len(target_roles(forecaster)) > 1:
             raise ValueError(
-                "weather_error of several zones is for set-points; take heat_known=False, or back-test the own_ "
-                "estimators."
+                "weather_error with the heat known is for one zone; back-test the own_ estimators of a building, or "
+                "its set-points with heat_known=False."
             )
         paths, bands = _paths_under(forecaster, table, origins, horizon, quantiles, weather)
     else:

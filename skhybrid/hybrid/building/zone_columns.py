@@ -13,7 +13,18 @@ import pandas as pd
 from sklearn.utils import check_consistent_length
 
 from ..._last_known import carried_forward
-from ..._table import SETPOINT_ROLES, as_numbers, as_pandas, ending_zone, is_plant, listed, numeric, role_of
+from ..._table import (
+    SETPOINT_ROLES,
+    as_numbers,
+    as_pandas,
+    ending_zone,
+    is_plant,
+    listed,
+    numeric,
+    refuse_exchanged,
+    role_of,
+    same_values,
+)
 from ..._warnings import warn_user
 from ...exceptions import RoleWarning
 from ...thermal.declaration import capacity_name
@@ -25,8 +36,6 @@ _SETPOINTS = tuple(f"{role}_" for role in SETPOINT_ROLES)
 _OWN_PLANTS = ("Q_hvac_", "u_heat_", "u_cool_")
 _MOST_FOUND = 3  # neighbours of a zone that are taken from data
 _LEAST_CORRELATION = 0.2  # of the temperatures' changes
-_ALIKE, _ENOUGH_VALUES = 0.95, 5  # share of equal rows, and distinct values, from which on two columns are the same
-_ROUNDING = 1e-6  # by which equal temperatures may differ [K]
 
 
 @dataclass(frozen=True)
@@ -163,14 +172,7 @@ class ZoneColumns:
             wanted = {zone: numeric(T[zone]) for zone in here}
         except ValueError:  # the zone's predictor says which column holds no numbers
             return
-        for zone, y in wanted.items():
-            others = [other for other in here if other != zone and _same(measured[other], y)]
-            if others and not _same(measured[zone], y):
-                raise ValueError(
-                    f"y of the zone {zone!r} is the column {here[others[0]]!r} of X, which belongs to the zone "
-                    f"{others[0]!r}, and not {here[zone]!r}: give y as a DataFrame with the column of each zone under "
-                    "its name."
-                )
+        refuse_exchanged(measured, wanted)
 
     def input_of(self, role: str) -> list[tuple[str, str]]:
         """The zones that a plant's role acts on, and the role as each of them has it."""
@@ -218,13 +220,6 @@ def temperatures_of(y: Any, X: Any, zones: list[str]) -> pd.DataFrame:
     return T.set_axis(zones, axis=1)
 
 
-def _same(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two temperatures (n,) are equal in nearly all rows where both are measured."""
-    both = np.isfinite(one) & np.isfinite(other)
-    equal = both & (np.abs(np.where(both, one - other, np.inf)) <= _ROUNDING)
-    return bool(equal.sum() >= _ALIKE * both.sum() and len(np.unique(other[equal])) >= _ENOUGH_VALUES)
-
-
 def neighbours_of(zones: Sequence[str], adjacency: Iterable[Sequence[str]]) -> dict[str, tuple[str, ...]]:
     """The neighbours of each zone by pairs of zones."""
     out: dict[str, list[str]] = {zone: [] for zone in zones}
@@ -268,7 +263,7 @@ def refuse_same(T: pd.DataFrame, neighbours: Mapping[str, Sequence[str]]) -> Non
 def _same_temperatures(T: pd.DataFrame) -> list[set[str]]:
     """Pairs of zones whose temperatures (n, n_zones) are equal in nearly all rows, as of one sensor."""
     measured = {str(zone): values.to_numpy(dtype=np.float64) for zone, values in T.items()}
-    return [{one, other} for one, other in combinations(measured, 2) if _same(measured[one], measured[other])]
+    return [{one, other} for one, other in combinations(measured, 2) if same_values(measured[one], measured[other])]
 
 
 def carried_on(T: np.ndarray, last: float) -> np.ndarray:
