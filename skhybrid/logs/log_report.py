@@ -188,7 +188,7 @@ class LogReport:
         for name, row in used.iterrows():
             lines.append(f"  {row['role']:{width}}  {name!r}: {_unit_words(row)}; {row['reason']}")
         lines += [f"  {'unused':{width}}  {name!r}, because {reason}" for name, reason in others["reason"].items()]
-        lines += ["", "First rows [degC, kW]", self._first_rows().to_string(float_format="{:.2f}".format)]
+        lines += ["", "First rows [degC, kW]", self._first_rows().T.to_string(float_format="{:.2f}".format)]
         for title, texts in self.sections().items():
             lines += ["", title, *(f"  - {text}" for text in texts)]
         return "\n".join(lines)
@@ -223,7 +223,7 @@ class LogReport:
         lists = "".join(
             f"<h4>{escape(title)}</h4><ul>{''.join(map(_item, texts))}</ul>" for title, texts in self.sections().items()
         )
-        first = self._first_rows().to_html(float_format="{:.2f}".format, border=0)
+        first = self._first_rows().T.to_html(float_format="{:.2f}".format, border=0)
         return (
             f'<div class="skhybrid-log"><style>{_STYLE}</style><p>{escape(self.headline())}</p>'
             f'<div class="wide"><table>{head}{"".join(rows)}</table></div>'
