@@ -6,6 +6,7 @@ from sklearn.exceptions import NotFittedError
 
 __all__ = [
     "ExcitationWarning",
+    "FleetWarning",
     "GainWarning",
     "MeasurementWarning",
     "ModelFileError",
@@ -37,6 +38,10 @@ class ScaleNotIdentifiableWarning(SkhybridWarning):
 
 class ExcitationWarning(SkhybridWarning):
     """The data do not excite a parameter, so the fit cannot determine it."""
+
+
+class FleetWarning(SkhybridWarning):
+    """Zones of a fleet failed, and the others went on."""
 
 
 class GainWarning(SkhybridWarning):

@@ -235,7 +235,7 @@ def test_a_bad_zone_says_what_it_says_alone_and_the_others_go_on(tmp_path):
     with pytest.raises(ValueError) as said:
         clone(ARX).fit(of(bad, "c"), of(bad, "c")["T_za"])
     fleet = ZoneFleet(ARX, store=tmp_path)
-    with pytest.warns(SkhybridWarning, match="1 of 3 zones could not be fitted, the first c: "):
+    with pytest.warns(SkhybridWarning, match="1 of 3 zones could not be fitted, see errors_; zone c: "):
         fleet.fit(bad)
     assert fleet.errors_ == {"c": str(said.value)}
     assert fleet.predict(rows(NEW))["zone"].unique().tolist() == ["a", "b/1"]

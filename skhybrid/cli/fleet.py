@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import click
 from ._options import DIR, as_command, as_group, lines_of, print_json
 from ._output import Progress
 
-_MOST_SHOWN = 20
+_MOST_SHOWN, _MOST_NAMED = 20, 5  # lines, and zones in one of them
 
 
 def _some(context: click.Context, option: click.Parameter, jobs: int) -> int:
@@ -37,7 +38,8 @@ def fit(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
     from ..fleet import FleetFolder
 
     say(1, 1, "fitting the zones")
-    fleet = FleetFolder(folder, jobs).fit()
+    with _told_by_zone():
+        fleet = FleetFolder(folder, jobs).fit()
     _show({"folder": str(folder), "zones": len(fleet.zones_)}, fleet.errors_, fleet.warnings_, say, as_json)
 
 
@@ -52,7 +54,8 @@ def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
     """
     from ..fleet import FleetFolder
 
-    found = FleetFolder(folder, jobs).tick()
+    with _told_by_zone():
+        found = FleetFolder(folder, jobs).tick()
     key = str(found.forecast.columns[0])
     facts = {"forecast zones": int(found.forecast[key].nunique()), "rows": len(found.forecast)}
     _show(facts, found.errors, found.warnings, say, as_json)
@@ -88,6 +91,14 @@ command = as_group(
 )
 
 
+def _told_by_zone() -> AbstractContextManager[None]:
+    """Leave out the warning of the zones that failed, which :func:`_show` names."""
+    from .._warnings import warnings_dropped
+    from ..exceptions import FleetWarning
+
+    return warnings_dropped(FleetWarning)
+
+
 def _show(
     found: dict[str, Any],
     errors: Mapping[Any, str],
@@ -95,12 +106,15 @@ def _show(
     say: Progress,
     as_json: bool,
 ) -> None:
-    """Facts on stdout; why zones failed, and then warnings, on stderr."""
-    told = {**errors, **{zone: " ".join(texts) for zone, texts in warnings.items() if zone not in errors}}
-    for zone, text in list(told.items())[:_MOST_SHOWN]:
-        say.warn(f"{zone}: {text}")
+    """Facts on stdout; why zones failed, and then warnings, on stderr: what is said of several zones, once."""
+    told: dict[str, list[str]] = {}
+    for zone, text in [*errors.items(), *((zone, text) for zone, texts in warnings.items() for text in texts)]:
+        told.setdefault(text, []).append(str(zone))
+    for text, zones in list(told.items())[:_MOST_SHOWN]:
+        more = f" and {len(zones) - _MOST_NAMED} more" if len(zones) > _MOST_NAMED else ""
+        say.warn(f"{', '.join(zones[:_MOST_NAMED])}{more}: {text}")
     if len(told) > _MOST_SHOWN:
-        say.warn(f"and {len(told) - _MOST_SHOWN} more zones")
+        say.warn(f"and {len(told) - _MOST_SHOWN} more warnings")
     found |= {"failed": len(errors), "with warnings": len(warnings)}
     if as_json:
         shown = {"errors": errors, "warnings": {zone: list(texts) for zone, texts in warnings.items()}}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import errno
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from joblib import delayed
 
 from .._threads import one_blas_thread
-from .._warnings import several, warnings_to
+from .._warnings import several, warn_user, warnings_to
+from ..exceptions import FleetWarning
 from ..parallel.workers import Workers
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # errors that every further zone would meet as well
@@ -43,6 +44,13 @@ def causes(failed: Iterable[ZoneOutcome]) -> str:
     told = [f"{zones} {first.zone}: {first.error}" for zones, first in shown]
     n_others = sum(map(len, ranked[_MOST_CAUSES:]))
     return " ".join([*told, f"{several(n_others, 'zone')}: other errors."] if n_others else told)
+
+
+def warn_of_failed(outcomes: Sequence[ZoneOutcome], failed: str = "failed") -> None:
+    """Warn once of the zones that failed."""
+    bad = [outcome for outcome in outcomes if outcome.error is not None]
+    if bad:
+        warn_user(f"{len(bad)} of {len(outcomes)} zones {failed}, see errors_; {causes(bad)}", FleetWarning)
 
 
 @one_blas_thread

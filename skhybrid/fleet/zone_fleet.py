@@ -15,10 +15,8 @@ from sklearn.exceptions import NotFittedError
 from .. import __version__
 from .._arguments import as_mapping, store_arguments
 from .._transaction import unchanged_on_failure
-from .._warnings import warn_user
-from ..exceptions import SkhybridWarning
 from ..parallel.stored_settings import VERSION, as_plain, is_estimator
-from .dispatch import ZoneOutcome, causes, run
+from .dispatch import ZoneOutcome, causes, run, warn_of_failed
 from .fleet_page import write_fleet_page
 from .fleet_status import COLUMNS, status_table, zone_status
 from .long_table import joined_zones
@@ -120,13 +118,9 @@ class ZoneFleet(BaseEstimator):
             whys = {files.labels[o.zone]: o.value for o in found if o.value is not None}
             self.errors_ = self._fit_errors = {**self.errors_, **whys}
             self._models.keep_failures({str(zone): why for zone, why in self.errors_.items()})
-        if self.errors_:
-            zone, why = next(iter(self.errors_.items()))
-            taken = f", and the fallback took over for {len(whys)} of them" if whys else ""
-            warn_user(
-                f"{len(self.errors_)} of {len(found)} zones could not be fitted{taken}, the first {zone}: {why}",
-                SkhybridWarning,
-            )
+            self.warnings_ |= {z: ("the fallback forecasts it.", *self.warnings_.get(z, ())) for z in whys}
+        taken = f", and the fallback took over for {len(whys)} of them" if whys else ""
+        warn_of_failed([o._replace(error=o.error or o.value) for o in found], f"could not be fitted{taken}")
         return self
 
     def predict(self, X: Any) -> pd.DataFrame:
@@ -183,7 +177,7 @@ class ZoneFleet(BaseEstimator):
             Rows that follow the known ones, with ``T_za``.  Rows that a zone has just taken in are not taken in again.
         """
         with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
-            self._run(update_zone, files.by_zone, files)
+            warn_of_failed(self._run(update_zone, files.by_zone, files))
         return self
 
     def tick(self, X: Any) -> pd.DataFrame:
@@ -390,4 +384,5 @@ class ZoneFleet(BaseEstimator):
         tables = {files.labels[o.zone]: o.value for o in outcomes if o.value is not None}
         made, failed = joined_zones(tables, self.key)
         self.errors_ |= failed
+        warn_of_failed([o._replace(error=failed.get(files.labels[o.zone], o.error)) for o in outcomes])
         return made

@@ -1,0 +1,102 @@
+"""What a fleet says of zones that fail: one warning per call, lines of a command, and the status until they succeed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhybrid import ARXRegressor
+from skhybrid.cli import main
+from skhybrid.datasets import make_office
+from skhybrid.exceptions import FleetWarning
+from skhybrid.fleet import ZoneFleet
+
+pytestmark = pytest.mark.usefixtures("quick_fits")
+
+DAY = 24
+ZONES = {
+    name: make_office(n_days=10, sampling_time="1h", start="2024-01-08", random_state=seed).X
+    for seed, name in enumerate("abc")
+}
+TRAIN, NEW = slice(0, 7 * DAY), slice(7 * DAY, 8 * DAY)
+CONFIG = """[estimator]
+network = "1R1C"
+intervals = false
+known = {Q_h = 6000, Q_c = -6.0}
+"""
+
+
+def everywhere(which, spoiled=()):
+    """Rows of all zones; some have an input without values, which nothing can fill."""
+    return {zone: X[which].assign(T_oa=np.nan) if zone in spoiled else X[which] for zone, X in ZONES.items()}
+
+
+def ahead(which=slice(8 * DAY, 9 * DAY)):
+    return {zone: X.drop(columns="T_za") for zone, X in everywhere(which, "bc").items()}
+
+
+def unmeasured(which, spoiled=()):
+    """Rows that are measured but for their last day."""
+    X = everywhere(which, spoiled)
+    return {zone: one.assign(T_za=one["T_za"].where(one.index < one.index[-DAY])) for zone, one in X.items()}
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    return ZoneFleet(ARXRegressor(), store=tmp_path / "store").fit(everywhere(TRAIN))
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda fleet: fleet.predict(everywhere(NEW, "bc")),
+        lambda fleet: fleet.forecast(everywhere(NEW), ahead()),
+        lambda fleet: fleet.update(everywhere(NEW, "bc")),
+        lambda fleet: fleet.tick(unmeasured(slice(0, 9 * DAY), "bc")),
+        lambda fleet: fleet.score(everywhere(NEW, "bc")),
+        lambda fleet: fleet.backtest(everywhere(NEW, "bc"), horizon="6h"),
+    ],
+    ids=["predict", "forecast", "update", "tick", "score", "backtest"],
+)
+def test_each_call_warns_once_of_the_zones_that_failed(call, fleet):
+    """They were in ``errors_`` only: who read the returned table saw nothing."""
+    with pytest.warns(FleetWarning) as told:
+        call(fleet)
+    (said,) = [str(w.message) for w in told if issubclass(w.category, FleetWarning)]
+    assert said == f"2 of 3 zones failed, see errors_; 2 zones, the first b: {fleet.errors_['b']}"
+    assert set(fleet.errors_) == {"b", "c"}
+
+
+def test_a_zone_that_is_left_out_of_the_table_for_its_clock_is_told_of(fleet):
+    X = everywhere(NEW)
+    aware = ZoneFleet(ARXRegressor()).fit({"utc": ZONES["a"][TRAIN].tz_localize("UTC"), **everywhere(TRAIN)})
+    with pytest.warns(FleetWarning, match="1 of 4 zones failed, see errors_; zone utc: its stamps have a time zone"):
+        aware.predict({"utc": ZONES["a"][NEW].tz_localize("UTC"), **X})
+
+
+def put(folder, which, zones=ZONES, name="1"):
+    for zone, X in zones.items():
+        (folder / "data" / f"zone={zone}").mkdir(parents=True, exist_ok=True)
+        X[which].to_parquet(folder / "data" / f"zone={zone}" / f"{name}.parquet")
+
+
+def test_a_command_says_once_what_it_says_of_several_zones(tmp_path, capsys):
+    """A nameplate of all zones was warned of for each; a zone that failed was named by its line and by a warning."""
+    (tmp_path / "fleet.toml").write_text(CONFIG)
+    put(tmp_path, TRAIN)
+    put(tmp_path, TRAIN, {"bad": ZONES["a"].assign(T_oa=np.nan)})
+    assert main(["fleet", "fit", str(tmp_path)]) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
+    assert [line.partition(": column")[0] for line in told if "T_oa" in line] == ["warning: bad"]
+    assert [line for line in told if "Q_h" in line] == [
+        "warning: a, b, c: known of [estimator] gives Q_h 6000 kW: likely W; give it in kW."
+    ]
+
+
+def test_a_fit_names_the_zones_that_the_fallback_forecasts(tmp_path, capsys):
+    (tmp_path / "fleet.toml").write_text(CONFIG)
+    put(tmp_path, TRAIN, {zone: X.drop(columns="q_sol") for zone, X in ZONES.items()})
+    put(tmp_path, TRAIN, {"a": ZONES["a"]})
+    assert main(["fleet", "fit", str(tmp_path)]) == 0
+    assert "warning: b, c: the fallback forecasts it.\n" in capsys.readouterr().err
