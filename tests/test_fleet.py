@@ -278,7 +278,7 @@ def test_the_status_tells_why_no_zone_could_be_fitted(tmp_path):
         fleet.fit({"a": ZONES["a"][TRAIN].assign(T_oa=np.nan)})
     with pytest.raises(ValueError, match=r"no zone succeeded; .*q_sol"):
         fleet.fit({"a": ZONES["a"][TRAIN].assign(q_sol=np.nan)})
-    assert "q_sol" in ModelStore(tmp_path / "store").failures()["a"]
+    assert "q_sol" in ModelStore(tmp_path / "store").failures("fit")["a"]
 
 
 @pytest.mark.parametrize(

@@ -315,7 +315,9 @@ def test_a_folder_without_models_says_what_to_do(tmp_path, capsys):
 
 
 def test_a_status_as_json_has_null_for_a_zone_without_rows(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("skhybrid.fleet.FleetFolder.status", lambda self: status_table({}, {"a": "no rows"}, "zone"))
+    monkeypatch.setattr(
+        "skhybrid.fleet.FleetFolder.status", lambda self: status_table({}, {"fit": {"a": "no rows"}}, "zone")
+    )
     assert main(["fleet", "status", str(tmp_path), "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
     assert (found["zone"], found["last_row"], found["coverage"]) == ("a", None, None)

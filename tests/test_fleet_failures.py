@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from html import unescape
+from pathlib import Path
+
 import numpy as np
-import pandas as pd
 import pytest
 
 from skhybrid import ARXRegressor
@@ -100,3 +102,39 @@ def test_a_fit_names_the_zones_that_the_fallback_forecasts(tmp_path, capsys):
     put(tmp_path, TRAIN, {"a": ZONES["a"]})
     assert main(["fleet", "fit", str(tmp_path)]) == 0
     assert "warning: b, c: the fallback forecasts it.\n" in capsys.readouterr().err
+
+
+def test_the_status_tells_why_a_zone_failed_in_the_last_tick_until_it_succeeds_again(tmp_path, capsys):
+    """Each command is a process of its own, and only the lines of that of the tick told it."""
+    (tmp_path / "fleet.toml").write_text(CONFIG)
+    put(tmp_path, TRAIN)
+    days = unmeasured(slice(7 * DAY, 9 * DAY)), unmeasured(slice(8 * DAY, 10 * DAY))
+    assert main(["fleet", "fit", str(tmp_path), "-q"]) == 0
+    put(tmp_path, slice(None), days[0] | {"b": days[0]["b"].assign(T_oa=np.nan)}, "2")
+    assert main(["fleet", "tick", str(tmp_path), "-q"]) == 0
+    for call, told in (("status", True), ("tick", False), ("fit", False)):
+        if call == "tick":
+            put(tmp_path, slice(None), days[0], "2")
+        if call == "fit":
+            put(tmp_path, slice(None), {"b": days[1]["b"].assign(T_oa=np.nan)}, "3")
+            assert main(["fleet", "tick", str(tmp_path), "-q"]) == 0
+            put(tmp_path, slice(None), days[1], "3")
+        assert main(["fleet", call, str(tmp_path), "-q"]) == 0
+        capsys.readouterr()
+        assert main(["fleet", "status", str(tmp_path), "-q"]) == 0
+        said = [capsys.readouterr().out, unescape((tmp_path / "status.html").read_text())]
+        assert ["b: its last tick failed (no values of 'T_oa' since" in said[0], "tick failed" in said[1]] == [told] * 2
+
+
+def test_a_tick_of_some_zones_keeps_why_others_failed_and_forgets_zones_that_were_dropped(fleet):
+    failing, fine = everywhere(NEW, "bc"), everywhere(NEW)
+    with pytest.raises(ValueError, match="no zone succeeded"):
+        fleet.tick({zone: failing[zone] for zone in "bc"})
+    fleet.tick({"a": fine["a"]})
+    reasons = ZoneFleet(ARXRegressor(), store=fleet.store).status().set_index("zone")["reasons"]
+    assert reasons.str.startswith("its last tick failed (").to_dict() == {"a": False, "b": True, "c": True}
+    for file in Path(fleet.store_).glob("c.*"):
+        file.unlink()
+    fleet.tick({"b": fine["b"]})
+    assert set(fleet.status()["zone"]) == {"a", "b"}
+    assert not fleet.status()["reasons"].str.contains("tick failed").any()

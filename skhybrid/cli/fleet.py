@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ._options import DIR, as_command, as_group, lines_of, print_json
-from ._output import Progress
+from ._output import Progress, one_line
 
 _MOST_SHOWN, _MOST_NAMED = 20, 5  # lines, and zones in one of them
 
@@ -65,19 +65,23 @@ def tick(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
 @DIR
 @_JOBS
 def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
-    """Show how each zone is doing, the worst first.
+    """Show how each zone is doing, the worst first, and why.
 
     The page DIR/status.html has all zones, each with a small chart.
     """
     from ..fleet import FleetFolder
+    from ..study.verdict import USABLE
 
     made = FleetFolder(folder, jobs)
     table = made.status()
     if as_json:
         print_json(table.astype(object).where(table.notna(), None).to_dict("records"))
         return
-    shown = table.head(_MOST_SHOWN).drop(columns="reasons")
-    print(shown.to_string(index=False, float_format="{:.2f}".format, na_rep="-"))
+    shown = table.head(_MOST_SHOWN)
+    print(shown.drop(columns="reasons").to_string(index=False, float_format="{:.2f}".format, na_rep="-"))
+    for zone, verdict, *_, reasons in shown.itertuples(index=False):
+        if verdict != USABLE:
+            print(f"{zone}: {one_line(reasons)}")
     if len(table) > _MOST_SHOWN:
         print(f"and {len(table) - _MOST_SHOWN} more")
     print(f"see {made.page}")

@@ -76,8 +76,8 @@ def _doubt(row: dict[str, Any], reason: str) -> None:
     row["verdict"] = CARE if row["verdict"] == USABLE else row["verdict"]
 
 
-def status_table(found: Mapping[str, ZoneStatus], failed: Mapping[str, str], key: str) -> pd.DataFrame:
-    """One row per zone, the worst first; zones that failed are not usable."""
+def status_table(found: Mapping[str, ZoneStatus], failed: Mapping[str, Mapping[str, str]], key: str) -> pd.DataFrame:
+    """One row per zone, the worst first; zones without a model are not usable. ``failed``: why, by fit and tick."""
     rows = {zone: dict(one.row) for zone, one in found.items()}
     known = {zone: row["last_row"] for zone, row in rows.items() if row["last_row"] is not pd.NaT}
     stamps = {zone: pd.to_datetime(last, utc=True) for zone, last in known.items()}
@@ -87,9 +87,9 @@ def status_table(found: Mapping[str, ZoneStatus], failed: Mapping[str, str], key
             hours = age / pd.Timedelta("1h")
             span = several(round(hours / 24), "day") if hours > 36 else f"{hours:.0f} h"
             _doubt(rows[zone], f"its last row is {span} older than the newest of the fleet")
-    for zone, why in failed.items():
+    for of, zone, why in ((of, zone, why) for of, whys in failed.items() for zone, why in whys.items()):
         if zone in rows and why not in rows[zone]["reasons"]:
-            _doubt(rows[zone], f"its last fit failed ({why})")
+            _doubt(rows[zone], f"its last {of} failed ({why})")
         elif zone not in rows:
             rows[zone] = {"verdict": NOT, "last_row": pd.NaT, "drift": False, "reasons": why}
     table = pd.DataFrame([{key: zone, **row} for zone, row in rows.items()], columns=[key, *COLUMNS])

@@ -25,7 +25,8 @@ from ..persistence import load_model, save_model
 from ..persistence.model_file import checked_archive
 from .journal import Journal, is_journal
 
-_MODEL, _JOURNAL, _LOCK, _FAILURES = ".skops", ".npz", "fleet.sqlite", "failures.json"
+_MODEL, _JOURNAL, _LOCK = ".skops", ".npz", "fleet.sqlite"
+_FAILURES = {"fit": "failures.json", "tick": "tick_failures.json"}
 _NEW_MODEL = ("+0.skops", "+1.skops")  # of a zone, by turns; no name of a zone has a plus, see _file
 _LONGEST = 230  # name of a file without its ending; a temporary file has 24 characters more, and systems take 255
 _MOST_ROWS = 4000  # of a journal; above it the model is saved with them
@@ -130,22 +131,23 @@ class ModelStore:
             journal.rows = journal.rows.iloc[-_MOST_ROWS:]
         journal.save(self._file(zone, _JOURNAL))
 
-    def failures(self) -> dict[str, str]:
-        """Why zones could not be fitted the last time, by zone."""
-        path = self.path / _FAILURES
+    def failures(self, of: str) -> dict[str, str]:
+        """Why the last fit or tick of zones failed, by zone."""
+        path = self.path / _FAILURES[of]
         if not path.exists():
             return {}
         try:
             return dict(json.loads(path.read_text(encoding="utf-8")))
         except (ValueError, TypeError):
-            warn_user(
-                f"{path} cannot be read, so why zones could not be fitted is unknown; fit again.", SkhybridWarning
-            )
+            warn_user(f"{path} cannot be read, so why a {of} of zones failed is unknown; {of} again.", SkhybridWarning)
             return {}
 
-    def keep_failures(self, whys: Mapping[str, str]) -> None:
-        """Keep why zones could not be fitted."""
-        write_text(self.path / _FAILURES, json.dumps(dict(whys)))
+    def keep_failures(self, of: str, found: Mapping[str, str | None]) -> None:
+        """Keep why a fit or a tick of zones failed, None where it did not; what is known of other ticks stays."""
+        known = {} if of == "fit" else {zone: why for zone, why in self.failures(of).items() if self.has(zone)}
+        whys = {zone: why for zone, why in {**known, **found}.items() if why is not None}
+        if whys or (self.path / _FAILURES[of]).exists():
+            write_text(self.path / _FAILURES[of], json.dumps(whys))
 
     def _model_of(self, zone: str, journal: Journal) -> Path:
         """The file of a zone's model: that of the journal's turn, or the usual one where that is absent."""
@@ -182,7 +184,7 @@ class ModelStore:
                     database.execute("DELETE FROM setting")
                     database.executemany("INSERT INTO setting VALUES (?, ?)", settings.items())
             with transaction(database):
-                remove_leftovers(self.path, f"*{_MODEL}", f"*{_JOURNAL}", _FAILURES)
+                remove_leftovers(self.path, f"*{_MODEL}", f"*{_JOURNAL}", *_FAILURES.values())
                 yield
 
     def _compare(self, database: sqlite3.Connection, settings: Mapping[str, str]) -> dict[str, str]:

@@ -114,10 +114,11 @@ class ZoneFleet(BaseEstimator):
         self._fit_errors: dict[Any, str] = {}
         self.errors_: dict[Any, str] = {}
         with zone_files(X, y, self.key) as files, self._models.locked(self._settings()):
-            found = self._run(fit_zone, files.by_zone, files, (self.estimator, self.fallback, last), fitting=True)
+            found = self._run(fit_zone, files.by_zone, files, (self.estimator, self.fallback, last), of="fit")
             whys = {files.labels[o.zone]: o.value for o in found if o.value is not None}
             self.errors_ = self._fit_errors = {**self.errors_, **whys}
-            self._models.keep_failures({str(zone): why for zone, why in self.errors_.items()})
+            self._models.keep_failures("fit", {str(zone): why for zone, why in self.errors_.items()})
+            self._models.keep_failures("tick", {o.zone: None for o in found if o.error is None})
             self.warnings_ |= {z: ("the fallback forecasts it.", *self.warnings_.get(z, ())) for z in whys}
         taken = f", and the fallback took over for {len(whys)} of them" if whys else ""
         warn_of_failed([o._replace(error=o.error or o.value) for o in found], f"could not be fitted{taken}")
@@ -196,14 +197,14 @@ class ZoneFleet(BaseEstimator):
             The key and the columns of the estimator's forecast, with 80 % intervals where they were learned.
         """
         with zone_files(X, None, self.key) as files, self._models.locked(self._settings()):
-            found = self._run(tick_zone, files.by_zone, files)
+            found = self._run(tick_zone, files.by_zone, files, of="tick")
             done = {files.labels[o.zone]: o.value for o in found if o.value is not None}
             if not all(one.first for one in done.values()):  # on the day of the fit all is known already
                 silent = {zone: one.silent for zone, one in done.items() if one.silent}
                 self.warnings_ |= {z: (text, *self.warnings_.get(z, ())) for z, text in silent.items()}
             absent = [zone for zone in self.zones_ if zone not in files.paths]
             self.warnings_ |= dict.fromkeys(absent, ("there are no rows of it.",))
-            return self._joined([o._replace(value=o.value and o.value.forecast) for o in found], files)
+            return self._joined([o._replace(value=o.value and o.value.forecast) for o in found], files, of="tick")
 
     def score(self, X: Any, y: Any = None) -> pd.DataFrame:
         """Score each zone as the estimator's ``score`` does.
@@ -255,11 +256,11 @@ class ZoneFleet(BaseEstimator):
         files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
         outcomes = self._run(zone_status, dict.fromkeys(zones, ()), files, all_may_fail=True)
         found = {o.zone: o.value for o in outcomes if o.error is None}
-        failed = self._models.failures() | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
+        failed = self._models.failures("fit") | {str(zone): why for zone, why in getattr(self, "errors_", {}).items()}
         if data is not None:
             with zone_files(data, None, self.key) as given:
                 failed = dict.fromkeys(given.paths.keys() - zones, _UNFITTED) | failed
-        table = status_table(found, failed, self.key)
+        table = status_table(found, {"fit": failed, "tick": self._models.failures("tick")}, self.key)
         if page is not None:
             write_fleet_page(page, table, {zone: one.recent for zone, one in found.items()}, self.key)
         return table
@@ -348,20 +349,20 @@ class ZoneFleet(BaseEstimator):
         files: ZoneFiles,
         given: Iterable[Any] = (),
         *,
-        fitting: bool = False,
+        of: str = "",
         all_may_fail: bool = False,
         lost: Mapping[str, str] | None = None,
     ) -> list[ZoneOutcome]:
         """Outcomes by the order of the zones; sets ``errors_`` and ``warnings_``; a job without files gets no paths.
 
-        Those of the last fit stay in ``errors_``.
+        Those of the last fit stay in ``errors_``.  Those of a fit or a tick that fails for all zones are kept.
         """
         models, failed = self._models, dict(lost or {})
         known: dict[Any, str] = {}
-        if not fitting:
+        if of != "fit":
             models.check(self._settings())
             known = getattr(self, "_fit_errors", {})
-            why = models.failures() | {str(label): text for label, text in known.items()}
+            why = models.failures("fit") | {str(label): text for label, text in known.items()}
             failed |= {zone: why.get(zone, _UNFITTED) for zone in paths if not models.has(zone)}
         calls = {
             zone: (job, (zone, self.store_, *([own] if own else []), *given))
@@ -375,14 +376,17 @@ class ZoneFleet(BaseEstimator):
         self.errors_ = {**known, **{files.labels[o.zone]: o.error for o in ordered if o.error is not None}}
         self.warnings_ = {files.labels[o.zone]: o.warnings for o in ordered if o.warnings}
         if ordered and not all_may_fail and all(o.error is not None for o in ordered):
-            if fitting:  # the store tells why, also of a fit that raises
-                models.keep_failures({str(zone): why for zone, why in self.errors_.items()})
+            if of:  # the store tells why, also of a call that raises
+                models.keep_failures(of, {o.zone: o.error for o in ordered})
             raise ValueError(f"no zone succeeded; {causes(ordered)}")
         return ordered
 
-    def _joined(self, outcomes: Sequence[ZoneOutcome], files: ZoneFiles) -> pd.DataFrame:
+    def _joined(self, outcomes: Sequence[ZoneOutcome], files: ZoneFiles, *, of: str = "") -> pd.DataFrame:
         tables = {files.labels[o.zone]: o.value for o in outcomes if o.value is not None}
         made, failed = joined_zones(tables, self.key)
         self.errors_ |= failed
-        warn_of_failed([o._replace(error=failed.get(files.labels[o.zone], o.error)) for o in outcomes])
+        told = [o._replace(error=failed.get(files.labels[o.zone], o.error)) for o in outcomes]
+        if of:
+            self._models.keep_failures(of, {o.zone: o.error for o in told})
+        warn_of_failed(told)
         return made
