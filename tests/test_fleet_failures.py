@@ -1,4 +1,4 @@
-"""What a fleet says of zones that fail: one warning per call, lines of a command, and the status until they succeed."""
+"""Zones of a fleet that fail are told of: one warning per call, lines of a command, and the status until they succeed."""
 
 from __future__ import annotations
 
