@@ -266,6 +266,9 @@ def test_after_an_outage_of_many_days_a_zone_learns_from_the_rows_after_it(tmp_p
     }
     alone = clone(ARX).fit(X[7 * DAY + 1 :], X["T_za"][7 * DAY + 1 :])
     np.testing.assert_array_equal(fleet.predict({"a": X})["T_za"], alone.predict(X))
+    fleet.fit({"a": X[: 10 * DAY + 1].drop(X.index[gap])})  # its rows are those of three days
+    with pytest.raises(ValueError, match=words):
+        fleet.fit({"a": X[: 10 * DAY].drop(X.index[gap])})
 
 
 def test_on_the_day_of_the_fit_no_zone_is_warned_of(fleet):
@@ -427,6 +430,13 @@ def test_a_name_that_is_too_long_for_a_file_costs_its_zone_alone(tmp_path):
     new = dict.fromkeys(("a", longest, long), ZONE[168:192])
     assert set(fleet.predict(new)["zone"]) == {"a", longest}
     assert fleet.errors_ == {long: said}
+
+
+def test_names_of_any_kind_come_back_as_they_were(tmp_path):
+    names = [3, 2.5, "b/1", "a b", " a", "комната", "A", "a", "..", ".a", "a%2Fb", ("b", 1)]
+    fleet = ZoneFleet(ARX, store=tmp_path).fit((name, ZONE[:168]) for name in names)
+    assert list(fleet.predict((name, ZONE[168:192]) for name in names)["zone"].unique()) == names
+    assert fleet.zones_ == sorted(map(str, names))
 
 
 @pytest.mark.parametrize("given", [None, ARXRegressor, "arx"])

@@ -30,7 +30,9 @@ def joined_zones(tables: Mapping[Any, pd.DataFrame], key: str) -> tuple[pd.DataF
         if aware and (clocks[zone] is not None) != with_clock:
             failed[zone] = _OTHER_CLOCK[with_clock]
             continue
-        parts.append((_in_utc(table) if with_clock and len(set(aware)) > 1 else table).assign(**{key: zone}))
+        parts.append(
+            (_in_utc(table) if with_clock and len(set(aware)) > 1 else table).assign(**{key: [zone] * len(table)})
+        )
     if not parts:
         return pd.DataFrame(columns=[key]), failed
     made = pd.concat(parts)

@@ -277,10 +277,10 @@ def _row_after_outage(stamps: pd.Index, least: pd.Timedelta) -> int:
 
     Refused where the rows after it span less than the ``least``.
     """
-    if not isinstance(stamps, pd.DatetimeIndex) or not (wide := np.diff(stamps) > LONGEST_BRIDGE).any():
+    if not isinstance(stamps, pd.DatetimeIndex) or not ((steps := np.diff(stamps)) > LONGEST_BRIDGE).any():
         return 0
-    row = int(np.flatnonzero(wide)[-1]) + 1
-    if stamps[-1] - stamps[row] < least:
+    row = int(np.flatnonzero(steps > LONGEST_BRIDGE)[-1]) + 1
+    if stamps[-1] - stamps[row] + steps.min() < least:
         raise ValueError(
             f"there are no rows between {stamps[row - 1]} and {stamps[row]}, and an outage of more than four days is "
             "not bridged; fit the zone again once rows of three days follow it."
