@@ -1,7 +1,9 @@
-"""Zones of a fleet that fail are told of: one warning per call, lines of a command, and the status until they succeed."""
+"""Zones of a fleet that fail: one warning per call, lines of a command, and the status until they succeed."""
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from html import unescape
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 from skhybrid import ARXRegressor
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
-from skhybrid.exceptions import FleetWarning
+from skhybrid.exceptions import FleetWarning, SkhybridWarning
 from skhybrid.fleet import ZoneFleet
 
 pytestmark = pytest.mark.usefixtures("quick_fits")
@@ -138,3 +140,12 @@ def test_a_tick_of_some_zones_keeps_why_others_failed_and_forgets_zones_that_wer
     fleet.tick({"b": fine["b"]})
     assert set(fleet.status()["zone"]) == {"a", "b"}
     assert not fleet.status()["reasons"].str.contains("tick failed").any()
+
+
+def test_a_store_of_another_version_is_told_of_once_in_each_call(fleet):
+    with closing(sqlite3.connect(Path(fleet.store_) / "fleet.sqlite")) as database, database:
+        database.execute("UPDATE setting SET value = '0.0.1' WHERE name = 'version of skhybrid'")
+    for call in (fleet.update, fleet.predict, fleet.status):
+        with pytest.warns(SkhybridWarning, match=r"comes from other versions: .* is 0\.0\.1 there") as told:
+            call(*([] if call == fleet.status else [everywhere(NEW)]))
+        assert len(told) == 1

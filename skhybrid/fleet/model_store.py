@@ -144,8 +144,9 @@ class ModelStore:
 
     def keep_failures(self, of: str, found: Mapping[str, str | None]) -> None:
         """Keep why a fit or a tick of zones failed, None where it did not; what is known of other ticks stays."""
-        known = {} if of == "fit" else {zone: why for zone, why in self.failures(of).items() if self.has(zone)}
-        whys = {zone: why for zone, why in {**known, **found}.items() if why is not None}
+        known = {} if of == "fit" else self.failures(of)
+        told = {zone: why for zone, why in {**known, **found}.items() if why is not None}
+        whys = {zone: why for zone, why in told.items() if of == "fit" or self.has(zone)}
         if whys or (self.path / _FAILURES[of]).exists():
             write_text(self.path / _FAILURES[of], json.dumps(whys))
 

@@ -162,6 +162,7 @@ class ZoneFleet(BaseEstimator):
         DataFrame with the stamps of future
             The key and the columns of the estimator's forecast, such as ``T_za`` [degC].
         """
+        self._models.check(self._settings())
         given = {"T_za": T_za, "setpoint": setpoint, "quantiles": quantiles}
         past = nullcontext(None) if history is None else zone_files(history, None, self.key)
         with zone_files(future, None, self.key) as files, past as before:
@@ -252,6 +253,7 @@ class ZoneFleet(BaseEstimator):
             ``coverage`` of the 80 % intervals in the last four weeks [-]; and ``drift``, whether errors have grown.
         """
         self._check_key()
+        self._models.check(self._settings())
         zones = self.zones_
         files = ZoneFiles(dict.fromkeys(zones, ""), {zone: zone for zone in zones})
         outcomes = self._run(zone_status, dict.fromkeys(zones, ()), files, all_may_fail=True)
@@ -339,6 +341,7 @@ class ZoneFleet(BaseEstimator):
         return {**fixed, **found, f"{VERSION}skhybrid": __version__}
 
     def _table(self, job: Callable[..., Any], X: Any, y: Any, *given: Any) -> pd.DataFrame:
+        self._models.check(self._settings())
         with zone_files(X, y, self.key) as files:
             return self._joined(self._run(job, files.by_zone, files, given), files)
 
@@ -360,7 +363,6 @@ class ZoneFleet(BaseEstimator):
         models, failed = self._models, dict(lost or {})
         known: dict[Any, str] = {}
         if of != "fit":
-            models.check(self._settings())
             known = getattr(self, "_fit_errors", {})
             why = models.failures("fit") | {str(label): text for label, text in known.items()}
             failed |= {zone: why.get(zone, _UNFITTED) for zone in paths if not models.has(zone)}
