@@ -13,7 +13,7 @@ from skhybrid import ARXRegressor, HybridPredictor
 from skhybrid._time import SHORTEST_GAP
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
-from skhybrid.exceptions import SkhybridWarning
+from skhybrid.exceptions import FleetWarning, SkhybridWarning
 from skhybrid.fleet import ZoneFleet, model_store, zone_jobs
 from skhybrid.fleet.fleet_status import status_table, zone_status
 from skhybrid.fleet.journal import Journal
@@ -437,6 +437,17 @@ def test_names_of_any_kind_come_back_as_they_were(tmp_path):
     fleet = ZoneFleet(ARX, store=tmp_path).fit((name, ZONE[:168]) for name in names)
     assert list(fleet.predict((name, ZONE[168:192]) for name in names)["zone"].unique()) == names
     assert fleet.zones_ == sorted(map(str, names))
+
+
+def test_names_that_the_disk_does_not_tell_apart_share_no_model(tmp_path, monkeypatch):
+    """As on macOS and Windows, where the model of the last zone was that of both."""
+    monkeypatch.setattr(model_store, "_stem", str.lower)
+    with pytest.warns(FleetWarning, match="zone A: the file of its model is that of zone 'a'; "):
+        fleet = ZoneFleet(ARX, store=tmp_path).fit({"a": ZONE[:168], "A": ZONES["b"][:168]})
+    alone = clone(ARX).fit(ZONE[:168], ZONE["T_za"][:168])
+    found = fleet.predict(dict.fromkeys("aA", ZONE[168:192]))
+    assert found["zone"].unique().tolist() == ["a"]
+    np.testing.assert_array_equal(found["T_za"], alone.predict(ZONE[168:192]))
 
 
 @pytest.mark.parametrize("given", [None, ARXRegressor, "arx"])

@@ -21,7 +21,7 @@ _FRAMES = ("rows", "ahead", "scored")
 class Journal:
     """Facts and rows of a zone, kept beside its model."""
 
-    #: fitted, updated: fingerprints; until; training_rmse; fallback: why; days: errors of each; turn: see ModelStore
+    #: zone; fitted, updated: fingerprints; until; training_rmse; fallback: why; days: with errors; turn: see ModelStore
     facts: dict[str, Any]
     rows: pd.DataFrame = field(default_factory=pd.DataFrame)  # taken in since the model was saved
     ahead: pd.DataFrame = field(default_factory=pd.DataFrame)  # the last forecast: y_pred and its quantiles

@@ -70,7 +70,10 @@ class ModelStore:
 
     def journal(self, zone: str) -> Journal:
         """The journal of a zone that has a model."""
-        return Journal.load(self._file(zone, _JOURNAL))
+        journal = Journal.load(self._file(zone, _JOURNAL))
+        if (owner := journal.facts.get("zone", zone)) != zone:  # on a disk that tells no capital letters apart
+            raise ValueError(f"the file of its model is that of zone {owner!r}; give one of them another name.")
+        return journal
 
     def load(self, zone: str) -> tuple[Any, Journal]:
         """The model of a zone, which has taken in the rows of its journal where it can, and the journal."""

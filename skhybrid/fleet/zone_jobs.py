@@ -52,6 +52,7 @@ def fit_zone(
         model = clone(fallback).fit(X, y)
     stamped = isinstance(X.index, pd.DatetimeIndex)
     facts: dict[str, Any] = {
+        "zone": zone,
         "fitted": mark,
         "updated": None,
         "fallback": why,
