@@ -129,9 +129,10 @@ def _in_dataset(path: Path, key: str) -> ZoneFiles:
     found = ZoneFiles({}, {})
     for folder in sorted(path.glob(f"{escape(key)}=*/")):
         name = folder.name.partition("=")[2]
-        if name in _UNNAMED:
+        if name not in _UNNAMED:
+            found.add(unquote(name), str(folder))
+        elif any(folder.rglob("*.parquet")):
             raise ValueError(f"{folder} holds rows that name no zone; name it, or remove the folder.")
-        found.add(unquote(name), str(folder))
     if not found.paths:
         raise ValueError(f"{path} has no folder {key}=...; give a Parquet dataset partitioned by {key!r}.")
     return found
