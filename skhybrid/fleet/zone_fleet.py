@@ -63,6 +63,7 @@ class ZoneFleet(BaseEstimator):
     ----------
     errors_ : dict
         By zone, why it could not be fitted, also where the fallback took over, or why the last call failed for it.
+        Each call warns of the zones that it failed for.
     warnings_ : dict
         By zone, the warnings of the last call.
     zones_ : list of str
