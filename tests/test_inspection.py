@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator
 from sklearn.exceptions import NotFittedError
 
 from skhybrid import ARXRegressor, GrayBoxRC
+from skhybrid.hybrid.building.zone_columns import ZoneColumns
 from skhybrid.inspection import (
     BodeDisplay,
     DayAheadDisplay,
@@ -173,33 +174,32 @@ def test_a_display_is_made_from_an_estimator(table, frame):
 
 
 class TwoRooms(Shifted):
-    """A building of which one room is forecast 0.5 K too warm, the other as measured."""
+    """A building of which one room is forecast 0.5 K too warm, the other is not measured."""
 
-    zones_, own_ = ["study", "hall"], {"study": type("Own", (), {"sampling_time_": pd.Timedelta("1h")})}
+    zones_ = ("study", "hall")
+    _columns = ZoneColumns(zones_, {})
 
-    def forecast(self, history, future, quantiles=None):
-        assert not any(c.startswith("T_za") for c in future), "what is measured ahead is not for the forecast"
-        out = pd.DataFrame({"T_za_hall": 20.5, "T_za_study": 18.0}, index=future.index)
-        levels = {f"q_{q}_{zone}": out[f"T_za_{zone}"] + q - 0.5 for q in quantiles or () for zone in self.zones_}
-        return out.assign(**levels)
+    def predict_from(self, X, origins, horizon=None):
+        return np.full((len(origins), 24, 2), (18.0, 20.5))
+
+    def predict_quantiles_from(self, X, origins, quantiles, horizon):
+        return self.predict_from(X, origins, horizon)[..., None] + np.subtract(quantiles, 0.5)
 
 
 def test_each_zone_of_a_building_has_a_panel(table):
-    future = table[24:48].drop(columns="T_za").assign(T_za_hall=20.0, T_za_study=np.nan)
-    display = ForecastDisplay.from_estimator(TwoRooms(), table[:24], future, quantiles=(0.1, 0.9), title="house")
+    y = pd.DataFrame({"T_za_hall": 20.0, "T_za_study": np.nan}, index=table.index)
+    display = ForecastDisplay.from_estimator(TwoRooms(), table, y, quantiles=(0.1, 0.9), title="house")
     assert [ax.get_ylabel() for ax in display.ax_] == ["study [degC]", "hall [degC]"]
     study, hall = (_lines(ax) for ax in display.ax_)
     assert set(hall["measured"].get_ydata()) == {20.0}
-    assert set(hall["forecast"].get_ydata()) == {20.5}
-    assert list(study) == ["forecast"]
+    assert set(hall["TwoRooms"].get_ydata()) == {20.5}
+    assert list(study) == ["TwoRooms"]
     np.testing.assert_allclose(_edges(display.ax_[0].collections[0]), (17.6, 18.4))
-    assert [t.get_text() for t in display.figure_.legends[0].get_texts()] == ["forecast", "80 % interval", "measured"]
-    both = {"house": display.frames["forecast"], "other": display.frames["forecast"]}
+    assert [t.get_text() for t in display.figure_.legends[0].get_texts()] == ["TwoRooms", "80 % interval", "measured"]
+    both = {"house": display.frames["TwoRooms"], "other": display.frames["TwoRooms"]}
     assert list(_lines(ForecastDisplay.from_predictions(both).ax_[0])) == ["house", "other"]
     with pytest.raises(ValueError, match="ax has 1 axes, but this display needs 2"):
         display.plot(plt.gca())
-    with pytest.raises(ValueError, match="y is a ndarray; give the DataFrame of the rows ahead"):
-        ForecastDisplay.from_estimator(TwoRooms(), table[:24], future.to_numpy())
 
 
 def test_a_display_can_be_drawn_again_on_given_axes(frame):

@@ -11,9 +11,8 @@ import pandas as pd
 
 from .._table import as_numbers, float_columns, listed
 from .._time import read_instant
-from ..forecasting.quantiles import quantile_columns
 from ..model_selection import backtest, score_backtest
-from ._display import Display, frames_by_label, refuse_no_numbers, refuse_no_times, refuse_other, refuse_other_zones
+from ._display import Display, frames_by_label, refuse_no_numbers, refuse_no_times, refuse_other_zones
 from ._style import (
     COLORS,
     MARKERS,
@@ -60,18 +59,13 @@ class ForecastDisplay(Display):
         ax: Any = None,
         **kwargs: Any,
     ) -> ForecastDisplay:
-        """Back-test fitted estimators and draw their forecasts, or the forecast of a building.
-
-        Of a :class:`skhybrid.hybrid.BuildingPredictor` X is the history, or None, and y the rows ahead, as in its
-        ``forecast``; ``T_za_<zone>`` of y is drawn as measured, and each zone has a panel.
+        """Back-test fitted estimators and draw their forecasts; each zone of several has a panel.
 
         %(backtest)s
         quantiles : sequence of float, optional
             As in :func:`skhybrid.model_selection.backtest`.
         %(drawing)s
         """
-        if hasattr(estimator, "zones_"):
-            return cls.from_predictions(_forecast_of_zones(estimator, X, y, quantiles), ax=ax, **kwargs)
         return cls.from_predictions(_run_backtests(estimator, X, y, horizon, origin_step, quantiles), ax=ax, **kwargs)
 
     @classmethod
@@ -357,25 +351,6 @@ def _run_backtests(
         label: backtest(model, X, y, horizon=horizon, origin_step=origin_step, quantiles=quantiles)
         for label, model in models.items()
     }
-
-
-def _forecast_of_zones(
-    building: Any, history: pd.DataFrame | None, future: pd.DataFrame, quantiles: Sequence[float] | None
-) -> pd.DataFrame:
-    """The forecast of a building in the form of a back-test, with a column ``zone``."""
-    measured = {zone: f"T_za_{zone}" for zone in building.zones_}
-    refuse_other(future, pd.DataFrame, "y", "the rows ahead, whose T_za_<zone> are drawn as measured")
-    ahead = future.drop(columns=list(measured.values()), errors="ignore")
-    found = building.forecast(history, ahead, quantiles=quantiles)
-    step = next(iter(building.own_.values())).sampling_time_
-    parts = []
-    for zone, name in measured.items():
-        own = {q: found[f"{q}_{zone}"] for q in quantile_columns(quantiles or ())}
-        origin = found.index[0] - step
-        known = {"zone": zone, "origin": origin, "lead": found.index - origin, "time": found.index}
-        true = future[name].to_numpy() if name in future else np.nan
-        parts.append(pd.DataFrame({**known, "y_true": true, "y_pred": found[name], **own}).reset_index(drop=True))
-    return pd.concat(parts, ignore_index=True)
 
 
 def _without_overlap(frame: pd.DataFrame) -> pd.DataFrame:
