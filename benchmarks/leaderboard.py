@@ -15,6 +15,8 @@ import argparse
 import datetime
 import importlib
 import importlib.util
+import inspect
+import sys
 import warnings
 from fnmatch import fnmatch
 from pathlib import Path
@@ -26,8 +28,10 @@ from _forecast_data import DataSet, data_sets
 from _forecast_store import by_hour, load_errors
 from _report import RESULTS, write_table
 from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.model_selection._search import BaseSearchCV
 from sklearn.pipeline import Pipeline
 
+from skhybrid._table import predicted_by
 from skhybrid.datasets._benchmark import LOGS
 from skhybrid.model_selection import backtest, score_intervals
 
@@ -50,26 +54,52 @@ class WithoutTemperature(RegressorMixin, BaseEstimator):
 
     def predict(self, X: pd.DataFrame) -> np.ndarray:
         """Temperature [degC] of every row."""
-        return np.asarray(self.regressor_.predict(X.drop(columns="T_za")), dtype=np.float64)
+        return predicted_by(self.regressor_, X.drop(columns="T_za"))
 
 
 def estimator_of(spec: str) -> Any:
     """The estimator that ``module:name`` or ``file.py:name`` names."""
     place, _, name = spec.rpartition(":")
-    if place.endswith(".py"):
-        found = importlib.util.spec_from_file_location(Path(place).stem, place)
-        if found is None or found.loader is None or not Path(place).is_file():
-            raise SystemExit(f"there is no file {place!r}.")
-        module = importlib.util.module_from_spec(found)
-        found.loader.exec_module(module)
-    else:
-        module = importlib.import_module(place or "skhybrid")
+    module = _module(place) if place else None
     if not hasattr(module, name):
-        raise SystemExit(f"{place or 'skhybrid'} has no {name!r}.")
+        raise SystemExit(f"{place} has no {name!r}." if place else f"{spec!r} is neither module:name nor file.py:name.")
     made = getattr(module, name)
-    made = made() if callable(made) else made
-    last = made[-1] if isinstance(made, Pipeline) else made
-    return made if hasattr(last, "predict_from") else WithoutTemperature(made)
+    if callable(made):
+        try:
+            inspect.signature(made).bind()
+        except TypeError as error:
+            raise SystemExit(
+                f"{spec} cannot be called without arguments: {error}; name what makes the estimator."
+            ) from None
+        made = made()
+    if missing := [part for part in ("get_params", "fit", "predict") if not hasattr(made, part)]:
+        raise SystemExit(f"{spec} is no estimator of scikit-learn: {type(made).__name__} has no {missing[0]}.")
+    return made if hasattr(_last(made), "predict_from") else WithoutTemperature(made)
+
+
+def _module(place: str) -> Any:
+    """The module of that name, or of that file, which may import what is next to it."""
+    if place.endswith(".py"):
+        if not Path(place).is_file():
+            raise SystemExit(f"there is no file {place!r}.")
+        sys.path.insert(0, str(Path(place).parent.resolve()))
+        found: Any = importlib.util.spec_from_file_location(Path(place).stem, place)
+        module = sys.modules[found.name] = importlib.util.module_from_spec(found)
+        found.loader.exec_module(module)
+        return module
+    try:
+        return importlib.import_module(place)
+    except ModuleNotFoundError as error:
+        if not place.startswith(str(error.name)):
+            raise
+        raise SystemExit(f"there is no module {place!r}; give a file as my_models.py:name.") from None
+
+
+def _last(estimator: Any) -> Any:
+    """The estimator at the end of a pipeline or inside a search."""
+    while isinstance(estimator, Pipeline | BaseSearchCV):
+        estimator = estimator[-1] if isinstance(estimator, Pipeline) else estimator.estimator
+    return estimator
 
 
 def score(estimator: Any, data: DataSet) -> dict[str, float]:
@@ -77,11 +107,12 @@ def score(estimator: Any, data: DataSet) -> dict[str, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = clone(estimator).fit(data.train, data.train["T_za"])
-        last = model[-1] if isinstance(model, Pipeline) else model
+        model = getattr(model, "best_estimator_", model)
         settings: dict[str, Any] = {"origin_step": data.origin_step, "start": data.start}
-        if hasattr(last, "predict_quantiles_from"):
+        if hasattr(_last(model), "predict_quantiles_from"):
             settings["quantiles"] = (0.1, 0.9)
         frame = backtest(model, data.later, data.later["T_za"], **settings)
+        _refuse_missing(frame)
         load, _ = load_errors(model, data, data.later)
     hours = np.ceil(frame["lead"] / pd.Timedelta("1h")).astype(int)
     errors = by_hour(frame["origin"].astype(str), hours, frame["y_pred"] - frame["y_true"])
@@ -91,6 +122,16 @@ def score(estimator: Any, data: DataSet) -> dict[str, float]:
     found["kW"] = np.nan if load is None else _rmse(load.square.sum(), load.count.sum())
     found["coverage"] = float(score_intervals(frame)["coverage"]) if "quantiles" in settings else np.nan
     return found
+
+
+def _refuse_missing(frame: pd.DataFrame) -> None:
+    """Refuse forecasts that are left out, because an error without the hard hours is no error of the log."""
+    missing = frame["y_true"].notna() & ~np.isfinite(frame["y_pred"])
+    if missing.any():
+        first = frame.loc[missing, "time"].iloc[0]
+        raise ValueError(
+            f"{missing.sum()} of {len(frame)} forecasts are no number (first at {first}); forecast every row."
+        )
 
 
 def _rmse(square: float, count: float) -> float:
@@ -166,6 +207,8 @@ def main(arguments: list[str] | None = None) -> None:
             found = score(estimator, loaders[log](0))
             enter(name, log, found, given.results)
             print(f"{name} | {log}: {found['K']:.3f} K", flush=True)
+    if read(given.results).empty:
+        parser.error(f"no result is kept in {given.results}; name an estimator.")
     title, command = "Leaderboard: room temperature a day ahead", "python benchmarks/leaderboard.py --table"
     write_table(NAME, title, command, tables(read(given.results)), NOTE, given.results)
 

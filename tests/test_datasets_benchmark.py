@@ -9,10 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
 
 from skhybrid import ARXRegressor
 from skhybrid.datasets import load_benchmark, load_dutch_home, read_zone_csv
 from skhybrid.datasets._benchmark import LOGS
+from skhybrid.model_selection import RollingOriginSplit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
@@ -101,8 +104,9 @@ def small(monkeypatch):
     return data
 
 
-def test_an_estimator_enters_by_one_command(small, tmp_path):
+def test_an_estimator_enters_by_one_command(small, tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text("from sklearn.linear_model import Ridge\n\ndef make():\n    return Ridge()\n")
+    monkeypatch.setattr(sys, "path", sys.path.copy())
     leaderboard.main([f"{tmp_path / 'mine.py'}:make", "--name", "mine", "--results", str(tmp_path)])
     leaderboard.main(["skhybrid:ARXRegressor", "--results", str(tmp_path)])
     leaderboard.main(["skhybrid:ARXRegressor", "--results", str(tmp_path)])
@@ -114,6 +118,63 @@ def test_an_estimator_enters_by_one_command(small, tmp_path):
     assert table.index(f"| {best} |") < table.index(f"| {other} |")
     with pytest.raises(SystemExit, match="there is no file"):
         leaderboard.main(["absent.py:make"])
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("no_such_module:make", "there is no module 'no_such_module'"),
+        ("sklearn.linear_model", "'sklearn.linear_model' is neither module:name nor file.py:name"),
+        ("sklearn.linear_model:Absent", "sklearn.linear_model has no 'Absent'"),
+        ("sklearn.ensemble:VotingRegressor", "VotingRegressor cannot be called without arguments"),
+        ("os:getcwd", "os:getcwd is no estimator of scikit-learn: str has no get_params"),
+    ],
+)
+def test_what_is_no_estimator_is_refused_in_a_sentence(spec, message):
+    with pytest.raises(SystemExit, match=message):
+        leaderboard.estimator_of(spec)
+
+
+def test_a_file_may_hold_dataclasses_and_import_its_neighbours(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", sys.path.copy())
+    (tmp_path / "penalty_of_mine.py").write_text("ALPHA = 3.0\n")
+    (tmp_path / "model_of_mine.py").write_text(
+        "from __future__ import annotations\nfrom dataclasses import dataclass\n"
+        "from penalty_of_mine import ALPHA\nfrom sklearn.linear_model import Ridge\n\n"
+        "@dataclass\nclass Options:\n    alpha: float = ALPHA\n\n"
+        "def make():\n    return Ridge(Options().alpha)\n"
+    )
+    assert leaderboard.estimator_of(f"{tmp_path / 'model_of_mine.py'}:make").regressor.alpha == 3.0
+
+
+def test_a_search_of_a_forecaster_is_shown_the_past(small, monkeypatch):
+    cv = RollingOriginSplit(train="6D", test="1D")
+    search = make_pipeline(GridSearchCV(ARXRegressor(alpha=10.0), {"n_lags": [24]}, cv=cv))
+    monkeypatch.setattr(leaderboard, "search", search, raising=False)
+    assert leaderboard.estimator_of("leaderboard:search") is search
+    found = leaderboard.score(search[-1], small)
+    assert found == leaderboard.score(ARXRegressor(alpha=10.0), small)
+
+
+class Choosy(Ridge):
+    """It forecasts only some rows."""
+
+    def predict(self, X):
+        return np.where(np.arange(len(X)) % 3, super().predict(X), np.nan)
+
+
+def test_an_estimator_that_leaves_rows_out_or_adds_some_is_refused(small, monkeypatch):
+    with pytest.raises(ValueError, match=r"128 of 384 forecasts are no number \(first at .*\); forecast every row"):
+        leaderboard.score(leaderboard.WithoutTemperature(Choosy()), small)
+    monkeypatch.setattr(Choosy, "predict", lambda self, X: np.zeros(len(X) - 1))
+    with pytest.raises(ValueError, match="what Choosy predicts for 480 rows has the shape"):
+        leaderboard.score(leaderboard.WithoutTemperature(Choosy()), small)
+
+
+def test_a_table_of_no_results_is_refused(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        leaderboard.main(["--table", "--results", str(tmp_path)])
+    assert f"no result is kept in {tmp_path}; name an estimator" in capsys.readouterr().err
 
 
 def test_the_temperature_of_the_row_that_is_forecast_is_not_shown(small):
