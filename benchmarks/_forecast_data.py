@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatch
 from functools import lru_cache, partial
 from pathlib import Path
 
 import pandas as pd
-from _reference_data import reference
+from _reference_data import made_buildings, reference
 
 from skhybrid.datasets import load_benchmark, load_dutch_home, read_zone_csv
 from skhybrid.datasets._benchmark import CHICAGO, OFFICE_SPANS, cut_log
@@ -148,12 +149,24 @@ def read_home(number: int) -> pd.DataFrame:
     return load_dutch_home(number).X
 
 
+def chosen(names: list[str], wanted: list[str] | None) -> list[str]:
+    """Names that equal or match (``*``) a wanted one, or begin with it if no name does."""
+    if wanted is None:
+        return names
+    found: set[str] = set()
+    for text in wanted:
+        same = [n for n in names if fnmatch(n, text)] or [n for n in names if n.startswith(text)]
+        if not same:
+            raise SystemExit(f"nothing is called {text!r}; there are {', '.join(names)}.")
+        found.update(same)
+    return [n for n in names if n in found]
+
+
 # ------------------------------------------------------------------------------------------------ further buildings
 def _fresh(folder: Path) -> dict[str, Callable[[int], DataSet]]:
     """One data set per building, season and control of a folder that ``make_buildings.py`` wrote."""
     found: dict[str, Callable[[int], DataSet]] = {}
-    for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
-        spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
+    for row, spans in made_buildings(folder):
         site = (float(row["latitude"]), float(row["longitude"]))
         for control, file in (("same", "irregular"), ("new", "shifted")):
             name = f"{folder.name}: {row['name']} {row['season']}, {control} control"

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 #: TMY3 weather by climate
@@ -18,3 +22,11 @@ def reference(name: str, otherwise: str) -> Path:
     if not path.is_file():
         raise SystemExit(f"{path} is absent, and nothing takes its place silently; put it there, or {otherwise}.")
     return path
+
+
+def made_buildings(folder: Path) -> Iterator[tuple[dict[str, Any], tuple[str, ...]]]:
+    """The rows of ``meta.csv`` in a folder of simulated buildings, with the spans of training and test."""
+    if not (folder / "meta.csv").is_file():
+        raise SystemExit(f"{folder} has no meta.csv; make it with make_buildings.py or make_step_tests.py.")
+    for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
+        yield row, tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))

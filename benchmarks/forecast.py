@@ -17,10 +17,9 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Iterator
-from fnmatch import fnmatch
 from pathlib import Path
 
-from _forecast_data import DataSet, data_sets, varies
+from _forecast_data import DataSet, chosen, data_sets, varies
 from _forecast_models import ARX, HYBRID, MODELS, REFITTED, Model
 from _forecast_store import STORE, assess, is_done, write_run
 from _forecast_tables import write_results
@@ -28,19 +27,6 @@ from _report import RESULTS
 
 QUICK_DATA = ("dutch home 2", "dutch home 3", "office autumn, new control")
 QUICK_MODELS = ("yesterday", "CONV", "hour-of-week mean", ARX, REFITTED, HYBRID)
-
-
-def chosen(names: list[str], wanted: list[str] | None) -> list[str]:
-    """Names that equal or match (``*``) a wanted one, or begin with it if no name does."""
-    if wanted is None:
-        return names
-    found: set[str] = set()
-    for text in wanted:
-        same = [n for n in names if fnmatch(n, text)] or [n for n in names if n.startswith(text)]
-        if not same:
-            raise SystemExit(f"nothing is called {text!r}; there are {', '.join(names)}.")
-        found.update(same)
-    return [n for n in names if n in found]
 
 
 def tasks(

@@ -27,9 +27,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from _forecast_data import _BUILDING_COLUMNS, BEAM_AND_SKY, DataSet, split
+from _forecast_data import _BUILDING_COLUMNS, BEAM_AND_SKY, DataSet, chosen, split
 from _forecast_models import ARX, MODELS, REFITTED, Make
 from _forecast_store import path_of, read_facts
+from _reference_data import made_buildings
 from _report import RESULTS, spread, write_table
 from heat_replayed import DEFAULT, NETWORK, NetworkAlone
 from sklearn.utils import Bunch
@@ -80,9 +81,8 @@ def rows(folders: Sequence[Path]) -> dict[str, Callable[[], Row]]:
     found: dict[str, Callable[[], Row]] = {}
     tests = pd.read_csv(TESTS, comment="#", parse_dates=["day"])
     for folder in folders:
-        for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
+        for row, spans in made_buildings(folder):
             name, season = str(row["name"]), str(row["season"])
-            spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
             own = tests[(tests["zone"] == name) & (tests["season"] == season)]
             if len(own):
                 found[f"{name} {season}"] = partial(_zone, f"{name} {season}", folder / name, spans, own)
@@ -222,11 +222,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--results", type=Path, default=RESULTS)
     options = parser.parse_args(arguments)
     loaders = rows(options.buildings)
-    for name, load in loaders.items():
-        if options.data and not name.startswith(tuple(options.data)):
-            continue
+    for name in chosen(list(loaders), options.data):
         left = [m for m in options.models or COMPARED if not path_of(name, m, 0, options.store).is_file()]
-        row = load() if left else None
+        row = loaders[name]() if left else None
         for model in left:
             assess(row, model, options.store)  # type: ignore[arg-type]
     command = " ".join(["python benchmarks/gain.py", *(arguments if arguments is not None else sys.argv[1:])])

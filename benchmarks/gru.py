@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 import torch
-from _forecast_data import BEAM_AND_SKY, DataSet, data_sets
+from _forecast_data import BEAM_AND_SKY, DataSet, chosen, data_sets
 from _forecast_models import HYBRID, MODELS
 from _report import spread, write_table
 from joblib import Parallel, delayed
@@ -132,6 +132,7 @@ def main() -> None:
     parser.add_argument("--buildings", type=Path, nargs="+", required=True, help="folders that make_buildings.py made")
     parser.add_argument("--n-jobs", type=int, default=2)
     options = parser.parse_args()
+    chosen(list(data_sets(options.buildings)), list(LOGS))  # all are there
     work = [(name, what) for what in (*range(N_SEEDS), *BASELINES) for name in LOGS]
     found = Parallel(options.n_jobs)(delayed(run)(name, options.buildings, what) for name, what in work)
     errors = {(name, what): error for name, what, error in found}

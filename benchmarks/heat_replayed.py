@@ -27,9 +27,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from _forecast_data import _BUILDING_COLUMNS, BEAM_AND_SKY, DataSet, split
+from _forecast_data import _BUILDING_COLUMNS, BEAM_AND_SKY, DataSet, chosen, split
 from _forecast_models import ARX, MODELS, REFITTED, Make
 from _forecast_store import Errors, Run, by_hour, is_done, read_runs, write_run
+from _reference_data import made_buildings
 from _report import RESULTS, write_table
 
 from skhybrid import HybridPredictor
@@ -100,8 +101,7 @@ def rows(folders: Sequence[Path]) -> dict[str, Callable[[], Row]]:
     """Loaders by name."""
     found: dict[str, Callable[[], Row]] = {}
     for folder in folders:
-        for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
-            spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
+        for row, spans in made_buildings(folder):
             name = f"{row['name']} {row['season']}"
             found[name] = partial(_building, name, folder / str(row["name"]), spans)
     for climate in ("oakland", "chicago"):
@@ -218,11 +218,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--results", type=Path, default=RESULTS)
     options = parser.parse_args(arguments)
     loaders = rows(options.buildings)
-    for name, load in loaders.items():
-        if options.data and not name.startswith(tuple(options.data)):
-            continue
+    for name in chosen(list(loaders), options.data):
         left = [m for m in options.models or COMPARED if not is_done(f"{name}, {OWN}", m, 0, None, options.store)]
-        row = load() if left else None
+        row = loaders[name]() if left else None
         for model in left:
             assess(row, model, options.store)  # type: ignore[arg-type]
     command = " ".join(["python benchmarks/heat_replayed.py", *(arguments if arguments is not None else sys.argv[1:])])

@@ -19,14 +19,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from _forecast_data import CHICAGO, DataSet, office_run, read_home, split
+from _forecast_data import CHICAGO, DataSet, chosen, office_run, read_home, split
 from _forecast_figure import draw_learning
 from _forecast_models import ARX, HYBRID, MODELS, REFITTED
 from _forecast_ratios import geometric_mean, ratio
 from _forecast_store import STORE, Run, is_done, read_runs
 from _forecast_tables import rmse
 from _report import RESULTS, write_table
-from forecast import chosen, run_one
+from forecast import run_one
 
 from skhybrid.datasets import make_office
 

@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from _forecast_data import SEASONS
-from _reference_data import SHARED
+from _forecast_data import SEASONS, chosen
+from _reference_data import SHARED, made_buildings
 from _report import RESULTS
 from sklearn.ensemble import HistGradientBoostingRegressor
 
@@ -73,8 +73,7 @@ def logs(folders: Sequence[Path]) -> dict[str, Callable[[], Log]]:
     for climate in ("oakland", "chicago"):
         found[f"make_office {climate}"] = partial(_synthetic, climate)
     for folder in folders:
-        for row in pd.read_csv(folder / "meta.csv").to_dict("records"):
-            spans = tuple(str(row[end]) for end in ("train_start", "train_end", "test_start", "test_end"))
+        for row, spans in made_buildings(folder):
             for control, file in (("same", "irregular"), ("new", "shifted")):
                 name = f"{folder.name}: {row['name']} {row['season']}, {control} control"
                 found[name] = partial(_building, folder / str(row["name"]), file, spans)
@@ -241,10 +240,11 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     options.store.mkdir(parents=True, exist_ok=True)
     runs = {}
-    for name, load in logs(options.buildings).items():
+    loaders = logs(options.buildings)
+    wanted = chosen(list(loaders), options.data)
+    for name, load in loaders.items():
         path = options.store / f"{name.replace(': ', '_')}.json"
-        wanted = options.data is None or any(name.startswith(text) for text in options.data)
-        if wanted and (options.again or not path.is_file()):
+        if name in wanted and (options.again or not path.is_file()):
             path.write_text(json.dumps(assess(load())), encoding="utf-8")
             print(name, path.read_text(encoding="utf-8"), flush=True)
         if path.is_file():

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from _forecast_data import BEAM_AND_SKY, DataSet, data_sets
+from _forecast_data import BEAM_AND_SKY, DataSet, chosen, data_sets
 from _forecast_models import bounds_for
 from _report import write_table
 from set_points_known import Log
@@ -174,13 +174,13 @@ def main() -> None:
         }
     else:
         runs = {name: lambda load=load: rows_of_data(load(0), options.origins) for name, load in data_sets().items()}
-    chosen = {n: run for n, run in runs.items() if not options.data or n.startswith(tuple(options.data))}
+    runs = {name: runs[name] for name in chosen(list(runs), options.data)}
     if options.set_points:
         name, title, note = "weather_error_set_points", "Weather forecasts where only set-points are known", SETPOINTS
-        found = tables_under_setpoints(pd.DataFrame(kept_rows(STORE / f"{name}.json", chosen)))
+        found = tables_under_setpoints(pd.DataFrame(kept_rows(STORE / f"{name}.json", runs)))
     else:
         name, title, note = "weather_error", "Forecasts under the error of a weather forecast", NOTE
-        found = tables(pd.DataFrame(kept_rows(STORE / f"{name}.json", chosen)))
+        found = tables(pd.DataFrame(kept_rows(STORE / f"{name}.json", runs)))
     print(write_table(name, title, command, found, note))
 
 

@@ -14,8 +14,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import _reference_data
 import _study_offices
+import gain
+import heat_replayed
 import paper_forecast
 import paper_identification
+import set_points_known
 from _paper_forecast_claims import CLAIMS, judge
 
 
@@ -38,6 +41,16 @@ def test_absent_reference_data_end_a_study_with_a_sentence(tmp_path, monkeypatch
     monkeypatch.setattr(sys, "argv", ["paper_identification.py", "--seeds", "1"])
     with pytest.raises(SystemExit, match="or choose --embedded"):
         paper_identification.main()
+
+
+@pytest.mark.parametrize("study", [gain, heat_replayed, set_points_known])
+def test_a_study_of_no_known_log_stops_and_leaves_its_results(study, tmp_path):
+    kept = ["--store", str(tmp_path / "store"), "--results", str(tmp_path)]
+    with pytest.raises(SystemExit, match=r"nothing is called 'nobody'; there are .*make_office oakland"):
+        study.main(["--data", "nobody", *kept])
+    with pytest.raises(SystemExit, match=r"has no meta.csv; make it with make_buildings.py"):
+        study.main(["--buildings", str(tmp_path), *kept])
+    assert not list(tmp_path.glob("*.md"))
 
 
 def _run(conventional, hybrid):
