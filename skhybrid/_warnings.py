@@ -33,6 +33,7 @@ _IN_CONFIGURATION = (
     (rf"\b({_OF_ESTIMATOR})=(?![\w'(\[{{])", r"\1 of [estimator]"),
     (rf"\b({_OF_LOG})=(?![\w'(\[])", r"\1 = in [log]"),
     (rf"\b({_OF_LOG})=('[^']*'|\w+)", r"\1 = \2 in [log]"),
+    (rf"\b({_PLAIN})=(?= has | \()", r"\1 in the configuration"),
     (rf"\b({_PLAIN})=(?![\w'(\[])", r"\1 = in the configuration"),
     (rf"\b({_PLAIN}|{_OF_ESTIMATOR})=(?=[\w'(\[])", r"\1 = "),
     (r"(?<= = )(True|False)\b", lambda found: found[0].lower()),

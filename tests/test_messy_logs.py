@@ -507,6 +507,8 @@ def test_cooling_with_both_signs_is_the_heat_of_the_plant():
             "such as known = { Q_h = nameplate kW } in [estimator], or",
         ),
         ("stays at its default; pass it in known= or add days", "pass it in known of [estimator] or add days"),
+        ("holidays= has 'x', which is no date.", "holidays in the configuration has 'x', which is no date."),
+        ("holidays= (int) is neither.", "holidays in the configuration (int) is neither."),
         ("pass its name as time_column=.", "pass its name as time_column = in the configuration."),
         ("give that as timezone=, such as 'UTC'.", "give that as timezone = in the configuration, such as 'UTC'."),
         ("dayfirst=True or dayfirst=False.", "dayfirst = true or dayfirst = false."),
