@@ -409,6 +409,9 @@ def test_a_side_without_a_set_point_is_free(log, model):
     heated, cooled = (model.forecast(None, future, setpoint=pair) for pair in ((19.0, None), (None, 24.0)))
     assert (heated["Q_hvac"] >= 0.0).all()
     assert heated["Q_hvac"].sum() > 0.0
+    for name, value, other in (("T_heat_set", 19.0, heated), ("T_cool_set", 24.0, cooled)):
+        alone = pd.DataFrame({name: value}, index=future.index)
+        pd.testing.assert_frame_equal(model.forecast(None, future, setpoint=alone), other)
     assert (cooled["Q_hvac"] <= 0.0).all()
     high = model.forecast(None, future, setpoint=(19.0, 60.0))
     np.testing.assert_allclose(heated["T_za"], high["T_za"], atol=1e-9)

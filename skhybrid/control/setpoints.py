@@ -58,7 +58,7 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
 
     One value or column is the temperature [degC] wanted at the stamp, which the row before must reach.  Two are a
     thermostat's heating and cooling set-point, which the row itself must reach by its end; columns of a DataFrame go by
-    name where one contains "heat" and the other "cool"; a side that is None is not held.
+    name where one contains "heat" and the other "cool", or one alone does; a side that is None is not held.
     """
     if isinstance(setpoint, Band):
         return setpoint
@@ -118,12 +118,14 @@ def read_plant_limits(limits: Any, table: ZoneTable) -> tuple[float, float] | No
     return lowest, highest
 
 
-def _columns(frame: pd.DataFrame) -> list[pd.Series]:
-    """The columns of a frame, that of heating first where their names contain "heat" and "cool"."""
-    columns = [frame.iloc[:, j] for j in range(frame.shape[1])]
+def _columns(frame: pd.DataFrame) -> list[pd.Series | None]:
+    """The columns of a frame, that of heating first where their names contain "heat" and "cool"; None for one alone."""
+    columns: list[pd.Series | None] = [frame.iloc[:, j] for j in range(frame.shape[1])]
     heat, cool = ([j for j, name in enumerate(frame) if word in str(name).lower()] for word in ("heat", "cool"))
     if len(columns) == 2 and len(heat) == len(cool) == 1 and heat != cool:
         return [columns[heat[0]], columns[cool[0]]]
+    if len(columns) == 1 and len(heat) != len(cool):
+        return [*columns, None] if heat else [None, *columns]
     return columns
 
 

@@ -189,7 +189,7 @@ class FramesForecastMixin(FramesReadingMixin):
         setpoint : float, array-like of shape (n_samples,), pair or DataFrame of two columns
             Wanted temperature at each row's stamp [degC].  Or a thermostat's heating and cooling set-point over each
             row's step, as a pair ``(heat, cool)`` of numbers or of values by row, or as two columns: between the two
-            there is no load, and None as one of a pair leaves that side free.
+            there is no load.  None as one of a pair, or ``T_heat_set`` as the only column, leaves the other side free.
         limits : tuple of (lowest, highest), optional
             What the plant can do [kW], cooling negative; each a number or one value per row, such as 0 at hours when
             the plant is off.  The capacity of its stages is a limit too.
