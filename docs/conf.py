@@ -12,6 +12,8 @@ import skhybrid
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "_ext"))
 
+from used_on import pages_by_name  # noqa: E402
+
 project = "skhybrid"
 author = "skhybrid developers"
 project_copyright = "skhybrid developers"
@@ -38,6 +40,7 @@ nitpick_ignore_regex = [(r"py:.*", r"(?!skhybrid\b).*")]
 # ------------------------------------------------------------------------------------------------------- reference
 autosummary_generate = True
 autosummary_ignore_module_all = False
+autosummary_context = {"pages": pages_by_name(HERE)}  # for the page of a class
 autodoc_typehints = "none"  # numpydoc's Parameters section says it
 numpydoc_show_class_members = False  # the class template lists them
 numpydoc_use_plots = False
@@ -78,6 +81,8 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "download_all_examples": False,
     "show_memory": False,
+    # a page that no other leads to, and that needs the network
+    "write_computation_times": False,
     # a line that draws shows its figure, not what it returns
     "ignore_repr_types": r"matplotlib[.]",
     # neither the date nor the machine belongs on the page

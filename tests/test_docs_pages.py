@@ -9,12 +9,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jinja2
 import pytest
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
 import mathml  # noqa: E402
+import used_on  # noqa: E402
 
 CONF = f"import sys; sys.path.insert(0, {str(DOCS / '_ext')!r}); extensions = ['whole_pages', 'mathml']"
 
@@ -59,3 +61,18 @@ def test_an_index_stands_beside_the_letter_under_an_accent():
     found = mathml._mathml(r"\hat x_{k}")
     assert "munderover" not in found
     assert found.index("<mover") < found.index("<mi>k</mi>")
+
+
+@pytest.mark.parametrize(("name", "page"), [("LeadErrorDisplay", "how_to/tune"), ("ModelCase", "how_to/add_a_case")])
+def test_the_page_of_a_class_leads_to_the_pages_that_use_it(name, page):
+    template = (DOCS / "_templates" / "autosummary" / "class.rst").read_text("utf-8")
+    template = template.replace("escape | underline", "escape")
+    shown = jinja2.Template(template).render(objname=name, pages=used_on.pages_by_name(DOCS))
+    assert f"\n- :doc:`/{page}`\n" in shown
+
+
+@pytest.mark.parametrize(
+    "page", sorted({*(DOCS / "how_to").glob("*.rst")} - {DOCS / "how_to" / "index.rst"}), ids=lambda page: page.stem
+)
+def test_a_how_to_page_ends_with_what_to_read_next(page):
+    assert ":doc:`" in page.read_text("utf-8").rstrip().rpartition("\n\n")[2]
