@@ -27,6 +27,7 @@ extensions = [
     "numpydoc",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "commands",
     "frames",
     "mathml",
     "whole_pages",

@@ -15,6 +15,7 @@ import pytest
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
+import commands  # noqa: E402
 import mathml  # noqa: E402
 import used_on  # noqa: E402
 
@@ -76,3 +77,12 @@ def test_the_page_of_a_class_leads_to_the_pages_that_use_it(name, page):
 )
 def test_a_how_to_page_ends_with_what_to_read_next(page):
     assert ":doc:`" in page.read_text("utf-8").rstrip().rpartition("\n\n")[2]
+
+
+def test_the_page_of_the_command_line_has_every_command():
+    found = dict(commands.helps())
+    modules = {path.stem for path in (DOCS.parent / "skhybrid" / "cli").glob("[!_]*.py")}
+    assert {name.split()[1] for name in found if " " in name} == modules
+    assert "--overwrite " in found["skhybrid check"]
+    assert "--refit-after " in found["skhybrid zone tick"]
+    assert ".. commands::" in (DOCS / "reference" / "commands.rst").read_text("utf-8")
