@@ -39,7 +39,7 @@ load[last].resample("1D")[["Q_hvac"]].agg(["min", "mean", "max"]).round(1)
 # A pair of columns is a band: between the two set-points the load is zero, and the temperature floats.  The step of the
 # heating set-point in the morning is met within one row and causes the peak of the day.
 fig, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6), layout="constrained")
-fig.suptitle("Temperature and load of the last day between two set-points")
+fig.suptitle("Temperature and load of five days between two set-points")
 time = later[last].index
 above.fill_between(time, band[last]["set_heat"], band[last]["set_cool"], step="post", color="#eeeeee", label="band")
 above.plot(time, later[last]["T_za"], color="black", label="measured")
@@ -51,6 +51,7 @@ below.step(hourly[last].index, hourly[last]["measured"], where="post", color="bl
 below.step(hourly[last].index, hourly[last]["forecast"], where="post", color="tab:blue", label="forecast")
 below.set_ylabel("heat, hourly means [kW]")
 below.legend(loc="upper right", ncols=2)
+below.set_xlabel("local time")
 fig.autofmt_xdate()
 
 # %%
@@ -81,7 +82,7 @@ night = (later.index.hour >= 20) | (later.index.hour < 4)
 small = model.predict_load(later, band, limits=(0.0, np.where(night, 0.0, 9.0)))
 
 fig, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(9, 6), layout="constrained")
-fig.suptitle("The same day with a small plant that is off at night")
+fig.suptitle("The same days with a small plant that is off at night")
 above.fill_between(time, band[last]["set_heat"], band[last]["set_cool"], step="post", color="#eeeeee", label="band")
 above.plot(time, load[last]["T_za"], color="tab:blue", label="as it is")
 above.plot(time, small[last]["T_za"], color="tab:orange", label="9 kW, off at night")
@@ -91,6 +92,7 @@ below.step(time, load[last]["Q_hvac"], where="post", color="tab:blue", label="as
 below.step(time, small[last]["Q_hvac"], where="post", color="tab:orange", label="9 kW, off at night")
 below.set_ylabel("heat [kW]")
 below.legend(loc="upper right", ncols=2)
+below.set_xlabel("local time")
 fig.autofmt_xdate()
 
 # %%

@@ -56,3 +56,4 @@ for ax, zone in zip(axes.flat, status["zone"][1:], strict=False):
     ax.tick_params(axis="x", rotation=30)
 axes[0, 0].legend(frameon=False)
 figure.supylabel("zone temperature [degC]")
+figure.supxlabel("local time")

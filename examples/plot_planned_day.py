@@ -177,6 +177,7 @@ middle.step(ahead.index, record["heating"].resample("30min").mean(), where="post
 middle.set_ylabel("heat [kW]")
 below.step(ahead.index, price_of(X[day]), where="post", color="tab:red")
 below.set_ylabel("price\n[per kWh of heat]")
+below.set_xlabel("local time")
 below.xaxis.set_major_formatter(plt.matplotlib.dates.DateFormatter("%H:%M"))
 figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 plt.show()

@@ -57,6 +57,7 @@ ax.plot(tomorrow.index, tomorrow["T_za"], color="tab:blue", label="hybrid")
 ax.plot(actual.index, plain, color="tab:orange", label="gray box without a disturbance")
 ax.set_ylabel("zone temperature [degC]")
 ax.legend()
+ax.set_xlabel("local time")
 fig.autofmt_xdate()
 
 # %%
@@ -83,4 +84,5 @@ ax.plot(X.index[week], office.heat_gain[week], color="black", label="true heat g
 ax.plot(X.index[week], zeta[week], color="tab:blue", label="estimated")
 ax.set_ylabel("unmeasured heat [kW]")
 ax.legend()
+ax.set_xlabel("local time")
 fig.autofmt_xdate()

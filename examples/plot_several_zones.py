@@ -60,6 +60,7 @@ for ax, room in zip(axes, rooms, strict=True):
     ax.plot(own["T_za"], color="tab:orange", linestyle="--", label="by itself")
     ax.set_ylabel(f"{room} [degC]")
 axes[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0, 1), frameon=False)
+axes[-1].set_xlabel("local time")
 figure.autofmt_xdate()
 
 # %%

@@ -84,5 +84,6 @@ for ax, room, true in zip(axes, rooms, gain.T, strict=True):
     ax.plot(X.index, zeta[f"zeta_{room}"], label="estimated")
     ax.set_ylabel(f"gain {room} [kW]")
 axes[0].legend()
+axes[-1].set_xlabel("local time")
 figure.autofmt_xdate()
 plt.show()

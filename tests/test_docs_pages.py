@@ -86,3 +86,10 @@ def test_the_page_of_the_command_line_has_every_command():
     assert "--overwrite " in found["skhybrid check"]
     assert "--refit-after " in found["skhybrid zone tick"]
     assert ".. commands::" in (DOCS / "reference" / "commands.rst").read_text("utf-8")
+
+
+@pytest.mark.parametrize("example", sorted((DOCS.parent / "examples").glob("plot_*.py")), ids=lambda path: path.stem)
+def test_a_figure_over_time_says_whose_time(example):
+    text = example.read_text("utf-8")
+    dates = r"autofmt_xdate\(|DateFormatter\(|tick_params\(axis=\"x\""
+    assert len(re.findall(dates, text)) == text.count('xlabel("local time")')
