@@ -113,6 +113,8 @@ def forecast() -> Iterator[str]:
     many, refit = (replayed.loc["geometric mean", name] for name in ("ARX, multi-step, re-fitted", "ARX re-fitted"))
     yield f"leads ({many:.2f} times the default's error, geometric mean) and ARX re-fitted ({refit:.2f} times)."
     yield f"in Oakland, ARX re-fitted is better ({replayed.loc['make_office oakland', 'ARX re-fitted']:.2f})."
+    shop = replayed.loc["retail_colorado_springs winter", "boosting on ARX"]
+    yield f"In the shop in winter, boosting on ARX is better ({shop:.2f})."
     rivals = results.competitors().apply(lambda column: column.str.split().str[0].astype(float))
     ratio = rivals.div(rivals["default"], axis=0)
     home, new = ratio.index.str.contains("home"), ratio.index.str.contains("new")
