@@ -408,6 +408,10 @@ def test_a_heated_zone_without_set_points_runs_as_usual_or_as_planned(held, tmp_
     assert any("the thermostat of hall is an ideal one" in text for text in for_all.remarks)
     assert {"q_0.1_hall", "q_0.1_kitchen", "Q_hvac_0.1_kitchen"} <= set(for_all.frame)
     assert "Q_hvac_0.1_hall" not in for_all.frame
+    T, low, high = (for_all.frame[f"{name}_hall"] for name in ("T_za", "q_0.1", "q_0.9"))
+    assert ((low < T) & (high > T)).all()  # the interval is about what the thermostat holds
+    held_at = T.clip(21.0, 24.0)
+    np.testing.assert_allclose(T[-12:], held_at[-12:], atol=0.05)
 
 
 def test_a_day_of_a_building_sums_heating_and_cooling_of_each_zone():

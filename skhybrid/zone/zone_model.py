@@ -15,6 +15,7 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
 from ..exceptions import TooFewDaysError
+from ..forecasting.quantiles import quantile_columns
 from ..logs.bridges import bridged, stretches
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
@@ -329,8 +330,9 @@ class ZoneModel:
         if not ideal:
             return of_whole_plant(found)
         bands = self._with_intervals(history, ahead.assign(**{r: found[r] for r in self._plant() if r in found}))
-        if self.zones:  # each model of a zone has its own heat, and the temperature is that under their blend
-            found = found.assign(**{role: bands[role] for role in (f"T_za_{zone}" for zone in ideal)})
+        for of in (f"_{zone}" if zone else "" for zone in ideal):  # errors of the forecast, about the set-point
+            own = [f"{q}{of}" for q in quantile_columns(INTERVAL) if f"{q}{of}" in bands]
+            bands[own] = bands[own].add(found[f"T_za{of}"] - bands[f"T_za{of}"], axis=0)
         return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_") and c not in found]])
 
     def save(self, path: str | PathLike[str]) -> None:
