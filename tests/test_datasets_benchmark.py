@@ -20,6 +20,7 @@ from skhybrid.model_selection import RollingOriginSplit
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import leaderboard
+import leaderboard_entries
 from _forecast_data import DataSet, data_sets
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -118,6 +119,14 @@ def test_an_estimator_enters_by_one_command(small, tmp_path, monkeypatch):
     assert table.index(f"| {best} |") < table.index(f"| {other} |")
     with pytest.raises(SystemExit, match="there is no file"):
         leaderboard.main(["absent.py:make"])
+
+
+def test_the_entries_of_the_table_are_estimators():
+    name = leaderboard_entries.__name__
+    own = [key for key, made in vars(leaderboard_entries).items() if getattr(made, "__module__", None) == name]
+    assert len(own) == 5
+    for key in own:
+        leaderboard.estimator_of(f"{leaderboard_entries.__file__}:{key}")
 
 
 @pytest.mark.parametrize(
