@@ -262,6 +262,10 @@ def test_fill_values_are_missing_and_told(write, unit, factor):
         ("Room temp (°F)", [185.0], True),
         ("Room temp", [85.0, 86.0, 87.0], False),  # a sensor that moves is in another unit
         ("Room temp", [68.0, 68.0], False),  # 20 degC
+        ("Room temp", [45.0], True),
+        ("Room temp", [5.0], True),
+        ("Room temp", [45.0, 45.0], False),  # `check` warns of it
+        ("Room temp", [14.0], False),  # a window
         ("Outdoor temp", [0.0], True),
         ("Heating setpoint", [0.0], False),  # off
         ("Cooling setpoint", [0.0] * 12, True),

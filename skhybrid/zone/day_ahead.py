@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant, listed
-from .._time import SHORTEST_GAP
 from .._warnings import percent
 from ..datasets import read_weather
 from ..logs import LogReport
@@ -25,6 +24,7 @@ from ..study.log_split import inputs_of
 from ..study.plant import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
+from ..study.unread_rows import BRIDGED
 from ..study.zone_part import each_zone, log_columns
 from .outages import like_index, refuse_cut_value, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
@@ -154,13 +154,13 @@ def _not_past(later: pd.DataFrame, measured: list[str]) -> pd.DataFrame:
 def _without_half_rows(later: pd.DataFrame, ahead: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
     """Rows after the origin without heat and set-points that are no plan of a day, and a remark.
 
-    These end with the first row, or within hours and before the weather of the rows ``ahead`` and the horizon: they are
-    readings, of which the temperature is still to come.
+    These end with the first row, or within half a day and before the weather of the rows ``ahead`` and the horizon:
+    they are readings, of which the temperature is still to come.
     """
     step, horizon = pd.Timedelta(settings.step), pd.Timedelta(settings.horizon)
     if later.empty or horizon <= step:
         return later, []
-    early = later.index[: max(1, min(SHORTEST_GAP, horizon - step) // step)]
+    early = later.index[: max(1, min(BRIDGED, horizon - step) // step)]
     known = later[[role for role in map(str, later) if is_plant(role) or role in settings.setpoints]]
     ends: dict[str, Any] = {str(role): values.last_valid_index() for role, values in known.items()}
     if not like_index(ahead.index[-1], later.index) > early[-1]:
