@@ -133,6 +133,31 @@ def test_parquet(tmp_path, zone, indexed, monkeypatch):
         read_log(tmp_path / "log", columns=["x"])
 
 
+def test_a_room_in_the_index_of_a_parquet_file_names_its_rows(tmp_path):
+    """It was left out, and the rows of all rooms were mixed."""
+    rooms = pd.concat({"Hall": FRAME, "Bath": FRAME + 1.0}, names=["room"]).astype(float)
+    rooms.to_parquet(tmp_path / "log.parquet")
+    log = read_log(tmp_path / "log.parquet")
+    assert set(log.frame) == {f"{room} {name}" for room in ("Hall", "Bath") for name in FRAME}
+    np.testing.assert_array_equal(log.frame["Bath Room (°C)"], FRAME["Room (°C)"] + 1.0)
+
+
+@pytest.mark.parametrize("words", [["auto", "manual"], ["heat", "off"], ["HP1"], [[1, 2]]])
+@pytest.mark.parametrize("kind", ["parquet", "db", "xlsx"])
+def test_a_column_of_text_beside_one_room_names_no_zones(tmp_path, kind, words):
+    path, state = tmp_path / f"log.{kind}", [words[k // 8 % len(words)] for k in range(len(FRAME))]
+    frame = FRAME.assign(thermostat=state if kind == "parquet" else list(map(str, state))).reset_index()
+    if kind == "parquet":
+        frame.to_parquet(path)
+    elif kind == "db":
+        frame.to_sql("log", f"sqlite:///{path}", index=False)
+    else:
+        frame.to_excel(path, index=False)
+    log = read_log(path)
+    np.testing.assert_array_equal(log.frame["Room (°C)"], FRAME["Room (°C)"])
+    assert not any("a row for each" in note for note in log.notes)
+
+
 def test_long_parquet(tmp_path):
     long = FRAME.astype(float).melt(ignore_index=False, var_name="point", value_name="value")
     long["unit"] = long["point"].map({"valve": "%"})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -82,19 +82,6 @@ class Pieces:
     label: str | None = None  # "right" where stamps show that they end their rows
     first: pd.Timestamp | None = None  # the earliest stamp as it is written
     day_first: bool | None = None  # whether dates begin with the day, where they tell
-
-
-def assemble_columns(
-    pieces: Pieces,
-    names: Sequence[str],
-    long: tuple[str, str] | None,
-    choice: Choice,
-    read: Callable[[list[str]], Iterable[pd.DataFrame]],
-) -> RawLog:
-    """The log of a table of which ``read`` gives the columns that it needs; ``long`` are points and values, if any."""
-    wanted = choice.wanted(names, pieces.stamps, pieces.where) if long is None else [*long, *columns_beside(names)]
-    pieces.frames = read([*pieces.stamps, *wanted])
-    return assemble(pieces, choice) if long is None else assemble_long(pieces, *long, choice)
 
 
 def assemble(pieces: Pieces, choice: Choice) -> RawLog:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import is_hashable
 
 from .cell_numbers import NumberColumn
 from .naming import guess_role, unit_in_name
@@ -25,9 +26,9 @@ _ZONE = re.compile(
 
 
 def may_name_zones(sample: pd.DataFrame, stamps: Sequence[str]) -> list[str]:
-    """The columns beside some of time stamps that hold words, or the numbers of zones."""
-    rest = sample.columns.drop(list(stamps))
-    return [name for name in map(str, rest) if _ZONE.fullmatch(name) or _are_words(sample[name])]
+    """The columns beside some of time stamps that hold words, or the numbers of zones; a list or mapping is no word."""
+    rest = [name for name in map(str, sample.columns.drop(list(stamps))) if sample[name].map(is_hashable).all()]
+    return [name for name in rest if _ZONE.fullmatch(name) or _are_words(sample[name])]
 
 
 def zone_column(rows: pd.DataFrame, stamps: Sequence[str], among: Iterable[str], n_columns: int) -> str | None:

@@ -70,6 +70,11 @@ def chosen_columns(names: Sequence[str], point: str | None, value: str | None, w
     return both[0], both[1]
 
 
+def point_and_value(names: Sequence[str], point: str | None, value: str | None, where: str) -> tuple[str, str] | None:
+    """The columns of points and values of a table that is long by its names, or by those given; None for another."""
+    return chosen_columns(names, point, value, where) if point or value else long_columns(names)
+
+
 def long_columns(names: Sequence[str] | pd.Index) -> tuple[str, str] | None:
     """The columns of points and values of a long table, by their usual names; None where it has none."""
     point, value = _usual_columns(names)

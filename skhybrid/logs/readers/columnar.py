@@ -8,10 +8,14 @@ from typing import Any
 
 import pandas as pd
 
-from ..assembly import Choice, Pieces, assemble_columns, rows_of_piece
+from ..assembly import Choice, Pieces, rows_of_piece
 from ..raw_log import RawLog
+from ..rows_by_zone import may_name_zones
 from ..stamp_cells import find_stamp_columns
+from ..table_shapes import assemble_table
 from .change_of_value import long_columns
+
+_SAMPLE = 1000  # rows
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -45,7 +49,7 @@ def _read(file: Any, choice: Choice, where: str) -> RawLog:
 
     names = [field.name for field in file.schema_arrow if not types.is_nested(field.type)]
     size = rows_of_piece(len(names))
-    sample = next(_frames(file, names, 1000), pd.DataFrame(columns=names))
+    sample = next(_frames(file, names, _SAMPLE), pd.DataFrame(columns=names))
     if sample.empty:
         raise ValueError(f"{where} has no rows.")
     indices = [name for name in (file.schema_arrow.pandas_metadata or {}).get("index_columns", []) if name in names]
@@ -54,9 +58,10 @@ def _read(file: Any, choice: Choice, where: str) -> RawLog:
     stamps = find_stamp_columns(sample, time, where)
     long = long_columns([name for name in names if name not in stamps])
     if choice.columns is None:
-        names = [name for name in names if name not in indices]
+        zones = may_name_zones(sample, stamps)
+        names = [name for name in names if name not in indices or name in (*stamps, *zones)]
     pieces = Pieces((), stamps, where, "Parquet")
-    return assemble_columns(pieces, names, long, choice, lambda wanted: _frames(file, wanted, size))
+    return assemble_table(pieces, sample[names], choice, lambda wanted, _: _frames(file, wanted, size), long)
 
 
 def _frames(file: Any, names: list[str], size: int) -> Iterator[pd.DataFrame]:

@@ -10,13 +10,12 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from .. import rows_by_zone
-from ..assembly import Choice, Pieces, assemble, assemble_long, columns_beside, rows_of_piece
+from ..assembly import Choice, Pieces, rows_of_piece
 from ..cell_numbers import decimal_sign
-from ..paired_columns import POINT, VALUE, as_long, is_value_name, note_of, paired_columns
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp, is_stamp_name
 from ..table_layout import Layout, find_layout, separator_of, split_lines, table_of
+from ..table_shapes import assemble_table
 from ..text_files import damage_refused, encoding_of, head_of, open_bytes
 
 _HEAD = 1 << 16  # characters that show the layout
@@ -105,41 +104,12 @@ def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **op
     where = repr(path.name)
     _refuse_statistics(table.sample, where)
     stamps = find_stamp_columns(table.sample, choice.time_column, where)
-    if blocks := paired_columns(table.sample, stamps):
-        wanted = choice.wanted(table.layout.names, tuple(blocks), where)
-        frames = as_long(table.pieces(tuple(blocks), wanted, wanted), blocks)
-        return assemble_long(pieces_of(table, frames, stamps, "CSV", [note_of(blocks)]), POINT, VALUE, choice)
-    if zone := _zone_column(table, stamps):
-        return _by_zone(table, stamps, zone, choice)
-    wanted = choice.wanted(table.layout.names, stamps, where)
-    return assemble(pieces_of(table, table.pieces(stamps, wanted), stamps, "CSV"), choice)
+    pieces = pieces_of(table, iter(()), stamps, "CSV")
 
+    def rows(wanted: list[str], as_text: bool) -> Iterator[pd.DataFrame]:
+        return table.pieces(stamps, wanted, wanted if as_text else ())
 
-def _by_zone(table: TextTable, stamps: tuple[str, ...], zone: str, choice: Choice) -> RawLog:
-    """The log of a table with a row for each zone and stamp; one column of values needs no name beside that."""
-    names = [name for name in table.layout.names if name not in stamps]
-    values = [name for name in names if name != zone and (table.layout.headless or is_value_name(name))]
-    pieces = pieces_of(table, iter(()), stamps, "CSV", [rows_by_zone.note_on_zones(zone)])
-    if len(values) == 1:
-        read = [zone, *values, *columns_beside(names)]
-        pieces.frames = table.pieces(stamps, read, read)
-        return assemble_long(pieces, zone, values[0], choice)
-    pieces.frames = rows_by_zone.long_of_zones(table.pieces(stamps, names, names), stamps, zone, pieces.units)
-    return assemble_long(pieces, POINT, VALUE, choice)
-
-
-def _zone_column(table: TextTable, stamps: Sequence[str]) -> str | None:
-    """The column that names the zone of each row, if any; where zones follow one another, all rows tell."""
-    among, n_columns = rows_by_zone.may_name_zones(table.sample, stamps), len(table.layout.names)
-    found = rows_by_zone.zone_column(table.sample, stamps, among, n_columns)
-    if found or not (alike := [name for name in among if _in_blocks(table.sample[name])]):
-        return found
-    return rows_by_zone.zone_column(pd.concat(table.pieces(stamps, alike, alike)), stamps, alike, n_columns)
-
-
-def _in_blocks(cells: pd.Series) -> bool:
-    """Whether equal cells stand together."""
-    return bool((cells != cells.shift()).sum() == cells.nunique())
+    return assemble_table(pieces, table.sample, choice, rows, headless=table.layout.headless)
 
 
 def pieces_of(

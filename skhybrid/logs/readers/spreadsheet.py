@@ -12,13 +12,13 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import pandas as pd
 
-from .. import rows_by_zone
-from ..assembly import Choice, Pieces, assemble_columns, assemble_long, columns_beside
+from ..assembly import Choice, Pieces, assemble_long, columns_beside
 from ..cell_numbers import decimal_sign
-from ..paired_columns import POINT, VALUE, as_long, is_value_name, note_of, paired_columns
+from ..paired_columns import POINT, VALUE, is_value_name
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp
 from ..table_layout import Layout, find_layout, table_of
+from ..table_shapes import assemble_table
 from ..unit_names import unit_text
 from .change_of_value import long_columns
 
@@ -48,24 +48,18 @@ def read(path: Path, *, sheet: str | int | None = None, **options: Any) -> RawLo
         found = _find_tables(book, sheet, repr(path.name))
         if points := _points_of(found):
             return _read_points(book, found, points, repr(path.name), choice)
-        rows, layout, where, notes = _one_table(book, found, repr(path.name))
+        read, layout, where, notes = _one_table(book, found, repr(path.name))
         names = layout.names
-        head = list(islice(rows, layout.first + _HEAD))[layout.first :]
-        sample, long = table_of(head, names), long_columns(names)
+        head = list(islice(_rows_of(book, found, read), _HEAD))
+        sample = table_of(head, names)
         stamps = find_stamp_columns(sample, choice.time_column, where)
         units = {name: unit for name, unit in layout.units.items() if name not in stamps}
         pieces = Pieces((), stamps, where, "Excel", units, _decimal_of(head), layout.first + 1, notes)
-        frames = _pieces(chain(head, rows), names)
-        if blocks := paired_columns(sample, stamps):
-            pieces.notes.append(note_of(blocks))
-            pieces.frames = as_long(frames, blocks)
-            return assemble_long(pieces, POINT, VALUE, choice)
-        among = [] if long else rows_by_zone.may_name_zones(sample, stamps)
-        if zone := rows_by_zone.zone_column(sample, stamps, among, len(names)):
-            pieces.notes.append(rows_by_zone.note_on_zones(zone))
-            pieces.frames = rows_by_zone.long_of_zones(frames, stamps, zone, pieces.units)
-            return assemble_long(pieces, POINT, VALUE, choice)
-        return assemble_columns(pieces, names, long, choice, lambda wanted: (piece[wanted] for piece in frames))
+
+        def rows(wanted: list[str], as_text: bool) -> Iterator[pd.DataFrame]:
+            return (piece[wanted] for piece in _pieces(_rows_of(book, found, read), names))
+
+        return assemble_table(pieces, sample, choice, rows, long_columns(names))
     finally:
         book.close()
 
@@ -141,8 +135,8 @@ def _read_points(
 
 def _one_table(
     book: Any, found: Mapping[str, tuple[Layout, str]], file: str
-) -> tuple[Iterator[list[str]], Layout, str, list[str]]:
-    """The rows of the largest table, and of those with the same names and other stamps; layout, name, and notes."""
+) -> tuple[list[str], Layout, str, list[str]]:
+    """The sheets of the largest table, and of those with the same names and other stamps; layout, name, and notes."""
     names = [one.title for one in book.worksheets]
     best, begin = max(found.values(), key=lambda one: one[0].n_stamps)
     same = {name: one[1] for name, one in found.items() if one[0].names == best.names}
@@ -155,8 +149,12 @@ def _one_table(
         notes.append(
             f"not read: {', '.join(others)}, which also hold tables; put all columns in one sheet, or choose by sheet ="
         )
-    tables = (islice(_rows(book[name]), found[name][0].first, None) for name in read[1:])
-    return chain(_rows(book[read[0]]), *tables), found[read[0]][0], f"{which} of {file}", notes
+    return read, found[read[0]][0], f"{which} of {file}", notes
+
+
+def _rows_of(book: Any, found: Mapping[str, tuple[Layout, str]], sheets: Sequence[str]) -> Iterator[list[str]]:
+    """The rows of data of some sheets, one after the other."""
+    return chain.from_iterable(islice(_rows(book[name]), found[name][0].first, None) for name in sheets)
 
 
 def _rows(sheet: Any) -> Iterator[list[str]]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from ..assembly import Choice, Pieces, assemble_columns
+from ..assembly import Choice, Pieces
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
-from .change_of_value import chosen_columns, long_columns
+from ..table_shapes import assemble_table
+from .change_of_value import point_and_value
 from .recorder import is_sqlite
 
-_PIECE, _SAMPLE = 50_000, 200  # rows
+_PIECE, _SAMPLE = 50_000, 1000  # rows
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -104,19 +106,27 @@ def _statement(alchemy: Any, connection: Any, table: str | None, query: str | No
 
 
 def _read(connection: Any, what: Any, where: str, long: tuple[str | None, str | None], choice: Choice) -> RawLog:
-    rows = connection.execution_options(stream_results=True, max_row_buffer=_PIECE).execute(what)
-    names = list(rows.keys())
-    head = pd.DataFrame([tuple(row) for row in rows.fetchmany(_SAMPLE)], columns=names)
+    streamed = connection.execution_options(stream_results=True, max_row_buffer=_PIECE)
+    first = streamed.execute(what)
+    names = list(first.keys())
+    head = _table(first.fetchmany(_SAMPLE), names)
     if head.empty:
         raise ValueError(f"{where} has no rows.")
-    is_long = any(long) or long_columns(names) is not None
-    both = chosen_columns(names, *long, where) if is_long else None
+    both = point_and_value(names, *long, where)
     stamps = find_stamp_columns(head.drop(columns=list(both or ())), choice.time_column, where)
-    pieces = Pieces((), stamps, where, "SQL")
-    return assemble_columns(pieces, names, both, choice, lambda wanted: (f[wanted] for f in _frames(rows, head)))
+    begun = [chain([head], _frames(first, names))]
+
+    def rows(wanted: list[str], as_text: bool) -> Iterator[pd.DataFrame]:
+        frames = begun.pop() if begun else _frames(streamed.execute(what), names)
+        return (frame[wanted] for frame in frames)
+
+    return assemble_table(Pieces((), stamps, where, "SQL"), head, choice, rows, both)
 
 
-def _frames(rows: Any, head: pd.DataFrame) -> Iterator[pd.DataFrame]:
-    yield head
+def _frames(rows: Any, names: list[str]) -> Iterator[pd.DataFrame]:
     while part := rows.fetchmany(_PIECE):
-        yield pd.DataFrame([tuple(row) for row in part], columns=head.columns)
+        yield _table(part, names)
+
+
+def _table(rows: Sequence[Any], names: list[str]) -> pd.DataFrame:
+    return pd.DataFrame([tuple(row) for row in rows], columns=names)
