@@ -315,6 +315,27 @@ def test_a_history_with_a_further_column_is_the_same(tmp_path):
     pd.testing.assert_frame_equal(home_assistant.read(path).frame, home_assistant.read(HISTORY).frame)
 
 
+@pytest.mark.parametrize("minimal", [False, True])
+def test_the_json_of_a_history_is_the_same_and_has_units(tmp_path, minimal):
+    """It was refused; with minimal_response, only the first state of an entity says what it is."""
+    lists = []
+    for name, rows in pd.read_csv(HISTORY, dtype=str, keep_default_na=False, encoding="utf-8-sig").groupby("entity_id"):
+        unit = {"unit_of_measurement": "°C"} if name.endswith("_temperature") else {}
+        states = rows.assign(attributes=[unit] * len(rows)).to_dict(orient="records")
+        rest = [{k: row[k] for k in ("state", "last_changed")} for row in states[1:]] if minimal else states[1:]
+        lists.append([states[0], *rest])
+    (tmp_path / "history.json").write_text(json.dumps(lists), encoding="utf-8")
+    log, of_csv = read_log(tmp_path / "history.json", step="5min"), read_log(HISTORY, step="5min")
+    pd.testing.assert_frame_equal(log.frame[list(of_csv.frame)], of_csv.frame)
+    assert log.format == of_csv.format == "Home Assistant history"
+    assert log.units == dict.fromkeys(("sensor.living_room_temperature", "sensor.outdoor_temperature"), "degC")
+    assert not any("names no units" in note for note in log.notes)
+    lists[0][1].pop("last_changed")
+    (tmp_path / "history.json").write_text(json.dumps(lists), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"line 2 of 'history\.json': 'nan' is not a time stamp"):
+        read_log(tmp_path / "history.json")
+
+
 def test_what_a_history_does_not_have_is_refused(tmp_path):
     """A slip in one of several entities left its channel out in silence."""
     named = ["binary_sensor.boiler", "sensor.outdor_temperature"]

@@ -1,7 +1,5 @@
 """Logs and weather as people have them: every one is read right, or refused in one useful sentence."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -215,7 +213,6 @@ def test_long_tables_of_databases(write, header):
         (b"PK\x03\x04" + bytes(range(256)), "a ZIP archive; unpack it"),
         (b"%PDF-1.7 " + bytes(range(256)), "a PDF; export the log as CSV"),
         (b"<html><table><tr><td>20.1</td></tr></table></html>", "a web page or XML"),
-        (json.dumps([{"time": "2024-01-01 00:00", "T": 20.1}]).encode(), "JSON; write it as CSV"),
         (
             b"climate,room=hall T=20.1,RH=45 1704067200000000000\n" * 3,
             "InfluxDB's line protocol; query it as annotated",

@@ -21,6 +21,7 @@ from .readers import (
     fhem,
     home_assistant,
     influx,
+    json_log,
     loxone,
     spreadsheet,
     sql_table,
@@ -35,7 +36,6 @@ _NO_TABLES = (
     (re.compile(rb"\s*<"), "a web page or XML; open it in Excel and save it as .xlsx, or export the log as CSV"),
     (re.compile(rb"\S+ [^=\s]+=[^\n]* \d{10,19}\s"), "InfluxDB's line protocol; query it as annotated CSV (--raw)"),
     (re.compile(rb'[^\n{"]+[ \t;]\{"'), "lines with JSON in them; write a column for each of its values, as CSV"),
-    (re.compile(rb'\s*[\[{]\s*["{\[]'), "JSON; write it as CSV, one row for each time stamp"),
 )
 _BLANK = 1 << 16  # bytes without any character, after which a file is taken as empty
 #: the module of each format, which offers ``looks_like(path, head)`` and ``read(path, ...)``; the first that fits is
@@ -49,6 +49,7 @@ FORMATS: dict[str, ModuleType] = {
     "Loxone": loxone,
     "Excel": spreadsheet,
     "Parquet": columnar,
+    "JSON": json_log,
     "SQL": sql_table,
     "change of value": change_of_value,
     "CSV": delimited,
@@ -68,7 +69,7 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
         Of general tables: ``columns`` (channels to read), ``time_column`` (the column of time stamps, or a pair of
         date and time), ``timezone`` (of stamps without an offset, or to convert to), ``dayfirst``, ``year`` (of the
         first stamp, where stamps have none) and ``held`` (channels that keep their value until the next one).  CSV
-        takes ``sep`` and ``decimal`` besides, Excel ``sheet``, a database ``table`` or ``query``; a long CSV or
+        takes ``sep`` and ``decimal`` besides, Excel ``sheet``, a database ``table`` or ``query``; a long CSV, JSON or
         database takes ``point_column`` and ``value_column``.
 
         Home Assistant takes ``table`` (``"states"``, or the means of ``"statistics"`` per hour or of
