@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from skhybrid.datasets import read_zone_csv
 from skhybrid.logs import LogReport, read_log
 
 STAMPS = pd.date_range("2024-03-30 12:00", periods=96, freq="15min", tz="UTC", name="time")
@@ -205,6 +206,11 @@ VECTOR = {"resultType": "vector", "result": [{"metric": {}, "value": [SECONDS[0]
 def test_json_that_is_no_log_is_refused_in_a_sentence(write, content, told):
     with pytest.raises(ValueError, match=rf"^'log\.json' {told}"):
         read_log(write(content))
+
+
+def test_a_reader_of_csv_says_who_reads_json(write):
+    with pytest.raises(ValueError, match=r"'log\.json' is JSON; read it with skhybrid\.logs\.read_log"):
+        read_zone_csv(write(FORMS["records"]))
 
 
 def test_a_row_of_json_is_named_by_its_number(write):

@@ -14,10 +14,11 @@ from .._table import is_instant, role_of
 from ..preprocessing._units import conversion_of, convert
 from .even_steps import CONTIGUOUS, own_steps, typical_step, usual_step
 from .named_zones import zoned_stamps
+from .readers import json_log
 from .stamp_cells import find_stamp_columns
 from .stamp_parts import joined_cells
 from .stamps import cell, in_zone, line
-from .text_files import damage_refused, existing
+from .text_files import damage_refused, existing, head_of
 
 
 def read_zone_csv(
@@ -73,6 +74,8 @@ def read_zone_csv(
     units = as_mapping("units", units, "roles to units")
     roles = None if columns is None else as_mapping("columns", columns, "roles to columns of the file")
     file, where = existing(path)
+    if json_log.looks_like(file, head_of(file)):
+        raise ValueError(f"{where} is JSON; read it with skhybrid.logs.read_log, or write it as CSV.")
     table = _read_cells(file, where, sep, decimal)
     of_stamps = find_stamp_columns(table, time_column, where)
     chosen = _columns_by_role(table, roles, of_stamps, where)
