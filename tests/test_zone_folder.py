@@ -240,6 +240,15 @@ def test_a_log_in_another_unit_of_a_stuck_sensor_or_half_written_is_refused(chan
     assert (tables(zone), zone.model.read_bytes()) == before
 
 
+def test_an_outdoor_temperature_in_another_unit_is_refused(log, zone, tmp_path):
+    """It was warned of, and learned."""
+    before = tables(zone), zone.model.read_bytes()
+    spoilt = write(log.assign(T_oa=1.8 * log["T_oa"] + 32.0), tmp_path / "log.csv", DAYS + 1)
+    with pytest.raises(ValueError, match=r"T_oa of the log is \d\d K from what the model has of the same rows"):
+        zone.tick(spoilt, schedule=SCHEDULE)
+    assert (tables(zone), zone.model.read_bytes()) == before
+
+
 @pytest.mark.parametrize(
     ("n_rows", "blank"),
     [(1, ["T_za"]), (3, ["T_za"]), (12, ["T_za"]), (1, ["T_za", "T_oa", "q_sol"]), (3, ["T_za", "T_oa", "q_sol"])],

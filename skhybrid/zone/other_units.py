@@ -20,7 +20,7 @@ _SHIFTS = [pd.Timedelta(minutes=30 * k) for k in range(-28, 29) if k]  # that ti
 def refuse_other_temperatures(frame: pd.DataFrame, known: pd.DataFrame, settings: Settings, whose: str) -> None:
     """Refuse a log whose temperatures are others than those ``known`` of the same rows, or those of other hours."""
     known = known.set_axis(like_index(pd.DatetimeIndex(known.index), frame.index))
-    for role in (role for role in settings.roles_of("T_za") if role in frame and role in known):
+    for role in (role for role in (*settings.roles_of("T_za"), "T_oa") if role in frame and role in known):
         away = (frame[role] - known[role]).abs()
         if away.median() > _OTHER:
             raise ValueError(
