@@ -169,6 +169,20 @@ def test_steps_that_the_weather_does_not_serve(start, periods, zone, says):
         weather_on_steps(read_weather(SAMPLE), pd.date_range(start, periods=periods, freq="1h", tz=zone))
 
 
+def test_hours_without_weather_are_interpolated():
+    """In a row of 15 min of which eight followed, a forecast was refused."""
+    time = pd.date_range("2024-05-01", periods=96, freq="15min", tz="Europe/Berlin")
+    hour = np.arange(96) / 4
+    sun = 0.8 * np.clip(np.sin(np.pi * (hour - 6.0) / 12.0), 0.0, None)
+    whole = pd.DataFrame({"T_oa": 10.0 + 5.0 * np.sin(np.pi * hour / 12.0), "q_sol": sun}, time)
+    missing = time[36:47]
+    found = weather_on_steps(whole.drop(missing), time)
+    np.testing.assert_allclose(found["T_oa"], whole["T_oa"], atol=0.4)
+    np.testing.assert_allclose(found["q_sol"], weather_on_steps(whole, time)["q_sol"], atol=0.07)
+    with pytest.raises(ValueError, match="has nothing between 2024-05-01 08:45"):
+        weather_on_steps(whole.drop([*missing, time[47]]), time)
+
+
 def test_a_gap_in_the_weather_is_refused():
     weather = read_weather(SAMPLE)
     gap = weather.drop(weather.index[10:15])

@@ -13,6 +13,7 @@ import pandas as pd
 from .._arguments import check_integer
 from .._ranges import check_range
 from .._table import numeric, refuse_infinite_columns
+from .._time import SHORTEST_GAP
 from ..logs.stamps import YEARS
 from ._weather import window_irradiance
 
@@ -171,11 +172,12 @@ def _seconds(stamps: pd.DatetimeIndex) -> np.ndarray:
 
 
 def refuse_uncovered(given: pd.DatetimeIndex, time: pd.DatetimeIndex, what: str, other: str) -> pd.Timedelta:
-    """The length of a row of weather; refused if it begins late, ends early or has a gap of more than two rows."""
+    """The length of a row of weather; refused if it begins late, ends early or lacks more than two rows and 3 h."""
     lengths = np.diff(given.as_unit("ns").asi8)
     row = pd.Timedelta(np.median(lengths), unit="ns")
     end = time[-1] + (time[1] - time[0])
-    gap = np.flatnonzero((lengths > 3 * row.value) & (given[1:] > time[0]) & (given[:-1] < end))
+    longest = max(3 * row, SHORTEST_GAP).value
+    gap = np.flatnonzero((lengths > longest) & (given[1:] > time[0]) & (given[:-1] < end))
     if given[0] > time[0] or given[-1] + row < end or len(gap):
         first, last = (given[gap[0]], given[gap[0] + 1]) if len(gap) else (given[0], given[-1])
         covers = f"has nothing between {first} and {last}" if len(gap) else f"reaches from {first} to {last}"

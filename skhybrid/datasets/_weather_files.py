@@ -133,7 +133,7 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     -------
     DataFrame
         ``T_oa`` [degC] interpolated linearly at the stamps, ``q_sol`` [kW/m2] the mean of each step: over a row of the
-        weather its energy is kept.
+        weather its energy is kept.  Missing rows are interpolated linearly, over 3 h or two rows.
 
     Raises
     ------
@@ -149,7 +149,9 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     if (pd.DatetimeIndex(known.index).tz is None) != (time.tz is None):
         lacks, other = ("forecast", "weather") if time.tz is None else ("weather", "forecast")
         raise ValueError(f"the {lacks} has no time zone, but the {other} has one; give timezone= when reading it.")
-    refuse_uncovered(pd.DatetimeIndex(known.index), time, "forecast", "a log whose last complete row is")
+    known = _with_missing_rows(
+        known, refuse_uncovered(pd.DatetimeIndex(known.index), time, "forecast", "a log whose last complete row is")
+    )
     hours, wanted = (np.asarray((pd.DatetimeIndex(i) - time[0]) / _HOUR, np.float64) for i in (known.index, time))
     # a value at the last stamp holds to the end of its row; nothing is known beyond it
     edges = np.append(hours, hours[-1] + float(np.median(np.diff(hours))))
@@ -158,6 +160,13 @@ def weather_on_steps(weather: pd.DataFrame, time: pd.DatetimeIndex) -> pd.DataFr
     until = PchipInterpolator(edges, energy)(asked)  # monotone: no irradiance below zero, none at night
     light = (np.diff(until) / np.diff(asked)).clip(min=0.0)
     return pd.DataFrame({"T_oa": np.interp(wanted, hours, known["T_oa"].to_numpy()), "q_sol": light}, index=time)
+
+
+def _with_missing_rows(weather: pd.DataFrame, row: pd.Timedelta) -> pd.DataFrame:
+    """Weather in which the rows that are missing among even ones are interpolated linearly."""
+    index = pd.DatetimeIndex(weather.index)
+    even = pd.date_range(index[0], index[-1], freq=row)
+    return weather.reindex(even).interpolate() if index.isin(even).all() else weather
 
 
 def _read_open_meteo(
