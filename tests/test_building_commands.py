@@ -676,6 +676,7 @@ def test_the_heat_of_a_room_may_be_named_by_the_room_alone(log):
     assert model.not_learned == {}
 
 
+@pytest.mark.slow
 def test_a_room_without_values_of_its_heat_is_studied_without_it(folder, log, tmp_path, capsys):
     log.assign(Q_hall_kW=np.nan).to_csv(tmp_path / "log.csv")
     given = (tmp_path / "log.csv", "--config", folder / "house.toml")

@@ -117,6 +117,7 @@ def temperatures(frame: pd.DataFrame) -> np.ndarray:
     return frame[T_OF].to_numpy()
 
 
+@pytest.mark.slow
 def test_a_preprocess_is_applied_to_the_whole_table(rooms, later):
     """Gaps of inputs are filled, those of measurements are not; rows ahead need no measurements."""
     X, y = rooms[0][:N_TRAIN].copy(), rooms[1][:N_TRAIN].copy()
@@ -838,6 +839,7 @@ def test_each_zone_may_have_a_capacity_of_its_own():
         clone(model).set_params(estimator__known={"Q_h_attic": 1.0}).fit(X, y)
 
 
+@pytest.mark.slow
 def test_new_rows_are_learned_by_each_zone(rooms, later, tomorrow):
     """The predictors learn as they do by themselves, whether the rows were taken in before or not."""
     X, y = rooms

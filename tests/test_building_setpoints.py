@@ -95,6 +95,7 @@ def test_a_back_test_is_the_forecast_from_each_origin(model, later):
             np.testing.assert_array_equal(own["Q_hvac_true"], later[f"Q_hvac_{zone}"][own["time"] - pd.Timedelta("1h")])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heat_known", [True, False])
 def test_a_back_test_goes_on_from_the_training_that_is_in_its_table(model, log, later, heat_known):
     given = {"quantiles": LEVELS, "heat_known": heat_known, "start": later.index[0]}
@@ -103,6 +104,7 @@ def test_a_back_test_goes_on_from_the_training_that_is_in_its_table(model, log, 
     pd.testing.assert_frame_equal(frame, backtest(model, later, later[T_OF], **given))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [None, (-2.0, 3.0), {"kitchen": (0.0, 1.0)}])
 def test_loads_go_on_from_the_training_that_is_in_their_table(model, log, limits):
     rows = log[TRAINED - 2 * DAY - 5 : TRAINED + 2 * DAY]

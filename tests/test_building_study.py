@@ -102,6 +102,7 @@ def test_a_study_has_errors_and_verdicts_of_each_zone(study):
     assert set(found["building"]["zones"]["hall"]) >= {"heat loss", "solar aperture"}
 
 
+@pytest.mark.slow
 def test_a_study_of_rooms_that_share_a_boiler_has_no_loads(log, tmp_path):
     heat = ["Q_hvac_kitchen", "Q_hvac_hall"]
     boiler = log.drop(columns=heat).assign(Boiler=log[heat].sum(axis=1) / log[heat].sum(axis=1).max())
@@ -291,6 +292,7 @@ def test_a_zone_whose_thermometer_is_silent_is_named_by_the_status(folder, log, 
     assert f"  hall:\n    last measured: {last} (4 days ago)\n    drift: not known before" in told
 
 
+@pytest.mark.slow
 def test_the_server_takes_and_gives_columns_per_zone(folder, log, monkeypatch):
     pytest.importorskip("fastapi")
     from fastapi.testclient import TestClient

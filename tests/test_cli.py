@@ -198,6 +198,7 @@ def test_rows_without_a_temperature_are_the_next_day(files):
     assert not json.loads((files / "out" / "metrics.json").read_text())["next_day_held_out"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty_pictures")
 def test_two_temperatures_are_enough(files, capsys):
     config = CONFIG.replace('q_sol = "solar_W_m2"', "").replace('Q_hvac = "hvac_kW"', "").replace("[units]", "")
@@ -209,6 +210,7 @@ def test_two_temperatures_are_enough(files, capsys):
     assert "needed that day" not in (files / "out" / "report.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty_pictures")
 def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
     (files / "zone.toml").write_text(CONFIG.replace('[forecaster]\nmodel = "profile"\n', ""))
@@ -239,6 +241,7 @@ def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
     assert f"contained {100 * metrics['interval_80_coverage']:.0f}\u00a0% of the" in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty_pictures")
 def test_loads_of_stages_are_in_kw_of_the_identification(files):
     log = _log()
@@ -269,6 +272,7 @@ def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
     assert [name for name in fitted["simple building model"].theta_.index if name.startswith("A_win")] == ["A_win"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty_pictures")
 def test_a_log_too_short_for_intervals_goes_without(files, capsys):
     (files / "zone.toml").write_text(

@@ -345,6 +345,7 @@ def test_columns_of_a_right_labelled_log_keep_their_own_time(tmp_path):
     assert (frame.index[1:][np.diff(frame["T_cool_set"]) != 0.0] == index[96:-96][row[96:-96] % 32 == 9]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hours", [36, 4, 0.25])
 def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused(hours, tmp_path):
     """Until the first posted change the last known value is in force, not a line between the two.

@@ -106,6 +106,7 @@ def test_a_fit_names_the_zones_that_the_fallback_forecasts(tmp_path, capsys):
     assert "warning: b, c: the fallback forecasts it.\n" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_status_tells_why_a_zone_failed_in_the_last_tick_until_it_succeeds_again(tmp_path, capsys):
     """Each command is a process of its own, and only the lines of that of the tick told it."""
     (tmp_path / "fleet.toml").write_text(CONFIG)

@@ -171,6 +171,7 @@ def test_the_sums_are_re_fitted_when_a_day_after_the_training_is_complete(monkey
     assert begun == [begin - 1]  # the forecast from the last row of the training
 
 
+@pytest.mark.slow
 def test_daily_re_fits_come_near_a_fit_of_everything(monkeypatch):
     monkeypatch.setattr(arx_multi_step, "_HISTORY_WEIGHT", 1.0)
     monkeypatch.setattr(arx_multi_step, "_HALF_LIFE_DAYS", 1e9)

@@ -411,6 +411,7 @@ def test_boosting_without_a_lead_to_learn_from_repeats_what_it_adds_to():
     np.testing.assert_allclose(model.predict_from(X, [23], "1min"), X["T_za"].iloc[23])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

@@ -156,6 +156,7 @@ def predictor(A, Q, C, R, s0, P0):
     return Model(C=C, R=R, P0=P0, **given, **none)
 
 
+@pytest.mark.slow
 def test_a_million_rows_leave_the_covariance_symmetric_and_positive():
     N = 1_000_000
     A, Q, C, R = input_model(STEPS["1min"], 1e-3, 1e-2)

@@ -159,6 +159,7 @@ def test_heat_that_was_measured_as_a_trace_is_named_by_the_identifications():
         PeriodicDisturbanceID(n_starts=1).fit(X, X["T_za"])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not ZONES.is_dir(), reason="reference data (../shared/data) is not on this machine")
 @pytest.mark.parametrize(("make", "worst"), [(HybridPredictor, 1.5), (two_stage, 2.5)])
 def test_the_quiet_zone_is_forecast(make, worst):

@@ -482,6 +482,7 @@ def test_a_fit_takes_every_second_of_many_leads():
     assert list(few.main_leads) == list(few.leads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("purpose", ["forecast", "plan"])
 def test_the_network_of_a_long_training_is_searched_at_half_of_the_leads(monkeypatch, purpose):
     """Not with a gain to learn; coefficients and left-out errors are those of all forecasts."""

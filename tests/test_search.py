@@ -334,6 +334,7 @@ def test_a_search_that_is_interrupted_keeps_what_is_finished(office, estimator, 
 
 
 # ------------------------------------------------------------------------------------------------------------- halving
+@pytest.mark.slow
 def test_halving_stops_the_worst_and_says_so(office, estimator, count):
     estimator = clone(estimator).set_params(forecaster__max_epochs=9)
     matrix = design_matrix(["mlp", "ridge"], ["case01"], "output", {"hidden_size": [1, 2, 3, 4, 5, 6]})
@@ -578,6 +579,7 @@ def test_a_network_without_its_libraries_is_refused_before_anything_is_fitted(of
     assert search.fit(office.X, office.y).results_["rmse"].notna().all()
 
 
+@pytest.mark.slow
 def test_kinds_of_disturbance_are_told_apart_where_parts_are_the_defaults(office):
     grid = {"disturbance": ["output", "input"]}  # the first identifies a network, the second is the schedule model
     search = DesignMatrixSearchCV(HybridPredictor(), grid, cv=CV, refit=False, verbose=0).fit(office.X, office.y)

@@ -287,6 +287,7 @@ def test_rows_that_a_kill_left_in_the_model_alone_are_forecast_from(log, client,
     assert again["forecast_from"] == first["forecast_from"] == log.index[24 * DAYS + 2].isoformat()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stamps", "remarks"),
     [
@@ -320,6 +321,7 @@ def test_rows_finer_than_the_step_count_when_it_is_whole(log, client, folder):
     assert kept.index[-1] - kept.index[0] <= pd.Timedelta(hours=26)  # the rest is kept at the step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("step", "taken"), [("15min", [0, 0, 0, 1] * 2), ("1h", [0, 2, 1])])
 def test_rows_that_come_one_by_one_count_once_their_step_is_known(step, taken, log, client, folder):
     """The first of them alone may be a whole hour or a part of it."""

@@ -453,6 +453,7 @@ def test_a_changed_configuration(log, zone, cheap, tmp_path):
         zone.tick(write(log, tmp_path / "short.csv", DAYS, without=slice(0, 24 * (DAYS - 4))))
 
 
+@pytest.mark.slow
 def test_a_log_that_loses_and_gets_its_time_zone(log, zone, cheap, tmp_path):
     """The archive has one clock, so that later ticks read it and past forecasts are scored."""
     with_zone = zone.config.read_text()
