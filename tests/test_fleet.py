@@ -133,6 +133,7 @@ def test_new_rows_are_taken_in_as_by_a_single_zone(alone, fleet):
         again.update(rows(slice(9 * DAY, 10 * DAY)))  # a day is missing before them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda fleet: pickle.loads(pickle.dumps(fleet))])
 def test_a_copy_without_a_store_keeps_its_models(copied):
     fleet = ZoneFleet(ARX).fit(rows(TRAIN))

@@ -226,6 +226,7 @@ def test_scores_that_are_none_are_named(path, text):
             store.results()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["folder", "below a file", "null"])
 def test_a_path_that_is_no_file_is_named(tmp_path, kind):
     (tmp_path / "file").write_text("")
