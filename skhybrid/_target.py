@@ -93,8 +93,10 @@ def same_values(one: np.ndarray, other: np.ndarray) -> bool:
 def refuse_exchanged(history: Mapping[str, np.ndarray], y: Mapping[str, np.ndarray]) -> None:
     """Refuse targets (n,) of zones of which one is the history (n,) of another zone, and not its own."""
     for zone, wanted in y.items():
+        if zone not in history or same_values(history[zone], wanted):
+            continue
         others = [other for other in history if other != zone and other in y and same_values(history[other], wanted)]
-        if zone in history and others and not same_values(history[zone], wanted):
+        if others:
             raise ValueError(
                 f"y of {zone!r} is what X has measured in {others[0]!r}, and not in {zone!r} itself: give y as a "
                 "DataFrame with the column of each zone under its name."

@@ -110,13 +110,12 @@ def backtest(
     if quantiles is not None and not hasattr(forecaster, "predict_quantiles_from"):
         raise ValueError(f"{type(forecaster).__name__} forecasts no quantiles; leave quantiles=None.")
     quantiles = None if quantiles is None else read_quantiles(quantiles).tolist()
-    roles = target_roles(forecaster)
-    zones = [role.removeprefix("T_za_") for role in roles]
+    zones = [role.removeprefix("T_za_") for role in target_roles(forecaster)]
     truth = _truth(X, y, zones)
     stamps, wall, sampling = _clock(forecaster, X)
     if isinstance(forecaster, RollingForecastMixin):
         check_range(truth.ravel(), forecaster._target_role, "y", stamps.repeat(len(zones)))
-    _refuse_other_rows(forecaster, X, table, dict(zip(roles, truth.T, strict=True)))
+    _refuse_other_rows(forecaster, X, table, truth)
     n_leads = rows_of(horizon, sampling)
     origins = _origins(wall, sampling, origin_step, _first_row(stamps, start))
     origins = _with_leads(origins, n_leads if whole else 1, len(wall), sampling)
@@ -251,16 +250,17 @@ def _truth(X: Any, y: Any, zones: Sequence[str]) -> np.ndarray:
     return truth.reshape(n_rows, len(zones))
 
 
-def _refuse_other_rows(forecaster: Any, X: Any, table: Any, truth: Mapping[str, np.ndarray]) -> None:
-    """Refuse measurements (n_samples,) by role that are not the past of the same zone in X, as ``score`` does."""
+def _refuse_other_rows(forecaster: Any, X: Any, table: Any, truth: np.ndarray) -> None:
+    """Refuse measurements (n_samples, n_zones) that are not the past of the same zone in X, as ``score`` does."""
     if hasattr(forecaster, "zones_"):
-        forecaster._columns.refuse_exchanged(X, pd.DataFrame(dict(zip(forecaster.zones_, truth.values(), strict=True))))
+        forecaster._columns.refuse_exchanged(X, pd.DataFrame(truth, columns=forecaster.zones_))
     elif takes_tables(forecaster):
-        past = {role: _past(forecaster, table, role) for role in truth if role != "zeta"}
+        measured = dict(zip(target_roles(forecaster), truth.T, strict=True))
+        past = {role: _past(forecaster, table, role) for role in measured if role != "zeta"}
         history = {role: values for role, values in past.items() if values is not None}
         for role, values in history.items():
-            refuse_other_quantity(values, truth[role], role)
-        refuse_exchanged(history, truth)
+            refuse_other_quantity(values, measured[role], role)
+        refuse_exchanged(history, measured)
 
 
 def _past(forecaster: Any, table: Any, role: str) -> np.ndarray | None:
