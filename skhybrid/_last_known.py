@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 
 def last_known_row(known: np.ndarray, before: int = -1) -> np.ndarray:
@@ -13,3 +14,11 @@ def last_known_row(known: np.ndarray, before: int = -1) -> np.ndarray:
 def carried_forward(values: np.ndarray) -> np.ndarray:
     """Values (n,) in which the last known one stands where one is missing; NaN before the first."""
     return values[last_known_row(np.isfinite(values), before=0)]
+
+
+def held_paths(paths: np.ndarray) -> np.ndarray:
+    """Paths (n_origins, n_leads) in which a missing value is the last known one, or the first where none came before.
+
+    A path of which nothing is known is 0.
+    """
+    return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()

@@ -394,12 +394,12 @@ def test_a_shared_plant_binds_only_where_all_zones_together_need_more(building, 
 
 def test_samples_have_the_quantiles_and_the_correlation(building, rooms, later):
     tomorrow = later[:DAY].drop(columns=T_OF)
-    drawn = building.sample(None, tomorrow, 200, random_state=0)
+    drawn = paths_of(building.sample(None, tomorrow, 200, random_state=0))
     frame = building.forecast(None, tomorrow, quantiles=[0.1, 0.9])
     for level in (0.1, 0.9):
         band = frame[[f"q_{level}_{zone}" for zone in ZONES]].to_numpy()
         np.testing.assert_allclose(np.quantile(drawn, level, axis=0), band, atol=0.02)
-    np.testing.assert_array_equal(drawn, building.sample(None, tomorrow, 200, random_state=0))
+    np.testing.assert_array_equal(drawn, paths_of(building.sample(None, tomorrow, 200, random_state=0)))
     position = np.random.get_state()[2]  # noqa: NPY002
     assert not np.array_equal(*(building.sample(None, tomorrow, 5) for _ in range(2)))
     assert np.random.get_state()[2] == position  # noqa: NPY002
@@ -412,11 +412,16 @@ def test_joint_samples_score_better_than_independent_ones(building, rooms, later
     rng, scores = np.random.default_rng(0), []
     for begin in range(0, 8 * DAY, DAY):
         known, future = later[:begin], later[begin : begin + DAY].drop(columns=T_OF)
-        drawn = building.sample(known if begin else None, future, 100, random_state=1)
+        drawn = paths_of(building.sample(known if begin else None, future, 100, random_state=1))
         apart = np.stack([rng.permuted(drawn[..., j], axis=0) for j in range(len(ZONES))], axis=-1)
         truth = rooms[1][N_TRAIN + begin : N_TRAIN + begin + DAY].to_numpy()
         scores.append([energy_score(paths.mean(axis=(1, 2))[:, None], truth.mean()) for paths in (drawn, apart)])
     assert np.mean(scores, axis=0)[0] < np.mean(scores, axis=0)[1]
+
+
+def paths_of(samples):
+    """(n_samples, n_rows, n_zones)"""
+    return samples.to_numpy().reshape(samples.index.levshape[0], -1, samples.shape[1])
 
 
 def energy_score(drawn: np.ndarray, truth: np.ndarray | float) -> float:

@@ -21,6 +21,7 @@ from .._transaction import unchanged_on_failure
 from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import LeftOut, intervals_from
 from .affine_frames import AffineFramesMixin
+from .joint_errors import JointErrors
 from .parts import fit_preprocess
 from .scheme import Boundary, Scheme
 from .setpoint_columns import UsualTemperature, check_setpoints, setpoints_in
@@ -113,10 +114,11 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         self._learned_to = scheme.rows.last_stamp
         self.training_ = TrainingRecord.of(training)
         self._law, self._usual_law = ClosedLoop.fit(scheme, self._most_leads(training.step)), None
-        self._intervals = None
+        self._intervals = self._joint = None
         left_out = scheme.left_out_errors(self._most_leads(training.step)) if intervals else None
         if left_out is not None and np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
             self._intervals = intervals_from(left_out, training)
+            self._joint = JointErrors.of(left_out.errors[..., None], training.index, left_out.origins)
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "_scheme")

@@ -34,6 +34,7 @@ from ..exceptions import MeasurementWarning
 from ..forecasting.intervals import DAYS_BACK
 from ..forecasting.quantiles import QuantileForecastMixin
 from ..thermal import RCNetwork
+from .joint_errors import JointErrors
 from .parts import preprocessed
 from .plausible_range import PlausibleRange
 from .scheme import Scheme
@@ -58,6 +59,7 @@ class FramesReadingMixin(QuantileForecastMixin):
     adapt: str | None
     _scheme: Scheme
     _law: ClosedLoop | None
+    _joint: JointErrors | None
     _learned_to: pd.Timestamp | None  # the last stamp that was learned from
     _no_intervals = (
         "no intervals were learned: the training table was too short, or the model is a candidate of a search; fit on "

@@ -22,6 +22,7 @@ from ..study.doubts import day_beyond
 from ..study.log_reading import read_even_log
 from ..study.log_split import inputs_of
 from ..study.plant import Performance
+from ..study.scores import INTERVAL
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from ..study.unread_rows import BRIDGED
@@ -118,7 +119,8 @@ def day_ahead(
         *zone.remarks_on_outages(frame, history),
         *_remarks(zone, history, ahead, planned),
     ]
-    return DayAhead(out, _summary(out, settings, zone.scaled), tuple(remarks))
+    summary = _summary(out, settings, zone.scaled, zone.loads(history, ahead))
+    return DayAhead(out, summary, tuple(remarks))
 
 
 def _unused(
@@ -235,8 +237,8 @@ def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     return found.assign(**{role.replace("Q_hvac", ELECTRICITY): values for role, values in electricity.items()})
 
 
-def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, Any]:
-    """Sums and ranges of the day, those of heat where its kW are ``scaled``."""
+def _summary(out: pd.DataFrame, settings: Settings, scaled: bool, paths: np.ndarray | None) -> dict[str, Any]:
+    """Sums and ranges of the day, those of heat where its kW are ``scaled``, with intervals by ``paths`` of it."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
     found: dict[str, Any] = {"from": str(out.index[0]), "to": str(out.index[-1])}
     zones = each_zone(settings)
@@ -251,6 +253,10 @@ def _summary(out: pd.DataFrame, settings: Settings, scaled: bool) -> dict[str, A
         of = f" of {zone}" if zone else ""
         heat, cold = (round(float(out[role].mul(sign).clip(lower=0).sum() * hours), 2) for sign in (1, -1))
         found |= {f"heating{of} [kWh]": heat} | ({f"cooling{of} [kWh]": cold} if cold else {})
+    if paths is not None:  # of one zone
+        name, sign = ("heating", 1.0) if heat >= cold else ("cooling", -1.0)
+        sums = np.maximum(sign * paths, 0.0).sum(axis=1) * hours
+        found[f"{name}, 80 % interval [kWh]"] = np.quantile(sums, INTERVAL).round(2).tolist()
     found["largest load [kW]"] = round(float(out[list(loads.values())].sum(axis=1).abs().max()), 2)
     if electricity := [role for role in settings.roles_of(ELECTRICITY) if role in out]:
         found["electricity [kWh]"] = round(float(out[electricity].to_numpy().sum() * hours), 2)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
+from .._warnings import ignore, warnings_to
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
 from ..logs.bridges import bridged, stretches
@@ -34,6 +36,7 @@ from .wanted_setpoints import has_plant, wanted_setpoints
 
 _NO_SET_POINTS = "no set-points{} in the log"
 _NEVER_MOVED = "the log is too short, or the plant or set-points{} never moved"
+_SAMPLES = 200  # paths of a day, whose sums make an interval
 _ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
 _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
 
@@ -320,12 +323,8 @@ class ZoneModel:
             ``T_za`` [degC], ``q_0.1`` and ``q_0.9``; under a thermostat also ``Q_hvac`` [kW] and its quantiles.  Of
             several zones each name ends with the zone's.
         """
-        future = with_facades(future, self.settings)
-        wanted = wanted_setpoints(self.settings, self._of_zones, future)
-        limits = None if wanted is None else self._limits()
-        ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
-        setpoint = wanted if self.zones or wanted is None else wanted[""]
-        found = self._with_intervals(history, ahead, setpoint, limits)
+        ahead, wanted, given = self._asked(future)
+        found = self._with_intervals(history, ahead, given)
         ideal = self._ideal_under(wanted)
         if not ideal:
             return of_whole_plant(found)
@@ -334,6 +333,34 @@ class ZoneModel:
             own = [f"{q}{of}" for q in quantile_columns(INTERVAL) if f"{q}{of}" in bands]
             bands[own] = bands[own].add(found[f"T_za{of}"] - bands[f"T_za{of}"], axis=0)
         return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_") and c not in found]])
+
+    def loads(self, history: pd.DataFrame, future: pd.DataFrame) -> np.ndarray | None:
+        """Paths (n_samples, n_future) of the load of one zone [kW], whose sums have the uncertainty of the day.
+
+        None for several zones, under given heat, and where no thermostat was learned.
+
+        Parameters
+        ----------
+        history, future : DataFrame, as for :meth:`forecast`
+        """
+        ahead, wanted, given = self._asked(future)
+        if self.zones or not self.thermostat_learned or wanted is None:
+            return None
+        given |= {"weather_error": self.settings.weather_error, "random_state": 0}
+        try:
+            with warnings_to(ignore):  # told by the forecast
+                paths = self.predictor.sample(history, ahead, _SAMPLES, **given)
+        except TooFewDaysError:
+            return None
+        return np.asarray(paths["Q_hvac"].to_numpy().reshape(_SAMPLES, -1))
+
+    def _asked(self, future: pd.DataFrame) -> tuple[pd.DataFrame, Mapping[str, Any] | None, dict[str, Any]]:
+        """The rows ahead, set-points by zone, and with these what ``forecast`` is asked for."""
+        future = with_facades(future, self.settings)
+        wanted = wanted_setpoints(self.settings, self._of_zones, future)
+        setpoint = wanted if self.zones or wanted is None else wanted[""]
+        ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
+        return ahead, wanted, {"setpoint": setpoint, "limits": None if wanted is None else self._limits()}
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write predictor and settings to one file, which is replaced in one step.
@@ -371,10 +398,8 @@ class ZoneModel:
         self,
         history: pd.DataFrame,
         future: pd.DataFrame,
-        wanted: Any = None,
-        limits: tuple[float | None, float | None] | None = None,
+        given: Mapping[str, Any] = MappingProxyType({}),
     ) -> pd.DataFrame:
-        given = {"setpoint": wanted, "limits": limits}
         bands = {"quantiles": INTERVAL, "weather_error": self.settings.weather_error}
         try:
             return self.predictor.forecast(history, future, **given, **bands)

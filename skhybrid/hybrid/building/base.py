@@ -10,20 +10,21 @@ import pandas as pd
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ..._arguments import check_integer, random_numbers
+from ..._arguments import random_numbers
 from ..._joining import refuse_no_frames
 from ..._summary import SummaryMixin
 from ..._table import as_pandas, checked_columns, read_array, refuse_shape
 from ..._threads import one_blas_thread
 from ...control import AffineForecast, read_inputs
-from ...forecasting.quantiles import DEFAULT_QUANTILES, quantile_columns
+from ...forecasting.quantiles import DEFAULT_QUANTILES, load_quantile_columns, quantile_columns
 from ...forecasting.weather_error import read_weather_error, weather_of_quantiles
 from ..base import BaseHybrid
+from ..joint_errors import JointErrors, sample_levels
 from ..parts import preprocessed
 from ..thermostat_law.closed_loop_paths import ClosedLoopPaths
 from .building_forecast import FittedZones, by_frames, under_heat
-from .building_plans import JointErrors, affine_of_zones, closed_loops, loads_of_zones, origin_hours
-from .building_tables import tables_of_zones
+from .building_plans import affine_of_zones, closed_loops, loads_of_zones
+from .building_tables import of_zone, tables_of_zones
 from .coupled_zone import CoupledZone
 from .zone_columns import ZoneColumns
 
@@ -344,38 +345,43 @@ class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
         future: pd.DataFrame,
         n_samples: int = 100,
         T_za: Any = None,
+        setpoint: Any = None,
+        *,
+        weather_error: Any = None,
+        limits: Any = None,
         random_state: Any = None,
-    ) -> np.ndarray:
-        """Draw joint paths of all zones: each zone's quantiles, in the order of errors that zones made together.
+    ) -> pd.DataFrame:
+        """Draw joint paths of all zones, whose sums, peaks and costs have the uncertainty of a whole day.
 
         Parameters
         ----------
-        history, future
-            As in :meth:`forecast`, under given heat.
-        n_samples : int, default=100
-        T_za
+        history, future, T_za, setpoint, weather_error, limits
             As in :meth:`forecast`.
-        random_state : int, RandomState or None
+        n_samples, random_state
+            As in :meth:`HybridPredictor.sample`.
 
         Returns
         -------
-        ndarray of shape (n_samples, H, n_zones), float64
-            [degC]; the correlation of zones, and along the day, is that of left-out forecasts of the training.
+        DataFrame of n_samples * n_future rows
+            As that of :meth:`HybridPredictor.sample`, with the zone's name: ``T_za_<zone>`` [degC], ``Q_hvac_<zone>``
+            [kW].  The order of the quantiles is that of errors that all zones made together.
 
         Raises
         ------
         ValueError
-            As in :meth:`forecast`, and if no intervals were learned.
+            As in :meth:`forecast`.
+        TooFewDaysError
+            If no intervals were learned of a zone, or no thermostat that is to keep its set-points.
         """
-        first = self._zones.first
-        check_integer("n_samples", n_samples)
-        levels = (np.arange(n_samples) + 0.5) / n_samples
-        frame = self.forecast(history, future, T_za, quantiles=list(levels))
-        names = quantile_columns(levels)
-        bands = np.stack([frame[[f"{name}_{zone}" for name in names]].to_numpy() for zone in self.zones_], axis=-1)
-        assert self._joint is not None  # as there are intervals
-        before = first.sampling_time_ / pd.Timedelta("1h") if T_za is None else 0.0
-        index = first._scheme.rows.in_own_zone(frame).index
-        drawn = self._joint.drawn(origin_hours(index)[0] - before, n_samples, len(frame), random_numbers(random_state))
-        ranks = np.argsort(np.argsort(drawn, axis=0), axis=0)
-        return np.take_along_axis(bands.transpose(1, 0, 2), ranks, axis=0)
+        rng, levels = random_numbers(random_state), sample_levels(n_samples)
+        given = {"weather_error": weather_error, "limits": limits}
+        frame = self.forecast(history, future, T_za, setpoint, levels, **given)
+        load, names = load_quantile_columns(levels)[0], quantile_columns(levels)
+        if self._joint is not None and not any(f"{load}_{zone}" in frame for zone in self.zones_):
+            bands = {f"T_za_{zone}": frame[[f"{name}_{zone}" for name in names]] for zone in self.zones_}
+            return self._joint.samples(bands, self._zones.first._origin_hour(frame, T_za), rng)
+        seed, found = rng.randint(2**31 - 1), []
+        for zone, model in self.own_.items():  # with one seed, errors of one time are drawn for all of them
+            with of_zone(zone):
+                found.append(model._samples(frame, levels, T_za, np.random.RandomState(seed), f"_{zone}"))
+        return pd.concat(found, axis=1)

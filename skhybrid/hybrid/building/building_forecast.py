@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..._joining import read_now
+from ..._last_known import held_paths
 from ..._table import ZoneTable
 from ..._time import rows_in
 from ..._warnings import ignore, warn_user, warnings_to
@@ -21,7 +22,7 @@ from ..plant_run import Wanted
 from .arguments_by_zone import ArgumentsByZone
 from .building_tables import arrays_by_name, of_zone, warn_of_usual, with_neighbour_temperatures, with_next
 from .coupled_zone import CoupledZone
-from .zone_columns import NEXT, ZoneColumns, carried_on, held
+from .zone_columns import NEXT, ZoneColumns, carried_on
 
 _T = TypeVar("_T")
 #: columns of the forecast of a zone by one of its predictors, under the temperatures of its neighbours
@@ -126,7 +127,7 @@ class FittedZones:
         if not len(origins) or not self.coupled:
             return own, out
         X = self.with_measured(X)
-        ahead = {zone: held(path) for zone, path in own.items()}
+        ahead = {zone: held_paths(path) for zone, path in own.items()}
         for zone, one in self.coupled.items():
             boundary = {NEXT + other: ahead[other] for other in one.neighbours}
             share, j = one.share(out.shape[1]), self.columns.zones.index(zone)

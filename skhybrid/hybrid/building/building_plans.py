@@ -1,4 +1,4 @@
-"""Plans for all zones of a building: closed loops, loads, affine forecasts, and errors that zones make together."""
+"""Plans for all zones of a building: closed loops, loads and affine forecasts."""
 
 from __future__ import annotations
 
@@ -9,55 +9,23 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..._clock import hour_of_day
+from ..._last_known import held_paths
 from ..._table import ZoneTable
-from ..._time import wall_clock
 from ..._warnings import ignore, warnings_dropped, warnings_to
 from ...control import Limits, LoadPaths, heat_column, read_limits, read_setpoint
 from ...exceptions import PlanWarning, UnitWarning
-from ...forecasting.quantiles import LeftOut
 from ...forecasting.weather_error import WeatherError
 from ..base import BaseHybrid
 from ..thermostat_law.closed_loop_paths import ClosedLoopPaths
 from .building_forecast import FittedZones
 from .building_tables import arrays_by_name, of_zone, warn_of_usual, with_neighbour_temperatures, with_next
-from .coupled_zone import CoupledZone, at_common_origins
-from .zone_columns import NEXT, held
+from .coupled_zone import CoupledZone
+from .zone_columns import NEXT
 
-_NEAR = 1.5  # hours within which the errors of the training are drawn
 _SPANS = 12  # parts of the rows in which zones that share a plant are settled, one after the other
 _ROUNDING = 1e-9  # of heat [kW]
 _FREE = (None, None)  # set-points of a zone without a plant
 _Key = tuple[str, bool]  # a zone, and whether its predictor is the one with neighbours
-_LEAST_DRAWN = 10  # forecasts of the training from about that hour of the day, below which those of any are drawn
-
-
-class JointErrors(NamedTuple):
-    """Errors of forecasts of the training, of all zones at once."""
-
-    values: np.ndarray  # (n_origins, n_leads, n_zones) [K]
-    hours: np.ndarray  # (n_origins,) hour of the day of each origin
-
-    @classmethod
-    def of(cls, errors: Mapping[str, LeftOut], index: pd.Index) -> JointErrors:
-        """Of the origins that all zones have."""
-        origins, values = at_common_origins(list(errors.values()))
-        known = [held(v) for v in values]  # errors after the end of a left-out block are unknown
-        return cls(np.stack(known, axis=-1).astype(np.float32), origin_hours(index)[origins])
-
-    def drawn(self, hour: float, n_samples: int, n_rows: int, rng: np.random.RandomState) -> np.ndarray:
-        """(n_samples, n_rows, n_zones) errors of forecasts from that hour; the last lead's hold on."""
-        near = np.flatnonzero(np.abs((self.hours - hour + 12) % 24 - 12) <= _NEAR)
-        near = near if len(near) >= _LEAST_DRAWN else np.arange(len(self.hours))
-        leads = np.minimum(np.arange(n_rows), self.values.shape[1] - 1)
-        return self.values[rng.choice(near, n_samples)][:, leads]
-
-
-def origin_hours(index: pd.Index) -> np.ndarray:
-    """(n,) hour of the day, 0 without stamps."""
-    if not isinstance(index, pd.DatetimeIndex):
-        return np.zeros(len(index))
-    return hour_of_day(wall_clock(index))
 
 
 def closed_loops(zones: FittedZones, X: Any, origins: np.ndarray, *asked: Any) -> dict[str, ClosedLoopPaths]:
@@ -71,7 +39,7 @@ def closed_loops(zones: FittedZones, X: Any, origins: np.ndarray, *asked: Any) -
     known, found = zones.carried_on(zones.columns.known(X)), dict(own)
     for zone, one in zones.coupled.items():
         table = with_neighbour_temperatures(tables[zone], {other: known[other] for other in one.neighbours})
-        ahead = {NEXT + other: held(own[other].paths.temperature) for other in one.neighbours}
+        ahead = {NEXT + other: held_paths(own[other].paths.temperature) for other in one.neighbours}
         with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
             found[zone] = _blended(own[zone], _paths_of(one.model, table, origins, ahead, *asked), one)
     return found

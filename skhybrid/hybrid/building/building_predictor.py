@@ -25,13 +25,13 @@ from ...exceptions import GainWarning, PlanWarning
 from ...forecasting.quantiles import LeftOut
 from ...thermal import get_network
 from ..base import BaseHybrid
+from ..joint_errors import JointErrors
 from ..parts import fit_preprocess
 from ..predictor import HybridPredictor, takes_two_stages
 from ..schedule_predictor import DEFAULT_NETWORK
 from .base import BaseBuilding
-from .building_plans import JointErrors
 from .building_tables import of_zone, tables_of_zones, with_neighbour_temperatures
-from .coupled_zone import couple, with_neighbours
+from .coupled_zone import at_common_origins, couple, with_neighbours
 from .zone_columns import (
     NEXT,
     ZoneColumns,
@@ -195,7 +195,10 @@ class BuildingPredictor(BaseBuilding):
                 gain = self._response(X, model, others, own[zone])
             self.coupled_[zone], errors[zone] = couple(model, zone, others, own, gain)
         index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(len(X))
-        self._joint = JointErrors.of(errors, index) if errors else None
+        self._joint = None
+        if errors:
+            origins, missed = at_common_origins(list(errors.values()))
+            self._joint = JointErrors.of(np.stack(missed, axis=-1), index, origins)
 
     def _response(self, X: pd.DataFrame, model: BaseHybrid, neighbours: Sequence[str], own: LeftOut) -> np.ndarray:
         """(n_leads, n_leads, n_neighbours) gain of a zone's forecast by its neighbours, on the last day of training."""

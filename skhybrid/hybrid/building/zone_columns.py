@@ -289,11 +289,3 @@ def setpoints_by_zone(given: Any) -> Any:
             f"setpoint has the columns {listed(given)}; give T_heat_set_<zone> and T_cool_set_<zone> only, each once."
         )
     return {zone: tuple(pair.values()) for zone, pair in pairs.items()}
-
-
-def held(paths: np.ndarray) -> np.ndarray:
-    """Paths (n_origins, n_leads) in which a missing value is the last known one, or the first where none came before.
-
-    A path of which nothing is known is 0.
-    """
-    return pd.DataFrame(paths).ffill(axis=1).bfill(axis=1).fillna(0.0).to_numpy()
