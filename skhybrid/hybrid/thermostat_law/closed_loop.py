@@ -45,7 +45,7 @@ _INDEPENDENT_PER_DAY = (24.0, 4.0)
 _LEADS = 18  # leads at which errors are evaluated
 #: hours over which errors of the load are averaged before they order samples, as a plant goes on and off: of 0, 2, 4, 6
 #: and 8 the one whose 80 % intervals of a day's kWh hold 80 % on five EnergyPlus buildings
-_LASTING = 4
+_LASTING = 6
 
 
 class _Errors(NamedTuple):
