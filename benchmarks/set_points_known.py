@@ -260,7 +260,7 @@ def main(arguments: list[str] | None = None) -> None:
         "# Only set-points are known\n\nWeather and set-points are known a day ahead, heat is not: the thermostat acts "
         "inside the forecast.\nRMSE of the load [kW, 15 min] and of the temperature [K] over all leads to 24 h, an "
         'origin every 7 h;\n"/" are ratios of the default to others, "cov." the share inside the 80 % interval, '
-        '"running" that of\nrows in which the plant gives, or is forecast to give, 2 % of its highest load (a load of 0 '
+        '"running" that of\nrows in which the plant gives, or is forecast to give, 2 % of its highest load (one of 0 '
         "lies in most intervals).\n"
         f"{date.today()}, one core,\n`{' '.join(['python benchmarks/set_points_known.py', *sys.argv[1:]])}`.\n\n"
     )

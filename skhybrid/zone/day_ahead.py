@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant, listed
-from .._warnings import percent
+from .._warnings import ignore, percent, warnings_to
 from ..datasets import read_weather
+from ..exceptions import TooFewDaysError
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..logs.naming import PLACE_ALONE, UNPLACED, guess_role, plain, unit_in_name
@@ -33,6 +34,7 @@ from .wanted_setpoints import idle_setpoints
 from .zone_model import ZoneModel
 
 ELECTRICITY = "electricity_kW"  # the column of it; of several zones it ends with the zone's name
+_SAMPLES = 200  # paths of a day, whose sums make an interval
 _FIRST = 4  # rows on each side of the origin whose weather is compared
 _LARGEST_JUMP = 12.0  # of T_oa from these to those [K]
 _DARK = 0.01  # irradiance relative to its highest, below which an hour of the log is dark
@@ -119,8 +121,22 @@ def day_ahead(
         *zone.remarks_on_outages(frame, history),
         *_remarks(zone, history, ahead, planned),
     ]
-    summary = _summary(out, settings, zone.scaled, zone.loads(history, ahead))
+    summary = _summary(out, settings, zone.scaled, _load_paths(zone, history, ahead))
     return DayAhead(out, summary, tuple(remarks))
+
+
+def _load_paths(zone: ZoneModel, history: pd.DataFrame, future: pd.DataFrame) -> np.ndarray | None:
+    """Paths (n_samples, n_future) of the load [kW] of one zone under its thermostat; None where none was learned."""
+    ahead, wanted, given = zone.asked(future)
+    if zone.zones or wanted is None or not zone.thermostat_learned:
+        return None
+    given |= {"weather_error": zone.settings.weather_error, "random_state": 0}
+    try:
+        with warnings_to(ignore):  # the forecast has told them
+            paths = zone.predictor.sample(history, ahead, _SAMPLES, **given)
+    except TooFewDaysError:
+        return None
+    return np.asarray(paths["Q_hvac"].to_numpy().reshape(_SAMPLES, -1))
 
 
 def _unused(

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from os import PathLike
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -15,7 +14,6 @@ import pandas as pd
 
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
-from .._warnings import ignore, warnings_to
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import quantile_columns
 from ..logs.bridges import bridged, stretches
@@ -36,7 +34,6 @@ from .wanted_setpoints import has_plant, wanted_setpoints
 
 _NO_SET_POINTS = "no set-points{} in the log"
 _NEVER_MOVED = "the log is too short, or the plant or set-points{} never moved"
-_SAMPLES = 200  # paths of a day, whose sums make an interval
 _ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
 _HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
 
@@ -323,8 +320,8 @@ class ZoneModel:
             ``T_za`` [degC], ``q_0.1`` and ``q_0.9``; under a thermostat also ``Q_hvac`` [kW] and its quantiles.  Of
             several zones each name ends with the zone's.
         """
-        ahead, wanted, given = self._asked(future)
-        found = self._with_intervals(history, ahead, given)
+        ahead, wanted, given = self.asked(future)
+        found = self._with_intervals(history, ahead, **given)
         ideal = self._ideal_under(wanted)
         if not ideal:
             return of_whole_plant(found)
@@ -334,33 +331,19 @@ class ZoneModel:
             bands[own] = bands[own].add(found[f"T_za{of}"] - bands[f"T_za{of}"], axis=0)
         return of_whole_plant(found).join(bands[[c for c in bands if str(c).startswith("q_") and c not in found]])
 
-    def loads(self, history: pd.DataFrame, future: pd.DataFrame) -> np.ndarray | None:
-        """Paths (n_samples, n_future) of the load of one zone [kW], whose sums have the uncertainty of the day.
-
-        None for several zones, under given heat, and where no thermostat was learned.
+    def asked(self, future: pd.DataFrame) -> tuple[pd.DataFrame, Mapping[str, Any] | None, dict[str, Any]]:
+        """The rows ahead, set-points by zone (None under given heat), and with these what the predictor is asked for.
 
         Parameters
         ----------
-        history, future : DataFrame, as for :meth:`forecast`
+        future : DataFrame, as for :meth:`forecast`
         """
-        ahead, wanted, given = self._asked(future)
-        if self.zones or not self.thermostat_learned or wanted is None:
-            return None
-        given |= {"weather_error": self.settings.weather_error, "random_state": 0}
-        try:
-            with warnings_to(ignore):  # told by the forecast
-                paths = self.predictor.sample(history, ahead, _SAMPLES, **given)
-        except TooFewDaysError:
-            return None
-        return np.asarray(paths["Q_hvac"].to_numpy().reshape(_SAMPLES, -1))
-
-    def _asked(self, future: pd.DataFrame) -> tuple[pd.DataFrame, Mapping[str, Any] | None, dict[str, Any]]:
-        """The rows ahead, set-points by zone, and with these what ``forecast`` is asked for."""
         future = with_facades(future, self.settings)
         wanted = wanted_setpoints(self.settings, self._of_zones, future)
-        setpoint = wanted if self.zones or wanted is None else wanted[""]
         ahead = future.drop(columns=self.settings.setpoints, errors="ignore")
-        return ahead, wanted, {"setpoint": setpoint, "limits": None if wanted is None else self._limits()}
+        if wanted is None:
+            return ahead, None, {}
+        return ahead, wanted, {"setpoint": wanted if self.zones else wanted[""], "limits": self._limits()}
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write predictor and settings to one file, which is replaced in one step.
@@ -394,12 +377,7 @@ class ZoneModel:
         given = {key: value for key, value in json.loads(text).items() if value is not None}
         return cls(predictor, settings_from(given))
 
-    def _with_intervals(
-        self,
-        history: pd.DataFrame,
-        future: pd.DataFrame,
-        given: Mapping[str, Any] = MappingProxyType({}),
-    ) -> pd.DataFrame:
+    def _with_intervals(self, history: pd.DataFrame, future: pd.DataFrame, **given: Any) -> pd.DataFrame:
         bands = {"quantiles": INTERVAL, "weather_error": self.settings.weather_error}
         try:
             return self.predictor.forecast(history, future, **given, **bands)
@@ -408,7 +386,7 @@ class ZoneModel:
 
     def _limits(self) -> tuple[float | None, float | None] | None:
         """Limits of the plant by the settings [kW]."""
-        most, cold = (self.settings.plant.get(key) for key in ("most_heat", "most_cold"))
+        most, cold = map(self.settings.plant.get, ("most_heat", "most_cold"))
         if (most is None and cold is None) or not self._plant():
             return None
         return (None if cold is None else -cold), most
