@@ -34,6 +34,7 @@ from skhybrid.cli._options import as_command
 from skhybrid.cli.forecast import _text
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import ExcitationWarning
+from skhybrid.forecasting.quantiles import INTERVAL
 from skhybrid.logs import LogReport
 from skhybrid.logs import read_log as read_any_log
 from skhybrid.model_selection import backtest
@@ -54,7 +55,6 @@ from skhybrid.study import (
 from skhybrid.study.outputs import format_table, metrics_text
 from skhybrid.study.report import verdict
 from skhybrid.study.results import StudyResult
-from skhybrid.study.scores import INTERVAL
 from skhybrid.study.settings import as_toml, settings_from
 from skhybrid.study.spans import TRAINING_DAYS
 from skhybrid.zone.building import describe_rooms, identify_building

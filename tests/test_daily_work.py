@@ -200,8 +200,13 @@ def test_a_log_reaches_tomorrow_without_an_edit(folder, capsys):
     price = np.where((found.index.hour >= 6) & (found.index.hour < 20), 0.4, 0.2)
     cost = forecast.summary["cost of heat [EUR]"]
     assert cost == pytest.approx(float((price * found["Q_hvac"].abs()).sum()) / 4.0, abs=0.01)
-    low, high = forecast.summary["cost of heat, by the ends of the load's intervals [EUR]"]
+    low, high = forecast.summary["cost of heat, 80 % interval [EUR]"]
     assert low < cost < high
+    low, high = forecast.summary["cooling, 80 % interval [kWh]"]  # more than heating on that day
+    assert "heating, 80 % interval [kWh]" not in forecast.summary
+    assert low < forecast.summary["cooling [kWh]"] < high
+    least, most = (found[end].clip(upper=0.0).abs().sum() / 4.0 for end in ("Q_hvac_0.9", "Q_hvac_0.1"))
+    assert least < low < high < most  # not every row is at one end of its interval
 
 
 def test_the_table_of_a_forecast_has_units_and_intervals():

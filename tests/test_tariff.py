@@ -44,25 +44,32 @@ def test_it_applies_to_electricity_where_a_performance_is_given():
     assert cooled.value == pytest.approx(24 * 2.0 / 5.0 * 0.3)
 
 
-def test_the_ends_of_the_loads_intervals_bound_the_cost():
-    heats = energy_cost(_forecast(24, **{"Q_hvac_0.1": 1.0, "Q_hvac_0.9": 4.0}), {"price": 0.5}, {}, None)
-    assert heats.ends == pytest.approx((12.0, 48.0))
-    rests = energy_cost(_forecast(24, 0.5, **{"Q_hvac_0.1": -3.0, "Q_hvac_0.9": 2.0}), {"price": 0.5}, {}, None)
-    assert rests.ends == pytest.approx((0.0, 36.0))
-    cools = energy_cost(_forecast(24, -2.0, **{"Q_hvac_0.1": -4.0, "Q_hvac_0.9": -1.0}), {"price": 0.5}, {}, None)
-    assert cools.ends == pytest.approx((12.0, 48.0))
-    assert cools.entries()["cost of heat, by the ends of the load's intervals"] == [12.0, 48.0]
+def _paths(*loads, names=("Q_hvac",), n=24):
+    """Paths of constant loads: a tuple of these for each zone."""
+    index = pd.MultiIndex.from_product([range(len(loads)), _forecast(n).index], names=["sample", "time"])
+    return pd.DataFrame(np.repeat(np.reshape(loads, (len(loads), -1)), n, axis=0), index, list(names))
+
+
+def test_paths_of_the_load_give_the_cost_an_interval():
+    loads = np.linspace(-1.0, 4.0, 11)
+    cost = energy_cost(_forecast(24), {"price": 0.5}, {}, None, paths=_paths(*loads))
+    expected = np.quantile(12.0 * np.abs(loads), [0.1, 0.9])
+    np.testing.assert_allclose(cost.interval, expected)
+    assert cost.entries()["cost of heat, 80 % interval"] == expected.round(2).tolist()
+    pumped = energy_cost(_forecast(24), {"price": 0.5}, {"cop": 4.0, "eer": 2.0}, None, paths=_paths(*loads))
+    np.testing.assert_allclose(
+        pumped.interval, np.quantile(12.0 * np.where(loads > 0, loads / 4, -loads / 2), [0.1, 0.9])
+    )
+    assert energy_cost(_forecast(24), {"price": 0.5}, {}, None).interval is None
 
 
 def test_the_cost_of_several_zones_is_that_of_all():
-    loads = {"Q_hvac_hall": 1.0, "Q_hvac_0.1_hall": 0.5, "Q_hvac_0.9_hall": 3.0, "Q_hvac_attic": -2.0}
-    rooms = _forecast(24, **loads).drop(columns="Q_hvac")
-    cost = energy_cost(rooms, {"price": 0.5}, {}, None, ["hall", "attic", "cellar"])
-    assert cost.value == pytest.approx(24 * 0.5 * 3.0)
-    assert cost.ends is None  # that of one room is not known
-    known = rooms.assign(**{"Q_hvac_0.1_attic": -4.0, "Q_hvac_0.9_attic": -1.0})
-    both = energy_cost(known, {"price": 0.5}, {}, None, ["hall", "attic", "cellar"])
-    assert both.ends == pytest.approx((24 * 0.5 * 1.5, 24 * 0.5 * 7.0))
+    rooms = _forecast(24, Q_hvac_hall=1.0, Q_hvac_attic=-2.0).drop(columns="Q_hvac")
+    zones = ["hall", "attic", "cellar"]
+    assert energy_cost(rooms, {"price": 0.5}, {}, None, zones).value == pytest.approx(24 * 0.5 * 3.0)
+    paths = _paths((1.0, -2.0), (3.0, -4.0), names=["Q_hvac_hall", "Q_hvac_attic"])
+    both = energy_cost(rooms, {"price": 0.5}, {}, None, zones, paths)
+    np.testing.assert_allclose(both.interval, np.quantile([36.0, 84.0], [0.1, 0.9]))
     assert energy_cost(rooms, {"price": 0.5}, {}, None, ["cellar"]) is None
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import TooFewDaysError
-from ..forecasting.quantiles import quantile_columns
-from ..study.scores import INTERVAL
+from ..forecasting.quantiles import INTERVAL, quantile_columns
 
 _KEPT_DAYS, _KEPT_ROWS = 28, pd.Timedelta("3D")
 _DAY = pd.Timedelta("1D")

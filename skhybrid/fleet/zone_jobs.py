@@ -14,11 +14,10 @@ from .._table import is_set_point, listed, numeric, role_of
 from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
-from ..forecasting.quantiles import quantile_columns
+from ..forecasting.quantiles import INTERVAL, quantile_columns
 from ..model_selection import backtest
 from ..preprocessing import GapFiller
 from ..study.likely_units import refuse_likely_units
-from ..study.scores import INTERVAL
 from ..study.unread_rows import Unread
 from .day_errors import forecasts_from_midnight, scored_days
 from .journal import Journal

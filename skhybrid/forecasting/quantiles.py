@@ -22,7 +22,8 @@ from .features import held_target_rows, known_before, target_rows
 from .intervals import DAYS_BACK, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error, weather_spreads
 
-DEFAULT_QUANTILES = (0.1, 0.5, 0.9)  # the outer two hold 80 %
+INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
+DEFAULT_QUANTILES = (INTERVAL[0], 0.5, INTERVAL[1])
 _DAYS_PER_BLOCK = 7
 _MIN_BLOCKS = 3
 _ORIGINS_PER_DAY = 8  # origins per day whose errors are learned from: each lead then meets every third hour of the day

@@ -9,12 +9,10 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import TooFewDaysError
-from ..forecasting.quantiles import quantile_columns
+from ..forecasting.quantiles import INTERVAL, quantile_columns
 from ..model_selection import backtest
 from .settings import Settings
 from .zone_part import Study, measured_of
-
-INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
 
 
 def backtest_of(model: Any, study: Study, **given: Any) -> pd.DataFrame:

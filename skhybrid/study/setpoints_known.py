@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 
 from .._table import plant_roles
-from ..forecasting.quantiles import load_quantile_columns, quantile_columns
+from ..forecasting.quantiles import INTERVAL, load_quantile_columns, quantile_columns
 from .compared_models import HYBRID, YESTERDAY
 from .judgement import Doubts, judge_load_errors, judge_temperature, load_of
 from .load_rules import LAST_WEEK, USUAL, past_loads
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .log_split import setpoints_of
-from .scores import INTERVAL, backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
+from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings
 from .verdict import Verdict
 from .zone_part import Study, log_columns, predictors_of, zone_of

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from ..forecasting.quantiles import INTERVAL
 from .keys import check_keys
 from .plant import Performance
 from .thermostat import at_minute, by_clock, free_days, minutes
@@ -47,7 +48,7 @@ class Cost(NamedTuple):
     """Cost of the plant's energy."""
 
     value: float
-    ends: tuple[float, float] | None  # if every hour's load were at the lower, or the upper end of its interval
+    interval: tuple[float, float] | None  # that holds it with 80 %, where paths of the load are known
     energy: str  # electricity, or heat where no coefficient of performance is given
     currency: str
 
@@ -59,8 +60,8 @@ class Cost(NamedTuple):
         """Values by name, for a list."""
         name, unit = f"cost of {self.energy}", f" [{self.currency}]" if self.currency else ""
         found: dict[str, Any] = {f"{name}{unit}": round(self.value, 2)}
-        if self.ends is not None:
-            found[f"{name}, by the ends of the load's intervals{unit}"] = [round(end, 2) for end in self.ends]
+        if self.interval is not None:
+            found[f"{name}, 80 % interval{unit}"] = [round(end, 2) for end in self.interval]
         return found
 
 
@@ -70,14 +71,15 @@ def energy_cost(
     plant: Mapping[str, Any],
     holidays: Any,
     zones: Sequence[str] = (),
+    paths: pd.DataFrame | None = None,
 ) -> Cost | None:
     """The cost of a day's plant energy by the settings of a study; None without a tariff or a load.
 
-    ``forecast`` has ``Q_hvac`` [kW], cooling negative, its ends ``Q_hvac_0.1`` and ``Q_hvac_0.9`` if any, and ``T_oa``.
-    Of several zones, names end with the zone's, and the cost is that of all; it has ends where every load has them.
+    ``forecast`` has ``Q_hvac`` [kW], cooling negative, and ``T_oa``; of several zones, names end with the zone's, and
+    the cost is that of all.  ``paths``, as :meth:`HybridPredictor.sample` draws them, have all these loads.
     """
     prices = Tariff.of(tariff)
-    named = [one for one in ([f"_{zone}" for zone in zones] or [""]) if f"Q_hvac{one}" in forecast]
+    named = [role for role in ([f"Q_hvac_{zone}" for zone in zones] or ["Q_hvac"]) if role in forecast]
     if prices is None or not named or len(forecast) < 2:
         return None
     index = pd.DatetimeIndex(forecast.index)
@@ -85,27 +87,18 @@ def energy_cost(
     price = step / pd.Timedelta("1h") * prices.over(index, step, free_days(holidays, index))
     performance = Performance.of(plant)
 
-    def costs(role: str) -> np.ndarray:
-        load = forecast[role].to_numpy(dtype=np.float64)
-        if performance is None:
-            return price * np.abs(load)
-        return price * performance.electricity(load, forecast["T_oa"].to_numpy(dtype=np.float64))
+    def costs(loads: pd.DataFrame) -> np.ndarray:
+        load = loads[named].to_numpy(dtype=np.float64).T.reshape(len(named), -1, len(price))
+        if performance is not None:
+            load = performance.electricity(load, forecast["T_oa"].to_numpy(dtype=np.float64))
+        return np.asarray((price * np.abs(load)).sum(axis=(0, 2)))
 
-    def ends_of(lower: str, upper: str) -> np.ndarray:
-        both = np.array([costs(lower), costs(upper)])
-        idle = (forecast[lower] <= 0.0) & (forecast[upper] >= 0.0)  # the plant may rest
-        low, high = (end(both, axis=0) for end in (np.min, np.max))
-        low, high = np.where(idle, np.minimum(low, 0.0), low), np.where(idle, np.maximum(high, 0.0), high)
-        return np.array([low.sum(), high.sum()])
-
-    value = sum(float(costs(f"Q_hvac{one}").sum()) for one in named)
-    bands = [(f"Q_hvac_0.1{one}", f"Q_hvac_0.9{one}") for one in named]
-    ends = None
-    if all(set(band) <= set(forecast) for band in bands):
-        low, high = np.sum([ends_of(*band) for band in bands], axis=0).tolist()
-        ends = (low, high)
+    interval = None
+    if paths is not None:
+        low, high = np.quantile(costs(paths), INTERVAL).tolist()
+        interval = (low, high)
     energy = "heat" if performance is None else "electricity"
-    return Cost(value, ends, energy, prices.currency)
+    return Cost(float(costs(forecast)[0]), interval, energy, prices.currency)
 
 
 def next_day_cost(result: Any) -> Cost | None:

@@ -14,6 +14,7 @@ from .._table import is_plant, listed
 from .._warnings import ignore, percent, warnings_to
 from ..datasets import read_weather
 from ..exceptions import TooFewDaysError
+from ..forecasting.quantiles import INTERVAL
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..logs.naming import PLACE_ALONE, UNPLACED, guess_role, plain, unit_in_name
@@ -23,7 +24,6 @@ from ..study.doubts import day_beyond
 from ..study.log_reading import read_even_log
 from ..study.log_split import inputs_of
 from ..study.plant import Performance
-from ..study.scores import INTERVAL
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from ..study.unread_rows import BRIDGED
@@ -35,6 +35,7 @@ from .zone_model import ZoneModel
 
 ELECTRICITY = "electricity_kW"  # the column of it; of several zones it ends with the zone's name
 _SAMPLES = 200  # paths of a day, whose sums make an interval
+_SIGNS = {"heating": 1.0, "cooling": -1.0}  # of a load
 _FIRST = 4  # rows on each side of the origin whose weather is compared
 _LARGEST_JUMP = 12.0  # of T_oa from these to those [K]
 _DARK = 0.01  # irradiance relative to its highest, below which an hour of the log is dark
@@ -125,18 +126,17 @@ def day_ahead(
     return DayAhead(out, summary, tuple(remarks))
 
 
-def _load_paths(zone: ZoneModel, history: pd.DataFrame, future: pd.DataFrame) -> np.ndarray | None:
-    """Paths (n_samples, n_future) of the load [kW] of one zone under its thermostat; None where none was learned."""
+def _load_paths(zone: ZoneModel, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame | None:
+    """Paths of the loads [kW] by ``sample`` and time, under thermostats; None where one was not learned."""
     ahead, wanted, given = zone.asked(future)
-    if zone.zones or wanted is None or not zone.thermostat_learned:
+    if wanted is None or not zone.thermostat_learned:
         return None
     given |= {"weather_error": zone.settings.weather_error, "random_state": 0}
     try:
         with warnings_to(ignore):  # the forecast has told them
-            paths = zone.predictor.sample(history, ahead, _SAMPLES, **given)
+            return pd.DataFrame(zone.predictor.sample(history, ahead, _SAMPLES, **given).filter(like="Q_hvac"))
     except TooFewDaysError:
         return None
-    return np.asarray(paths["Q_hvac"].to_numpy().reshape(_SAMPLES, -1))
 
 
 def _unused(
@@ -253,7 +253,7 @@ def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     return found.assign(**{role.replace("Q_hvac", ELECTRICITY): values for role, values in electricity.items()})
 
 
-def _summary(out: pd.DataFrame, settings: Settings, scaled: bool, paths: np.ndarray | None) -> dict[str, Any]:
+def _summary(out: pd.DataFrame, settings: Settings, scaled: bool, paths: pd.DataFrame | None) -> dict[str, Any]:
     """Sums and ranges of the day, those of heat where its kW are ``scaled``, with intervals by ``paths`` of it."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
     found: dict[str, Any] = {"from": str(out.index[0]), "to": str(out.index[-1])}
@@ -266,18 +266,24 @@ def _summary(out: pd.DataFrame, settings: Settings, scaled: bool, paths: np.ndar
     if not loads or not scaled:
         return found  # a sum of kW without a scale would mislead
     for zone, role in loads.items():
-        of = f" of {zone}" if zone else ""
-        heat, cold = (round(float(out[role].mul(sign).clip(lower=0).sum() * hours), 2) for sign in (1, -1))
-        found |= {f"heating{of} [kWh]": heat} | ({f"cooling{of} [kWh]": cold} if cold else {})
-    if paths is not None:  # of one zone
-        name, sign = ("heating", 1.0) if heat >= cold else ("cooling", -1.0)
-        sums = np.maximum(sign * paths, 0.0).sum(axis=1) * hours
-        found[f"{name}, 80 % interval [kWh]"] = np.quantile(sums, INTERVAL).round(2).tolist()
+        found |= _energy(out[role], None if paths is None else paths[role], hours, f" of {zone}" if zone else "")
     found["largest load [kW]"] = round(float(out[list(loads.values())].sum(axis=1).abs().max()), 2)
     if electricity := [role for role in settings.roles_of(ELECTRICITY) if role in out]:
         found["electricity [kWh]"] = round(float(out[electricity].to_numpy().sum() * hours), 2)
-    cost = energy_cost(out, settings.tariff, settings.plant, settings.holidays, settings.zones)
+    cost = energy_cost(out, settings.tariff, settings.plant, settings.holidays, settings.zones, paths)
     return found if cost is None else found | cost.entries()
+
+
+def _energy(load: pd.Series, paths: pd.Series | None, hours: float, of: str) -> dict[str, Any]:
+    """Heating and cooling [kWh] by a load of steps of some ``hours``, the larger of the two with its interval."""
+    sums = {name: load.mul(sign).clip(lower=0.0).sum() * hours for name, sign in _SIGNS.items()}
+    shown = [name for name in sums if name == "heating" or round(sums[name], 2)]
+    found: dict[str, Any] = {f"{name}{of} [kWh]": round(float(sums[name]), 2) for name in shown}
+    if paths is not None:
+        larger = max(sums, key=sums.__getitem__)
+        drawn = paths.mul(_SIGNS[larger]).clip(lower=0.0).groupby("sample").sum() * hours
+        found[f"{larger}{of}, 80 % interval [kWh]"] = drawn.quantile(list(INTERVAL)).round(2).tolist()
+    return found
 
 
 def _weather_remarks(history: pd.DataFrame, ahead: pd.DataFrame) -> Iterator[str]:

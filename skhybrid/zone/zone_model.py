@@ -15,13 +15,12 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
 from ..exceptions import TooFewDaysError
-from ..forecasting.quantiles import quantile_columns
+from ..forecasting.quantiles import INTERVAL, quantile_columns
 from ..logs.bridges import bridged, stretches
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
 from ..study.judgement import of_whole_plant
 from ..study.log_split import with_facades
-from ..study.scores import INTERVAL
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
 from ..study.unread_rows import BRIDGED, Unread
