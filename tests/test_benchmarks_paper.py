@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import _reference_data
 import _study_offices
+import day_totals
 import gain
 import heat_replayed
 import paper_forecast
@@ -43,7 +44,7 @@ def test_absent_reference_data_end_a_study_with_a_sentence(tmp_path, monkeypatch
         paper_identification.main()
 
 
-@pytest.mark.parametrize("study", [gain, heat_replayed, set_points_known])
+@pytest.mark.parametrize("study", [day_totals, gain, heat_replayed, set_points_known])
 def test_a_study_of_no_known_log_stops_and_leaves_its_results(study, tmp_path):
     kept = ["--store", str(tmp_path / "store"), "--results", str(tmp_path)]
     with pytest.raises(SystemExit, match=r"nothing is called 'nobody'; there are .*make_office oakland"):

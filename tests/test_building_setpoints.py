@@ -73,6 +73,21 @@ def values_of(found):
         yield from (*zone.paths, zone.heat_bands, zone.temperature_bands, *zone.plant.values())
 
 
+def test_paths_of_all_zones_have_the_quantiles_and_errors_of_one_time(model, later):
+    n, ahead = 40, later[:DAY].drop(columns=[*T_OF, *Q_OF])
+    levels = list((np.arange(n) + 0.5) / n)
+    frame, paths = model.forecast(None, ahead, quantiles=levels), model.sample(None, ahead, n, random_state=0)
+    assert sorted(paths) == sorted([*T_OF, *Q_OF])
+    for zone in ZONES:
+        for role, prefix in (("T_za", "q"), ("Q_hvac", "Q_hvac")):
+            drawn = paths[f"{role}_{zone}"].to_numpy().reshape(n, DAY)
+            bands = frame[[f"{prefix}_{level:g}_{zone}" for level in levels]].to_numpy()
+            np.testing.assert_array_equal(np.sort(drawn, axis=0).T, np.sort(bands, axis=1))
+    pd.testing.assert_frame_equal(paths, model.sample(None, ahead, n, random_state=0))
+    alone = model.own_["kitchen"]  # the errors of a zone are drawn from the same origins as those of the others
+    np.testing.assert_array_equal(alone._law.joint.hours, model.own_["living"]._law.joint.hours)
+
+
 def test_a_back_test_is_the_forecast_from_each_origin(model, later):
     """Row by row, by the method that forecasts from one origin, after the first week's laws were learned anew."""
     frame = backtest(model, later, later[T_OF], start=later.index[5 * DAY], quantiles=LEVELS, heat_known=False)
