@@ -109,6 +109,8 @@ def forecast() -> Iterator[str]:
         f"The 80 % intervals of the load held {span(known['load'], '.0f')} %, those of the temperature "
         f"{span(known['temperature'], '.0f')} %."
     )
+    running = results.table("set_points_known")["cov. running"].astype(float) * 100
+    yield f"those of the load were too narrow: they held {span(running, '.0f')} %."
     replayed = results.table("heat_replayed", "Ratio to the default, heat replayed").astype(float)
     many, refit = (replayed.loc["geometric mean", name] for name in ("ARX, multi-step, re-fitted", "ARX re-fitted"))
     yield f"leads ({many:.2f} times the default's error, geometric mean) and ARX re-fitted ({refit:.2f} times)."
