@@ -25,12 +25,14 @@ from skhybrid.control import Band, Limits, LoadPaths, WantedPaths
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import MeasurementWarning, PlanWarning, UnitWarning
 from skhybrid.forecasting import WeatherError
+from skhybrid.forecasting.intervals import PathClock
 from skhybrid.hybrid.setpoint_columns import band_of
 from skhybrid.hybrid.thermostat_law import law_refits, member_intervals
 from skhybrid.hybrid.thermostat_law.boosted_trees import fit_trees
-from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop, _Errors
+from skhybrid.hybrid.thermostat_law.closed_loop import ClosedLoop
+from skhybrid.hybrid.thermostat_law.law_errors import LawErrors
 from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_features, same_clock, same_plan
-from skhybrid.hybrid.thermostat_law.member_intervals import reaching
+from skhybrid.hybrid.thermostat_law.member_intervals import MemberValues, StateIntervals, reaching
 from skhybrid.hybrid.thermostat_law.plant_capacity import PlantCapacity
 from skhybrid.hybrid.thermostat_law.plant_law import LawPairs, make_pairs
 from skhybrid.model_selection import backtest
@@ -698,15 +700,49 @@ def test_rows_ahead_without_heat_are_told_of_learned_set_points_only(columns, sa
 
 
 def test_only_what_was_known_at_a_row_is_learned_from():
-    errors = _Errors(np.array([0, 10, 20, 30]), np.array([0, 4]), np.ones((4, 2, 2, 1)))
+    errors = LawErrors(np.array([0, 10, 20, 30]), np.array([0, 4]), np.ones((4, 2, 2, 1)), np.eye(4, 2, dtype=bool))
     found = errors.until(25, oldest=10)
     assert found.origins.tolist() == [10, 20]
+    assert found.runs.tolist() == [[False, True], [False, False]]
     assert np.isfinite(found.values).all()
     assert np.isnan(errors.until(24, oldest=20).values[0, :, 0, 0]).tolist() == [False, True]
     rows = np.arange(3)
     pairs = LawPairs(*(rows[:, None] for _ in range(4)), ends=np.array([5, 7, 9]))
     assert pairs.before(7).ends.tolist() == [5]
     assert pairs.before(8).heat.tolist() == [[0], [1]]
+
+
+def test_a_plant_runs_where_its_members_forecast_some_heat():
+    """Heat is measured in the row that a lead ends; an error is what was measured less a forecast."""
+    rows = SimpleNamespace(heat=np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0]))
+    errors = np.zeros((2, 2, 2, 4))
+    errors[:, :, 0] = np.array([[1.0, 2.95], [1.0, 0.0]])[..., None]  # forecasts of 0, 0.05, 1 and 5 kW
+    found = LawErrors.of(rows, np.array([1, 2]), np.array([0, 2]), errors, 0.1)
+    assert found.runs.tolist() == [[False, False], [True, True]]
+    one = found.at(np.array([1]))
+    assert (one.runs.tolist(), one.values.shape) == ([[False], [True]], (2, 1, 2, 4))
+
+
+def test_a_load_has_the_intervals_of_the_state_that_is_forecast():
+    """Rows of rest, in which all members are right, do not narrow the intervals of those in which the plant runs."""
+    rng, shape = np.random.default_rng(0), (60, 8)
+    runs = np.arange(8) % 2 == np.arange(60)[:, None] % 2
+    values = np.where(runs, rng.normal(size=shape), 0.01 * rng.normal(size=shape))[..., None]
+    clock = PathClock(
+        np.tile(np.arange(1.0, 9.0), (60, 1)), np.zeros(shape, dtype=int), np.arange(60.0)[:, None] + np.zeros(8)
+    )
+    errors = MemberValues(values, np.ones((8, 1)), clock, runs)
+    learned = StateIntervals.learn(errors, 24.0)
+    for row in (0, 1):
+        path = MemberValues(
+            values[row : row + 1], np.ones((8, 1)), clock.rows(slice(row, row + 1)), runs[row : row + 1]
+        )
+        low, high = learned.offsets(path, np.array([0.1, 0.9]), None, 60.0, None).T
+        width = np.where(runs[row], 2.56, 0.0256)
+        np.testing.assert_allclose(high - low, width, rtol=0.3)
+    always = StateIntervals.learn(errors._replace(runs=np.ones(shape, dtype=bool)), 24.0)
+    assert always.resting is always.running  # no row of rest to learn from
+    assert StateIntervals.learn(errors._replace(values=np.full((*shape, 1), np.nan)), 24.0) is None
 
 
 def test_a_plan_is_that_of_the_week_before_by_a_plain_loop():

@@ -27,9 +27,10 @@ from ..known_rows import KnownRows
 from ..scheme import Boundary, Scheme
 from ..setpoint_columns import UsualTemperature, band_of
 from .closed_loop_paths import ClosedLoopPaths
+from .law_errors import LawErrors, runs
 from .law_features import LawRows
 from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
-from .member_intervals import MemberIntervals, MemberValues, reaching
+from .member_intervals import MemberIntervals, MemberValues, StateIntervals, reaching
 from .plant_capacity import PlantCapacity
 from .plant_law import MEMBERS, PRIOR, PlantLaw, learn, make_pairs, member_errors, member_paths
 
@@ -39,40 +40,25 @@ _EVERY = 3  # hours between the origins that are learned from
 _FIT_SHARE = 2.0 / 3.0  # the law is fitted on this first share of the training and judged on the rest
 _DAYS_BACK = 21  # days whose errors count
 _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
-#: independent errors per day of the load, which starts and stops, and of the temperature, which is held: of 2, 4, 8 and
-#: 24 the one whose 80 % intervals hold 80 % on five EnergyPlus buildings
-_INDEPENDENT_PER_DAY = (24.0, 4.0)
+#: independent errors per day of the load and of the temperature: of 2, 4, 8 and 24 the one whose 80 % intervals hold
+#: 80 % on five EnergyPlus buildings
+_INDEPENDENT_PER_DAY = (2.0, 4.0)
 _LEADS = 18  # leads at which errors are evaluated
+_RUNS = 0.02  # of the highest heat in training, from which on a plant runs
 #: hours over which errors of the load are averaged before they order samples, as a plant goes on and off: of 0, 2, 4, 6
 #: and 8 the one whose 80 % intervals of a day's kWh hold 80 % on five EnergyPlus buildings
 _LASTING = 6
-
-
-class _Errors(NamedTuple):
-    """Errors of the members from origins of a table."""
-
-    origins: np.ndarray  # (O,) int
-    leads: np.ndarray  # (K,) int, counted from 0
-    values: np.ndarray  # (O, K, 2, M) of load [kW] and temperature [K]
-
-    @property
-    def ends(self) -> np.ndarray:
-        """(O, K) row at which each was known."""
-        return self.origins[:, None] + self.leads + 1
-
-    def until(self, row: int, oldest: int) -> _Errors:
-        """Those of forecasts from ``oldest`` on that were known at a row; the others are NaN."""
-        chosen = (self.origins >= oldest) & (self.origins < row)
-        own = _Errors(self.origins[chosen], self.leads, self.values[chosen])
-        return own._replace(values=np.where((own.ends <= row)[..., None, None], own.values, np.nan))
 
 
 class _TrainingTail(NamedTuple):
     """Errors and weights of the members on the last part of the training."""
 
     products: np.ndarray  # (2, n_groups, M, M) moments of their errors of load and temperature
-    intervals: tuple[MemberIntervals, ...]  # of load and temperature; empty after a short training
+    intervals: (
+        tuple[StateIntervals, MemberIntervals] | tuple[()]
+    )  # of load and temperature; empty after a short training
     joint: JointErrors | None  # of load and temperature in each row after the origin's
+    least: float  # heat from which on a plant runs [kW]
 
 
 class ClosedLoop:
@@ -123,7 +109,8 @@ class ClosedLoop:
         later = origins >= begin
         leads, before = np.arange(n_leads), learn(pairs.before(begin), rows.per_day)
         values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
-        tail = _learn_tail(training, _Errors(origins[later], leads, values))
+        least = _RUNS * float(np.abs(heat).max())
+        tail = _learn_tail(training, LawErrors.of(rows, origins[later], leads, values, least), least)
         return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, capacity, usual)
 
     def paths(
@@ -196,17 +183,17 @@ class ClosedLoop:
         past: IdealPaths,
         wanted: IdealPaths,
         n_leads: int,
-    ) -> tuple[_Errors, np.ndarray]:
+    ) -> tuple[LawErrors, np.ndarray]:
         """Errors of the members in the past, and what they forecast (O, n_leads, 2, M), by the laws of the weeks."""
         leads = _leads(self.n_leads)
-        errors = _Errors(past.origins, leads, np.empty((len(past.origins), len(leads), 2, len(MEMBERS))))
+        missed = np.empty((len(past.origins), len(leads), 2, len(MEMBERS)))
         members = np.empty((len(wanted.origins), n_leads, 2, len(MEMBERS)))
         for number, law in laws.items():
             assert law is not None
             at, own = (weeks.numbers(of.origins) == number for of in (past, wanted))
-            errors.values[at] = member_errors(rows, past.origins[at], past.paths.rows(at), law, leads)
+            missed[at] = member_errors(rows, past.origins[at], past.paths.rows(at), law, leads)
             members[own] = member_paths(rows, wanted.origins[own], wanted.paths.rows(own), law, np.arange(n_leads))
-        return errors, members
+        return LawErrors.of(rows, past.origins, leads, missed, self._tail.least), members
 
     def _rows(self, scheme: Scheme, table: ZoneTable) -> tuple[ZoneTable, LawRows]:
         """A table under the set-points that the law reads, and its rows."""
@@ -267,7 +254,7 @@ class ClosedLoop:
         scheme: Scheme,
         table: ZoneTable,
         wanted: _Wanted,
-        errors: _Errors,
+        errors: LawErrors,
         weeks: Weeks,
         levels: np.ndarray | None,
     ) -> ClosedLoopPaths:
@@ -300,7 +287,7 @@ class ClosedLoop:
         """Whether the plant may heat, and cool, in some rows: not on a side that had set-points and has none there."""
         return [np.isfinite(side[at]) | (not learned) for side, learned in zip(band, self._sides, strict=True)]
 
-    def _shares(self, known: _Errors, days: float, age: np.ndarray) -> np.ndarray:
+    def _shares(self, known: LawErrors, days: float, age: np.ndarray) -> np.ndarray:
         """(2, n_groups, M) weights for load and temperature, so many days after the training."""
         groups, share = lead_groups(known.leads + 1, self.n_leads), faded(age)
         found = []
@@ -309,14 +296,14 @@ class ClosedLoop:
             found.append(blend_weights(products * faded(np.array(days)) + since, PRIOR))
         return np.array(found)
 
-    def _recent(self, table: ZoneTable, known: _Errors, shares: np.ndarray, quantity: int) -> MemberValues | None:
+    def _recent(self, table: ZoneTable, known: LawErrors, shares: np.ndarray, quantity: int) -> MemberValues | None:
         """Errors of forecasts whole days apart, with these shares; None where there are none."""
         if not len(known.origins):
             return None
         daily = slice(None, None, -max(1, 24 // _EVERY))
         weights = shares[quantity][lead_groups(known.leads + 1, self.n_leads)]
         clock = _clock(table, known.origins[daily], known.leads)
-        return MemberValues(known.values[daily, :, quantity], weights, clock)
+        return MemberValues(known.values[daily, :, quantity], weights, clock, known.runs[daily])
 
     def _offsets(
         self,
@@ -331,7 +318,8 @@ class ClosedLoop:
         """(n_leads, n_levels) quantiles of the error of the path from the ``i``-th origin."""
         origin, spread = wanted.origins[i], None if wanted.spread is None else wanted.spread[i, quantity]
         clock, now = path_clock(table, origin[None], len(weights)), origin * table.step_hours / 24.0
-        paths = MemberValues(wanted.members[i, None, :, quantity], weights, clock)
+        acts = runs(wanted.members[i, None, :, 0], self._tail.least)
+        paths = MemberValues(wanted.members[i, None, :, quantity], weights, clock, acts)
         offsets = self._tail.intervals[quantity].offsets(paths, levels, recent, now, spread)
         # trees give no load beyond those that they learned from, but the network does
         if quantity == 0 and wanted.seen is not None:
@@ -370,24 +358,22 @@ def _clock(table: ZoneTable, origins: np.ndarray, leads: np.ndarray) -> PathCloc
     return PathClock(lead[:, leads], slot[:, leads], day[:, leads])
 
 
-def _learn_tail(training: ZoneTable, every: _Errors) -> _TrainingTail:
+def _learn_tail(training: ZoneTable, every: LawErrors, least: float) -> _TrainingTail:
     """Moments and intervals from errors of the last part of the training, which are known at all leads."""
     n_leads, per_day = len(every.leads), 24.0 / training.step_hours
-    errors = _Errors(every.origins, leads := _leads(n_leads), every.values[:, leads])
+    errors = every.at(_leads(n_leads))
     groups, share = lead_groups(errors.leads + 1, n_leads), faded((training.n_rows - 1 - errors.ends) / per_day)
     products = np.stack([moments(errors.values[:, :, q], groups, share) for q in range(2)])
-    clock, intervals = _clock(training, errors.origins, errors.leads), []
-    shares = [blend_weights(one, PRIOR) for one in products]
-    for quantity in range(2):
-        of_members = MemberValues(errors.values[:, :, quantity], shares[quantity][groups], clock)
-        learned = MemberIntervals.learn(of_members, _INDEPENDENT_PER_DAY[quantity])
-        if learned is None:
-            return _TrainingTail(products, (), None)
-        intervals.append(learned)
-    return _TrainingTail(products, tuple(intervals), _joint_errors(training, every, shares))
+    clock, shares = _clock(training, errors.origins, errors.leads), [blend_weights(one, PRIOR) for one in products]
+    load, T = (MemberValues(errors.values[:, :, q], shares[q][groups], clock, errors.runs) for q in range(2))
+    of_load = StateIntervals.learn(load, _INDEPENDENT_PER_DAY[0])
+    of_T = MemberIntervals.learn(T, _INDEPENDENT_PER_DAY[1])
+    if of_load is None or of_T is None:
+        return _TrainingTail(products, (), None, least)
+    return _TrainingTail(products, (of_load, of_T), _joint_errors(training, every, shares), least)
 
 
-def _joint_errors(training: ZoneTable, errors: _Errors, shares: Sequence[np.ndarray]) -> JointErrors | None:
+def _joint_errors(training: ZoneTable, errors: LawErrors, shares: Sequence[np.ndarray]) -> JointErrors | None:
     """Errors of the blend in the rows after each origin whose forecast ends within the training."""
     n_leads = len(errors.leads)
     whole = errors.ends[:, -1] < training.n_rows

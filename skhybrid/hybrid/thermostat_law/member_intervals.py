@@ -21,6 +21,12 @@ class MemberValues(NamedTuple):
     values: np.ndarray  # (n_origins, n_leads, M), NaN where unknown
     weights: np.ndarray  # (n_leads, M) of the blend
     clock: PathClock  # of the targets
+    runs: np.ndarray | None = None  # (n_origins, n_leads) whether the plant is forecast to run
+
+    def of_state(self, runs: bool) -> MemberValues:
+        """Those in which the plant is forecast to run, or to rest; the others are NaN."""
+        assert self.runs is not None
+        return self._replace(values=np.where((self.runs == runs)[..., None], self.values, np.nan))
 
     def of_blend(self) -> np.ndarray:
         """(n_origins, n_leads) by the blend."""
@@ -62,6 +68,39 @@ class MemberIntervals(NamedTuple):
     def _clock(self, members: MemberValues) -> PathClock:
         """Their clock, with the spread of the members."""
         return members.clock._replace(spread=np.sqrt(members.variance() + _USUAL * self.usual + _LEAST))
+
+
+class StateIntervals(NamedTuple):
+    """Intervals of a load: those of rows in which the plant is forecast to run, and to rest.
+
+    Hours of rest, in which all members are right, say nothing of how wrong they are while the plant runs.
+    """
+
+    running: MemberIntervals
+    resting: MemberIntervals
+
+    @classmethod
+    def learn(cls, errors: MemberValues, independent_per_day: float) -> Self | None:
+        """As :meth:`MemberIntervals.learn`; a state with too few errors has the intervals of the other."""
+        running, resting = (MemberIntervals.learn(errors.of_state(runs), independent_per_day) for runs in (True, False))
+        either = running or resting
+        return None if either is None else cls(running or either, resting or either)
+
+    def offsets(
+        self,
+        paths: MemberValues,
+        levels: np.ndarray,
+        recent: MemberValues | None,
+        now: float,
+        further: np.ndarray | None,
+    ) -> np.ndarray:
+        """(n_leads, n_levels) quantiles of the error of one path, as those of :meth:`MemberIntervals.offsets`."""
+        assert paths.runs is not None
+        running, resting = (
+            of.offsets(paths, levels, recent and recent.of_state(runs), now, further)
+            for of, runs in zip(self, (True, False), strict=True)
+        )
+        return np.where(paths.runs[0][:, None], running, resting)
 
 
 def reaching(offsets: np.ndarray, farther: np.ndarray, levels: np.ndarray) -> np.ndarray:
