@@ -344,6 +344,16 @@ def test_a_new_fit_keeps_the_errors_of_past_forecasts(fleet):
     assert np.isnan(fleet.fit(everywhere(slice(0, 7 * DAY))).status()["rmse_yesterday"]).all()  # it ends before them
 
 
+def test_the_error_of_yesterday_rests_on_half_a_day_or_more(fleet):
+    fleet.update({"b": ZONES["b"][7 * DAY : 7 * DAY + 1]})
+    assert fleet.status()["rmse_yesterday"].isna().all()
+    for end, day in ((8 * DAY + 11, 0), (8 * DAY + 12, 1)):
+        fleet.update({"a": ZONE[:end][7 * DAY if day == 0 else end - 1 :]})
+        days = ModelStore(fleet.store).journal("a").facts["days"]
+        assert [one["n"] for one in days] == [DAY, 11 + day]
+        assert fleet.status().set_index("zone").loc["a", "rmse_yesterday"] == days[day]["rmse"]
+
+
 @pytest.mark.parametrize("measured", [True, False])
 def test_rows_after_a_gap_are_refused_also_without_a_temperature(fleet, measured):
     """The rows that a regression keeps would have a gap, and no forecast could be made any more."""

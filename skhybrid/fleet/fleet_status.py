@@ -16,6 +16,7 @@ from .model_store import ModelStore
 
 _SHORT = pd.Timedelta("3D")  # a training that says little
 _OLD = pd.Timedelta("12h")  # by how much the last row of a zone may be older than the newest of the fleet
+_HALF_DAY = pd.Timedelta("12h")
 COLUMNS = ("verdict", "last_row", "rmse_yesterday", "rmse_training", "coverage", "drift", "reasons")
 
 
@@ -50,7 +51,7 @@ def zone_status(zone: str, store: str) -> ZoneStatus:
     row = {
         "verdict": verdict.level,
         "last_row": pd.Timestamp(facts["until"]) if facts["until"] else pd.NaT,
-        "rmse_yesterday": float(days["rmse"].iloc[-1]) if len(days) else np.nan,
+        "rmse_yesterday": _last_error(days, journal.scored.index),
         "rmse_training": np.nan if facts["training_rmse"] is None else facts["training_rmse"],
         "coverage": np.nan if coverage is None else coverage,
         "drift": bool(len(watched) and watched["drifted"].iloc[-1]),
@@ -60,6 +61,14 @@ def zone_status(zone: str, store: str) -> ZoneStatus:
     if len(ahead) and len(journal.scored):
         ahead = ahead[ahead.index > journal.scored.index[-1]]
     return ZoneStatus(row, pd.concat([journal.scored, ahead]))
+
+
+def _last_error(days: pd.DataFrame, stamps: pd.Index) -> float:
+    """Error of the last of the ``days`` that is known for half of its rows or more [K]; ``stamps`` show their step."""
+    if days.empty:
+        return np.nan
+    errors = days["rmse"][days["n"] * stamps.to_series().diff().min() >= _HALF_DAY]
+    return float(errors.iloc[-1]) if len(errors) else np.nan
 
 
 def _few_rows(model: Any) -> list[str]:

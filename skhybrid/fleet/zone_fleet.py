@@ -250,8 +250,9 @@ class ZoneFleet(BaseEstimator):
         -------
         DataFrame, one row per zone
             The key; ``verdict`` (usable, use with care, not usable) and ``reasons``; ``last_row``; ``rmse_yesterday``
-            of the forecasts of the last day that was taken in, ``rmse_training`` on left-out training days [K];
-            ``coverage`` of the 80 % intervals in the last four weeks [-]; and ``drift``, whether errors have grown.
+            of the forecasts of the last day of which half of the rows or more are known, ``rmse_training`` on left-out
+            training days [K]; ``coverage`` of the 80 % intervals in the last four weeks [-]; and ``drift``, whether
+            errors have grown.
         """
         self._check_key()
         self._models.check(self._settings())
