@@ -429,6 +429,17 @@ def test_a_store_that_is_a_file_is_refused(tmp_path):
         ZoneFleet(ARX, store=path).fit(rows(TRAIN))
 
 
+@pytest.mark.parametrize("made", [True, False])
+@pytest.mark.parametrize("call", ["update", "tick", "predict"])
+def test_a_wrong_store_is_refused_and_left_as_it_is(call, made, tmp_path):
+    if made:
+        (tmp_path / "wrong").mkdir()
+    words = "no zone succeeded; .* fit it first" if call == "predict" else "wrong has no models; fit the zones first"
+    with pytest.raises(ValueError, match=words):
+        getattr(ZoneFleet(ARX, store=tmp_path / "wrong"), call)(rows(NEW))
+    assert [path.name for path in tmp_path.rglob("*")] == ["wrong"] * made
+
+
 def test_two_fleets_on_one_store_are_refused(tmp_path):
     fleet = ZoneFleet(ARX, store=tmp_path).fit(rows(TRAIN))
     with (
@@ -492,7 +503,7 @@ def test_a_store_removes_temporary_files_of_its_own_only(tmp_path):
     others = {".env.local", ".a.npz.bak", ".data.npz", ".git.config.old", "a.npz"}
     for name in [*own, *others]:
         (tmp_path / name).touch()
-    with ModelStore(tmp_path).locked({}):
+    with ModelStore(tmp_path).locked({}, new=True):
         assert {path.name for path in tmp_path.iterdir()} - others == {"fleet.sqlite"}
     assert {path.name for path in tmp_path.iterdir()} > others
 

@@ -176,10 +176,13 @@ class ModelStore:
             self._refuse_models_of_unknown()
 
     @contextmanager
-    def locked(self, settings: Mapping[str, str]) -> Iterator[None]:
-        """Let no other fleet write meanwhile; SQLite's lock vanishes with its process."""
+    def locked(self, settings: Mapping[str, str], *, new: bool = False) -> Iterator[None]:
+        """Let no other fleet write meanwhile; SQLite's lock vanishes with its process.  ``new``: make absent stores."""
         if self.path.is_file():
             raise ValueError(f"store={str(self.path)!r} is a file; give a folder, which is made where there is none.")
+        if not new and not (self.path / _LOCK).exists():
+            self._refuse_models_of_unknown()
+            raise ValueError(f"store {self.path} has no models; fit the zones first, or give the store that has them.")
         self.path.mkdir(parents=True, exist_ok=True)
         with self._open() as database:
             with transaction(database):  # of its own: a kill must not lose the settings

@@ -114,7 +114,7 @@ class ZoneFleet(BaseEstimator):
         self._folder = self._new_folder()
         self._fit_errors: dict[Any, str] = {}
         self.errors_: dict[Any, str] = {}
-        with zone_files(X, y, self.key) as files, self._models.locked(self._settings()):
+        with zone_files(X, y, self.key) as files, self._models.locked(self._settings(), new=True):
             found = self._run(fit_zone, files.by_zone, files, (self.estimator, self.fallback, last), of="fit")
             whys = {files.labels[o.zone]: o.value for o in found if o.value is not None}
             self.errors_ = self._fit_errors = {**self.errors_, **whys}
