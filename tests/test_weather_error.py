@@ -14,7 +14,7 @@ from sklearn.linear_model import Ridge
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor
 from skhybrid._table import ZoneTable, append_tables, read_table
 from skhybrid.datasets import make_office
-from skhybrid.exceptions import PlanWarning
+from skhybrid.exceptions import PlanWarning, SkhybridWarning
 from skhybrid.forecasting import WeatherError
 from skhybrid.forecasting.weather_error import _most_nearby, _normal_spread
 from skhybrid.model_selection import backtest, score_backtest
@@ -242,6 +242,18 @@ def test_few_draws_tell_how_far_a_further_one_may_be_off(n_draws):
         spread = _normal_spread(np.abs(drawn[:n_draws]))
         held.append(np.abs(drawn[n_draws:]) <= 1.2816 * spread)
     assert np.mean(held) == pytest.approx(0.8, abs=0.015)
+
+
+def test_an_error_of_the_weather_that_no_input_has_is_told_once(office):
+    (X, y), roles = _rows(office), ["u_heat", "u_cool", "T_za"]
+    model = ARXRegressor().fit(office.X[roles][: 12 * 96], office.y[: 12 * 96])
+    for call in (
+        lambda: model.predict_quantiles(X[roles], weather_error="low"),
+        lambda: backtest(model, X[roles], y, weather_error=WeatherError("low")),
+    ):
+        with pytest.warns(SkhybridWarning, match="weather_error= does nothing, since the model reads neither") as told:
+            call()
+        assert len(told) == 1
 
 
 def test_other_regressors_are_refused(office, models):

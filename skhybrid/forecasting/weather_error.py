@@ -14,6 +14,8 @@ from scipy.signal import lfilter
 from .._arguments import check_integer
 from .._table import ZoneTable
 from .._time import rows_per_day
+from .._warnings import warn_once
+from ..exceptions import SkhybridWarning
 from .features import irradiance_roles
 
 Level = Literal["low", "medium", "high"]
@@ -105,6 +107,11 @@ class WeatherError:
         -------
         ZoneTable
             The same table, but for ``T_oa`` and irradiance in the rows after the origin.
+
+        Warns
+        -----
+        SkhybridWarning
+            Once, where the table has none of them.
         """
         rows = slice(origin + 1, min(origin + 1 + n_leads, table.n_rows))
         if rows.start == rows.stop:  # nothing lies ahead
@@ -120,6 +127,9 @@ class WeatherError:
             main = "q_sol" if "q_sol" in solar else solar[0]
             share = self._irradiance_share(table, main, rows, leads, seed)
             changed |= {role: share * table.inputs[role][rows] for role in solar}
+        if not changed:
+            text = "weather_error= does nothing, since the model reads neither outdoor temperature nor irradiance"
+            warn_once(f"{text}; leave it out.", SkhybridWarning, self)
         inputs = table.inputs | {role: table.inputs[role].copy() for role in changed}
         for role, values in changed.items():
             inputs[role][rows] = values
