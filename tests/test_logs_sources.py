@@ -207,7 +207,7 @@ def postgres(tmp_path_factory):
 
 
 def test_sqlite(sqlite, tmp_path, monkeypatch):
-    monkeypatch.setattr("skhybrid.logs.readers.sql_table._SAMPLE", 9)
+    monkeypatch.setattr("skhybrid.logs.readers.sql_table.SAMPLE", 9)
     monkeypatch.setattr("skhybrid.logs.readers.sql_table._PIECE", 7)
     log = read_log(sqlite, table="wide")
     assert log.format == "SQL"

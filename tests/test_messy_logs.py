@@ -769,8 +769,8 @@ def test_a_row_for_each_zone_and_stamp(tmp_path, monkeypatch, reader, share, zon
     size, write = {
         delimited: ("_HEAD", lambda: table.to_csv(path, index=False, sep=";")),
         spreadsheet: ("_HEAD", lambda: table.to_excel(path, index=False)),
-        columnar: ("_SAMPLE", lambda: table.to_parquet(path, index=False)),
-        sql_table: ("_SAMPLE", lambda: table.to_sql("log", f"sqlite:///{path}", index=False)),
+        columnar: ("SAMPLE", lambda: table.to_parquet(path, index=False)),
+        sql_table: ("SAMPLE", lambda: table.to_sql("log", f"sqlite:///{path}", index=False)),
     }[reader]
     write()
     # the head is of one zone, or of one and a part of the next, where rows are grouped

@@ -11,6 +11,7 @@ from .assembly import Choice, Pieces, assemble, assemble_long, columns_beside
 from .paired_columns import POINT, VALUE, as_long, is_value_name, note_of, paired_columns
 from .raw_log import RawLog
 
+SAMPLE = 1000  # first rows of a table, by which readers tell its shape
 #: gives the rows of some columns piece by piece, anew at each call; as text where it is told so and may choose
 Read = Callable[[list[str], bool], Iterable[pd.DataFrame]]
 

@@ -12,10 +12,8 @@ from ..assembly import Choice, Pieces, rows_of_piece
 from ..raw_log import RawLog
 from ..rows_by_zone import may_name_zones
 from ..stamp_cells import find_stamp_columns
-from ..table_shapes import assemble_table
+from ..table_shapes import SAMPLE, assemble_table
 from .change_of_value import long_columns
-
-_SAMPLE = 1000  # rows
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -49,7 +47,7 @@ def _read(file: Any, choice: Choice, where: str) -> RawLog:
 
     names = [field.name for field in file.schema_arrow if not types.is_nested(field.type)]
     size = rows_of_piece(len(names))
-    sample = next(_frames(file, names, _SAMPLE), pd.DataFrame(columns=names))
+    sample = next(_frames(file, names, SAMPLE), pd.DataFrame(columns=names))
     if sample.empty:
         raise ValueError(f"{where} has no rows.")
     indices = [name for name in (file.schema_arrow.pandas_metadata or {}).get("index_columns", []) if name in names]

@@ -17,12 +17,12 @@ from ..paired_columns import POINT, VALUE, is_value_name
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, holds_stamps, is_stamp_name
 from ..stamps import cell
-from ..table_shapes import assemble_table
+from ..table_shapes import SAMPLE, assemble_table
 from ..text_files import damage_refused, encoding_of, open_bytes
 from ..unit_names import unit_or_energy
 from .change_of_value import point_and_value
 
-_STAMP, _SAMPLE = "time", 1000  # rows
+_STAMP = "time"
 _BEGIN = re.compile(r'\s*[\[{]\s*(["{\[\]}]|null)')
 _BLANKS = re.compile(r"\s*")
 _ANSWERS = {"error", "hourly", "results"}  # what objects hold that are no table
@@ -45,7 +45,7 @@ def read(path: Path, *, point_column: str | None = None, value_column: str | Non
         frame = frame.apply(lambda own: own.map(_plain) if own.dtype.kind == "O" else own)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
         raise ValueError(f"{where} {_refusal(items)}.") from None
-    sample = frame.head(_SAMPLE)
+    sample = frame.head(SAMPLE)
     both = (POINT, VALUE) if series else point_and_value(list(map(str, frame)), point_column, value_column, where)
     stamps = find_stamp_columns(sample.drop(columns=list(both or ())), choice.time_column, where)
     texts = [text for text in sample.to_numpy(dtype=object).ravel() if isinstance(text, str)]

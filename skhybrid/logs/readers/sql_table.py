@@ -12,11 +12,11 @@ import pandas as pd
 from ..assembly import Choice, Pieces
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
-from ..table_shapes import assemble_table
+from ..table_shapes import SAMPLE, assemble_table
 from .change_of_value import point_and_value
 from .recorder import is_sqlite
 
-_PIECE, _SAMPLE = 50_000, 1000  # rows
+_PIECE = 50_000  # rows
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -109,7 +109,7 @@ def _read(connection: Any, what: Any, where: str, long: tuple[str | None, str | 
     streamed = connection.execution_options(stream_results=True, max_row_buffer=_PIECE)
     first = streamed.execute(what)
     names = list(first.keys())
-    head = _table(first.fetchmany(_SAMPLE), names)
+    head = _table(first.fetchmany(SAMPLE), names)
     if head.empty:
         raise ValueError(f"{where} has no rows.")
     both = point_and_value(names, *long, where)
