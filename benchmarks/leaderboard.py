@@ -18,13 +18,12 @@ import importlib.util
 import inspect
 import sys
 import warnings
-from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from _forecast_data import DataSet, data_sets
+from _forecast_data import DataSet, chosen, data_sets
 from _forecast_store import by_hour, load_errors
 from _report import RESULTS, write_table
 from sklearn.base import BaseEstimator, RegressorMixin, clone
@@ -190,7 +189,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("estimator", nargs="?", help="module:name or file.py:name")
     parser.add_argument("--name", help="row of the table; by default what the estimator is called")
-    parser.add_argument("--logs", nargs="+", default=["*"], help="names of logs or patterns")
+    parser.add_argument("--logs", nargs="+", help="names of logs, their beginnings or patterns")
     parser.add_argument("--table", action="store_true", help="only write the table of what is kept")
     parser.add_argument("--results", type=Path, default=RESULTS)
     given = parser.parse_args(arguments)
@@ -199,9 +198,7 @@ def main(arguments: list[str] | None = None) -> None:
             parser.error("name an estimator, such as skhybrid:HybridPredictor, or pass --table.")
         estimator = estimator_of(given.estimator)
         name, loaders = given.name or given.estimator.rpartition(":")[2], data_sets()
-        logs = [log for log in LOGS if any(fnmatch(log, wanted) for wanted in given.logs)]
-        if not logs:
-            parser.error(f"no log is called {given.logs[0]!r}; there are {', '.join(LOGS)}.")
+        logs = chosen(list(LOGS), given.logs)
         given.results.mkdir(parents=True, exist_ok=True)
         for log in logs:
             found = score(estimator, loaders[log](0))

@@ -117,6 +117,11 @@ def test_an_estimator_enters_by_one_command(small, tmp_path, monkeypatch):
     table = (tmp_path / "leaderboard.md").read_text()
     best, other = kept["K"].sort_values().index
     assert table.index(f"| {best} |") < table.index(f"| {other} |")
+    assert not leaderboard.main(["skhybrid:ARXRegressor", "--logs", "dutch", "--results", str(tmp_path)])
+    for absent in ("london", "2"):
+        with pytest.raises(SystemExit, match=f"nothing is called '{absent}'; there are dutch home 2"):
+            leaderboard.main(["skhybrid:ARXRegressor", "--logs", "dutch*", absent, "--results", str(tmp_path / "none")])
+    assert not (tmp_path / "none").exists()
     with pytest.raises(SystemExit, match="there is no file"):
         leaderboard.main(["absent.py:make"])
 
