@@ -61,6 +61,8 @@ _BEYOND_UNITS = 900.0
 _LEAST_SHARE, _LEAST_ROWS = 0.05, 4
 #: a temperature that is otherwise above this is never exactly 0 [degC]
 _FAR_FROM_ZERO = 5.0
+#: of one temperature of a room, and back [K], and the share of its values, at most, that so leap
+_LEAP, _FEW_LEAPS = 10.0, 0.01
 #: no building is that warm all the time [degC]
 _WARMEST_MEDIAN = 42.0
 #: no zone takes more than a large hall does while its plant runs [kW], by the median, or has so much unmeasured heat
@@ -105,6 +107,8 @@ def check_range(
             raise ValueError(_refusal(v, bad, kind, name, index))
     if warns and named and role.startswith(("T_za", "T_oa")):
         _warn_of_zeros(v, name, index)
+    if warns and named and role.startswith("T_za") and high - low > _LEAP:
+        _warn_of_leaps(v, name, index)
     warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
     watts = role.startswith("Q_") and is_in_watts(known, trained)
     if role.startswith("zeta"):  # people and sun are there for some hours only
@@ -128,6 +132,28 @@ def _warn_of_zeros(T: np.ndarray, name: str, index: pd.Index) -> None:
         warn_user(
             f"{name} is 0 degC in {several(int(zeros.sum()), 'row')} (first at {index[int(np.argmax(zeros))]}) and "
             f"otherwise never below {others.min():.4g}: likely a fill value; set such values to NaN.",
+            UnitWarning,
+        )
+
+
+def single_leaps(T: np.ndarray) -> np.ndarray:
+    """Temperatures (n,) of a room that leap from the one before, and back, as no room does [degC]; none if many do."""
+    known, leaps = np.flatnonzero(np.isfinite(T)), np.zeros(len(T), dtype=bool)
+    change = np.diff(T[known])
+    there, back = change[:-1], change[1:]
+    least = np.minimum(np.abs(there), np.abs(back))
+    leaps[known[1:-1]] = (least > _LEAP) & (np.abs(there + back) < least / 2.0)
+    return leaps if leaps.sum() <= _FEW_LEAPS * len(known) else np.zeros(len(T), dtype=bool)
+
+
+def _warn_of_leaps(T: np.ndarray, name: str, index: pd.Index) -> None:
+    """Warn of single leaps of a room (n,), which a log is read without; not of 0, of which is warned already."""
+    rows = np.flatnonzero(single_leaps(np.where(T == 0.0, np.nan, T)))
+    if len(rows):
+        more = f" and in {several(len(rows) - 1, 'row')} more" if len(rows) > 1 else ""
+        warn_user(
+            f"{name} leaps to {T[rows[0]]:.4g} degC and back at {index[rows[0]]}{more}, as no room does: likely "
+            "a failed sensor; set such values to NaN.",
             UnitWarning,
         )
 

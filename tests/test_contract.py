@@ -680,8 +680,22 @@ def test_zeros_that_fill_a_file_are_told(role, office):
         read(office.X.assign(**{role: filled}))
     with warnings.catch_warnings():
         warnings.simplefilter("error", UnitWarning)
-        read(office.X.assign(**{role: filled.where(np.arange(len(filled)) != 3, 1.5)}))
+        read(office.X.assign(**{role: filled.where(~np.isin(np.arange(len(filled)), [3, 4]), 1.5)}))
         read(office.X.assign(**{role: 0.0}))
+
+
+def test_a_single_leap_of_a_room_is_told(office, recwarn):
+    X, row = office.X, 100
+    for size, told in ((11.0, True), (-15.0, True), (9.0, False)):
+        leap = X["T_za"].where(np.arange(len(X)) != row, X["T_za"].iloc[row - 1] + size)
+        read(X.assign(T_za=leap))
+        if told:
+            words = f"column 'T_za' leaps to {leap.iloc[row]:.4g} degC and back at {X.index[row]}, as no room does"
+            assert str(recwarn.pop(UnitWarning).message).startswith(words)
+        assert len(recwarn) == 0
+    read(X.assign(T_za=leap.where(~np.isin(np.arange(len(X)), [row, row + 1]), 45.0)))  # it stays there
+    read(X.assign(T_za=X["T_za"].where(np.arange(len(X)) % 20 != 7, 45.0)))  # more than a share of 1 %
+    assert len(recwarn) == 0
 
 
 def test_unmeasured_heat_in_watts_is_told(office, recwarn):

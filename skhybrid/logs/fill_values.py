@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from .._ranges import range_of
+from .._ranges import range_of, single_leaps
 from .._table import SETPOINT_ROLES
 from .._warnings import several
 from .counters import usual_peak
@@ -22,7 +22,6 @@ _FARTHEST = 30.0  # air does not leave nine tenths of its other temperatures by 
 _FEW_CODES = 2  # a failed sensor shows one value, or two by turns
 _NEAR = 2.0  # of the usual temperatures, which values are in that are degF [K]
 _SPIKE, _LEAST_SPIKE = 20.0, 20.0  # times the usual peak of heat, and kW, beyond which a meter has failed
-_LEAP, _FEW_LEAPS = 10.0, 0.01  # of one value of a room, and back [K]; share of the values, at most
 _FAR_FROM_ZERO = 5.0  # no temperature falls to exactly 0 that is else above this [degC]
 #: inputs that a plant that is off, and the sun at night, leave blank
 _ZERO = ("q_sol", "u_", "Q_")
@@ -76,17 +75,7 @@ def _failed_temperatures(values: np.ndarray, known: np.ndarray, role: str) -> np
     zero = (values == 0.0) & (role.partition("_set")[0] != "T_heat")
     others = values[known & ~failed & ~zero]
     failed |= zero & bool(len(others) and others.min() > _FAR_FROM_ZERO)
-    return failed | (_single_leaps(np.where(failed, np.nan, values)) if role.startswith("T_za") else False)
-
-
-def _single_leaps(T: np.ndarray) -> np.ndarray:
-    """Temperatures (n,) of a room that leap from the one before, and back, as no room does [degC]; none if many do."""
-    known, leaps = np.flatnonzero(np.isfinite(T)), np.zeros(len(T), dtype=bool)
-    change = np.diff(T[known])
-    there, back = change[:-1], change[1:]
-    least = np.minimum(np.abs(there), np.abs(back))
-    leaps[known[1:-1]] = (least > _LEAP) & (np.abs(there + back) < least / 2.0)
-    return leaps if leaps.sum() <= _FEW_LEAPS * len(known) else np.zeros(len(T), dtype=bool)
+    return failed | (single_leaps(np.where(failed, np.nan, values)) if role.startswith("T_za") else False)
 
 
 def without_huge(series: pd.Series) -> pd.Series:
