@@ -10,7 +10,7 @@ import pytest
 from scipy import constants
 
 from skhybrid.datasets import read_zone_csv
-from skhybrid.logs import read_log
+from skhybrid.logs import LogReport, read_log
 from skhybrid.logs.cell_numbers import NumberColumn
 from skhybrid.logs.conversion import channels_of, to_roles
 from skhybrid.logs.readers.change_of_value import chosen_columns
@@ -228,7 +228,9 @@ def test_autumn_hour_of_a_log_that_runs_backwards(write):
     assert log.frame["T"].tolist() == list(range(len(truth)))
     bare = read_log(write("\n".join(["time,T", *rows])))
     assert bare.frame.index.is_monotonic_increasing
-    assert any("stamps go back 1 time" in note and "timezone=" in note for note in bare.notes)
+    assert sum("2023-10-29 02:" in finding.text for finding in LogReport(bare).findings) == 1
+    other = read_log(write("\n".join(["time,T", *rows[:20], *rows[40:], *rows[20:40]])))
+    assert any("stamps go back 1 time, first at 2023-10-28 17:00" in note for note in other.notes)
 
 
 @pytest.mark.parametrize(

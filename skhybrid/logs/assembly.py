@@ -14,6 +14,7 @@ import pandas as pd
 from .._arguments import check_integer
 from .._warnings import several
 from .cell_numbers import NumberColumn, columns_judged, number_in, quality_columns, without_bad
+from .log_findings import stamps_going_back
 from .named_zones import zoned_stamps
 from .naming import unit_in_name
 from .paired_columns import ROW
@@ -97,10 +98,9 @@ def assemble(pieces: Pieces, choice: Choice) -> RawLog:
     kept_channels = _numeric_channels(channels, pieces)
     frame = pd.DataFrame({n: c.values()[order] for n, c in kept_channels.items()}, index=stamps, copy=False)
     if not frame.index.is_monotonic_increasing:
-        back = np.flatnonzero(np.diff(stamps.as_unit("ns").asi8) < 0)
-        hint = "; if clocks were put back then, pass timezone=" if stamps.tz is None else ""
-        times = several(len(back), "time")
-        pieces.notes.append(f"stamps go back {times}, first at {stamps[back[0] + 1]}: sorted{hint}")
+        if len(back := stamps_going_back(stamps)):
+            hint = "; if clocks were put back then, pass timezone=" if stamps.tz is None else ""
+            pieces.notes.append(f"stamps go back {several(len(back), 'time')}, first at {back[0]}: sorted{hint}")
         frame = frame.sort_index(kind="stable")
     return _finish(frame, kept_channels, pieces, choice, sparse_only=True)
 

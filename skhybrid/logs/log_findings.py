@@ -49,8 +49,7 @@ def clock_findings(
     index: pd.DatetimeIndex, step: pd.Timedelta, label: str | None, assumed: str = "left"
 ) -> Iterator[Finding]:
     """Remarks on stamps as the log has them, in the order of the log; ``assumed`` is their label where it has none."""
-    ticks = index.as_unit("ns").asi8
-    if (back := int((np.diff(ticks) < 0).sum())) > 0:
+    if back := len(stamps_going_back(index)):
         yield Finding("note", "clock", f"stamps go back {several(back, 'time')}; rows are sorted.")
     changes, again = daylight_changes(index), index[index.duplicated()]
     if twice := len(again := again[~again.normalize().isin(changes.normalize())]):
@@ -110,6 +109,12 @@ def is_local(index: pd.DatetimeIndex) -> bool:
 def guessed_label(first: pd.Timestamp, step: pd.Timedelta) -> str:
     """Right where the first stamp is one step after midnight, as in files of whole days that are stamped at the end."""
     return "right" if first - first.normalize() == step else "left"
+
+
+def stamps_going_back(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
+    """Stamps that are earlier than the one before, but for those of a clock that was put back for the winter."""
+    back = index[1:][np.diff(index.as_unit("ns").asi8) < 0]
+    return back[~back.normalize().isin(daylight_changes(index).normalize())]
 
 
 def daylight_changes(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
