@@ -495,6 +495,20 @@ def test_weather_by_a_clock_that_was_put_back_has_each_hour_once(tmp_path):
     assert found["T_oa"].tolist() == [8.0, 7.5, 6.5]
 
 
+def test_weather_in_json_is_read_as_the_csv_of_the_same_table(tmp_path):
+    index = pd.date_range("2024-10-27", periods=30, freq="1h", name="time")
+    columns = {"Outdoor [°F]": 40.0 + np.arange(30) % 7, "GHI [W/m²]": np.arange(30.0), "T_heat_set": 21.0}
+    rows = pd.DataFrame(columns, index)
+    rows.to_csv(tmp_path / "weather.csv")
+    rows.reset_index().to_json(tmp_path / "weather.json", orient="records", date_format="iso")
+    one, other = (
+        read_ahead(tmp_path / f"weather.{kind}", Settings(name="room", columns=COLUMNS), None, [2024])
+        for kind in ("csv", "json")
+    )
+    pd.testing.assert_frame_equal(one, other, check_freq=False)
+    assert set(one) == {"T_oa", "q_sol", "T_heat_set"}
+
+
 def test_a_log_without_sun_reaches_tomorrow(folder, tmp_path, capsys):
     log = pd.read_csv(folder / "log.csv", sep=";", decimal=",").drop(columns="Globalstrahlung [W/m²]")
     log.to_csv(tmp_path / "dark.csv", index=False)

@@ -196,7 +196,7 @@ def test_a_gap_in_the_weather_is_refused():
 @pytest.mark.parametrize(
     ("answer", "says"),
     [
-        (json.dumps(ANSWER)[:-300], "is not a complete JSON file"),
+        (json.dumps(ANSWER)[:-300], "is no complete JSON"),
         ([ANSWER, ANSWER], "holds 2 places; request the forecast of one place"),
         (
             {"error": True, "reason": "Cannot initialize WeatherVariable."},
@@ -223,6 +223,12 @@ def test_open_meteo_that_cannot_be_read(tmp_path, answer, says):
         read_weather(_written(tmp_path, answer))
 
 
+def test_records_are_refused_by_the_reader_of_their_own(tmp_path):
+    records = json.dumps([{"time": f"2024-03-30 0{hour}:00", "T_oa": 5.0, "q_sol": 0.0} for hour in range(4)])
+    with pytest.raises(ValueError, match=r"'tomorrow\.json' is JSON; read it with skhybrid\.logs\.read_log"):
+        read_weather(_written(tmp_path, records))
+
+
 @pytest.mark.parametrize(
     ("name", "given", "says"),
     [
@@ -236,6 +242,15 @@ def test_what_does_nothing_is_refused(tmp_path, name, given, says):
     """A unit, a time zone or a misspelt year was left out in silence."""
     with pytest.raises(ValueError, match=says):
         read_weather(_written(tmp_path, ANSWER, name), **given)
+
+
+@pytest.mark.parametrize("coding", ["cp1252", "utf-16"])
+def test_an_answer_is_known_by_what_it_holds(tmp_path, coding):
+    """Not by the end of its name, nor by its encoding."""
+    for number, text in enumerate((_as_csv(ANSWER), json.dumps([ANSWER], ensure_ascii=False))):
+        path = tmp_path / f"weather {number}.txt"
+        path.write_bytes(text.replace("\n", "\r\n").encode(coding))
+        pd.testing.assert_frame_equal(read_weather(path), read_weather(SAMPLE))
 
 
 def test_units_may_be_null(tmp_path):

@@ -41,7 +41,7 @@ SETPOINT = click.option(
 WEATHER = click.option(
     "--weather",
     type=PATH,
-    help="Weather to come: CSV (with set-points, if it has them), EPW, or Open-Meteo's JSON or CSV.",
+    help="Weather to come: a table as of a log (with set-points, if it has them), EPW, or Open-Meteo's JSON or CSV.",
 )
 #: options that name files, in words
 _FILES = {"log": "the log", "source": "the source", "weather": "the weather"}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from .._arguments import check_place
 from .._ranges import check_range
 from .._table import listed
 from .._time import even_step
-from ..logs.open_meteo import answer_of, is_open_meteo_csv
+from ..logs.open_meteo import answers_in
 from ..logs.stamps import YEARS, cell
 from ..logs.zone_csv import read_zone_csv
 from ..preprocessing._sun import split
@@ -50,7 +49,7 @@ def read_weather(
     Parameters
     ----------
     path : path-like
-        ``.epw``; ``.json`` as Open-Meteo's API returns it, or the CSV of its page, with hourly ``temperature_2m`` and
+        ``.epw``; the JSON of Open-Meteo's API, or the CSV of its page, with hourly ``temperature_2m`` and
         ``shortwave_radiation`` or ``cloud_cover``; anything else is a CSV for :func:`read_zone_csv`, with columns named
         ``T_oa`` and ``q_sol``.
     latitude, longitude : float, optional
@@ -89,10 +88,10 @@ def read_weather(
     if not file.is_file():
         raise FileNotFoundError(f"there is no weather file {str(file)!r}.")
     is_epw = file.suffix.lower() == ".epw"
-    is_open_meteo = file.suffix.lower() == ".json" or is_open_meteo_csv(file)
+    answers = [] if is_epw else answers_in(file)
     if year is not None and not is_epw:
         raise ValueError(f"year= does nothing with {file.name!r}, whose stamps have a year; leave it out.")
-    if options and (is_epw or is_open_meteo):
+    if options and (is_epw or answers):
         kind = "an EPW" if is_epw else "a file of Open-Meteo"
         raise ValueError(f"{next(iter(options))}= does nothing with {kind} such as {file.name!r}; leave it out.")
     if is_epw:
@@ -102,8 +101,9 @@ def read_weather(
             weather["q_sol"] = weather["ghi"]
         weather.attrs["notes"] = []
         return weather[["T_oa", "q_sol"]]
-    if is_open_meteo:
-        return _read_open_meteo(file, latitude, longitude, window_azimuth, window_tilt)
+    if answers:
+        where = repr(file.name)
+        return _read_open_meteo(_answer(answers, where), where, latitude, longitude, window_azimuth, window_tilt)
     if window_azimuth is not None:
         raise ValueError(
             f"window_azimuth= does nothing with the CSV {file.name!r}, whose q_sol is taken as it is; leave it out."
@@ -170,10 +170,13 @@ def _with_missing_rows(weather: pd.DataFrame, row: pd.Timedelta) -> pd.DataFrame
 
 
 def _read_open_meteo(
-    file: Path, latitude: float | None, longitude: float | None, azimuth: float | None, tilt: float
+    answer: Mapping[str, Any],
+    where: str,
+    latitude: float | None,
+    longitude: float | None,
+    azimuth: float | None,
+    tilt: float,
 ) -> pd.DataFrame:
-    where = repr(file.name)
-    answer = _answer(file, where)
     hourly = answer["hourly"]
     stamps = _stamps(answer, where)
     units = answer.get("hourly_units") or {}
@@ -201,16 +204,13 @@ def _read_open_meteo(
     return weather
 
 
-def _answer(file: Path, where: str) -> Mapping[str, Any]:
-    try:
-        answer = answer_of(file.read_text(encoding="utf-8-sig"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{where} is not a complete JSON file ({error}); download it again.") from error
-    if isinstance(answer, list):
-        raise ValueError(f"{where} holds {len(answer)} places; request the forecast of one place.")
-    if isinstance(answer, dict) and answer.get("error"):
+def _answer(answers: Sequence[Any], where: str) -> Mapping[str, Any]:
+    if len(answers) > 1:
+        raise ValueError(f"{where} holds {len(answers)} places; request the forecast of one place.")
+    (answer,) = answers
+    if answer.get("error"):
         raise ValueError(f"{where} holds an error message of Open-Meteo: {str(answer.get('reason')).rstrip('.')}.")
-    hourly = answer.get("hourly") if isinstance(answer, dict) else None
+    hourly = answer.get("hourly")
     times = hourly.get("time") if isinstance(hourly, dict) else None
     if not isinstance(times, list) or not times or not isinstance(answer.get("hourly_units") or {}, dict):
         raise ValueError(

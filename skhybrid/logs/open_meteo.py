@@ -1,31 +1,31 @@
-"""The CSV of Open-Meteo's page, as the JSON of its API."""
+"""Answers of Open-Meteo: the JSON of its API, and the CSV of its page as that."""
 
 from __future__ import annotations
 
 import csv
-import json
 import re
-from codecs import BOM_UTF8
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
-_PLACE = "latitude,longitude,elevation,utc_offset_seconds,timezone"  # its first line begins so
+from .readers import json_log
+from .text_files import head_of, text_of
+
+_PLACE = "latitude,longitude,elevation,utc_offset_seconds,timezone"  # the first line of the CSV begins so
+_PARTS = {"hourly", "daily", "reason"}  # of an answer, or of an error; records have none
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 _NAME = re.compile(r"(\w+)(?: \((.*)\))?")  # of a variable, with its unit
 
 
-def is_open_meteo_csv(path: str | PathLike[str]) -> bool:
-    """Whether a file is a CSV of Open-Meteo, whose stamps have the offset of its second line."""
-    if not Path(path).is_file():
-        return False
-    with Path(path).open("rb") as file:
-        return file.read(len(BOM_UTF8) + len(_PLACE)).removeprefix(BOM_UTF8).startswith(_PLACE.encode())
+def answers_in(path: Path) -> list[Any]:
+    """The answers of Open-Meteo that a file holds, one for each place; none where it is another file, or there is none.
 
-
-def answer_of(text: str) -> Any:
-    """The content of a file of Open-Meteo, as its JSON has it."""
-    return _answer_of_csv(text) if text.startswith(_PLACE) else json.loads(text)
+    Stamps of the CSV have the offset of its second line.
+    """
+    head = head_of(path) if path.is_file() else ""
+    if head.startswith(_PLACE):
+        return [_answer_of_csv(text_of(path))]
+    items = json_log.json_items(path, repr(path.name)) if json_log.looks_like(path, head) else []
+    return items if any(isinstance(item, dict) and _PARTS & item.keys() for item in items) else []
 
 
 def _answer_of_csv(text: str) -> dict[str, Any]:

@@ -56,6 +56,12 @@ def numbered_lines(path: Path, n: int) -> Iterator[list[tuple[int, str]]]:
             yield part
 
 
+def text_of(path: Path) -> str:
+    """The whole text of a file in any encoding, decompressed."""
+    with damage_refused(repr(path.name)), open_bytes(path) as file:
+        return file.read().decode(encoding_of(path) or "utf-8", errors="replace").replace("\r\n", "\n")
+
+
 @contextmanager
 def damage_refused(where: str) -> Iterator[None]:
     """Refuse a compressed file that turns out to be damaged in the block; other errors of the system pass."""

@@ -18,7 +18,7 @@ from ..forecasting.quantiles import INTERVAL
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..logs.naming import PLACE_ALONE, UNPLACED, guess_role, plain, unit_in_name
-from ..logs.open_meteo import is_open_meteo_csv
+from ..logs.open_meteo import answers_in
 from ..logs.zone_csv import to_left_label
 from ..study.doubts import day_beyond
 from ..study.log_reading import read_even_log
@@ -206,12 +206,12 @@ def _from_origin(given: pd.DataFrame, later: pd.DataFrame) -> pd.DataFrame:
 def read_ahead(path: str | PathLike[str], settings: Settings, tz: Any, years: Iterable[int]) -> pd.DataFrame:
     """Weather of the rows ahead by role, in the time zone of the log.
 
-    Columns of a CSV that have the names of the log's are read as the log is; others are found by names and values.  An
-    EPW is that of some ``years``.
+    Columns of a table that have the names of the log's are read as the log is; others are found by names and values.
+    An EPW is that of some ``years``.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix in (".epw", ".json") or is_open_meteo_csv(path):
-        stamped: Iterable[int | None] = years if suffix == ".epw" else [None]
+    is_epw = Path(path).suffix.lower() == ".epw"
+    if is_epw or answers_in(Path(path)):
+        stamped: Iterable[int | None] = years if is_epw else [None]
         frame = pd.concat([read_weather(path, year=year, **dict(settings.site)) for year in stamped])
     else:
         given = {} if settings.timezone is None else {"timezone": settings.timezone}

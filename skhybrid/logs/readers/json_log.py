@@ -18,7 +18,7 @@ from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, holds_stamps, is_stamp_name
 from ..stamps import cell
 from ..table_shapes import SAMPLE, assemble_table
-from ..text_files import damage_refused, encoding_of, open_bytes
+from ..text_files import text_of
 from ..unit_names import unit_or_energy
 from .change_of_value import point_and_value
 
@@ -55,8 +55,7 @@ def read(path: Path, *, point_column: str | None = None, value_column: str | Non
 
 def json_items(path: Path, where: str) -> list[Any]:
     """The documents in a file of JSON, one after the other; of a list, what it holds."""
-    with damage_refused(where), open_bytes(path) as file:
-        text = file.read().decode(encoding_of(path) or "utf-8", errors="replace").strip()
+    text = text_of(path).strip()
     decoder, items, at = json.JSONDecoder(), [], 0
     try:
         while at < len(text):
