@@ -567,6 +567,17 @@ def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
     assert (tmp_path / "kitchen" / "zone.toml").read_text() == given.read_text()
 
 
+def test_an_init_that_is_refused_leaves_nothing(log, tmp_path):
+    given = tmp_path / "mine.toml"
+    given.write_text('[columns]\nT_za = "no such column"\nT_oa = "neither"\n')
+    source = write(log, tmp_path / "log.csv", DAYS)
+    none = tmp_path / "none.csv"
+    for call in ((none,), (none, given), (source, given), (source, tmp_path / "none.toml")):
+        with pytest.raises((ValueError, OSError)):
+            ZoneFolder.init(tmp_path / "kitchen", *call)
+        assert not (tmp_path / "kitchen").exists()
+
+
 def test_a_configuration_that_cannot_be_used_does_not_replace_that_of_the_folder(log, tmp_path):
     own, given = tmp_path / "kitchen" / "zone.toml", tmp_path / "mine.toml"
     own.parent.mkdir()

@@ -95,17 +95,16 @@ class ZoneFolder:
         """
         folder = cls(path)
         folder._refuse_model()
+        if config is None and not folder.config.exists():
+            write_text(folder.config, propose_settings(log))
+        settings = read_settings(folder.config if config is None else config)
+        frame, _, held, finished = _read_past(log, settings)
         folder.path.mkdir(parents=True, exist_ok=True)
         with open_archive(folder.archive) as archive, archive.transaction():
             folder._refuse_model()  # another process may have made one meanwhile
             folder._remove_leftovers()
-            if config is not None or not folder.config.exists():
-                if config is not None:
-                    read_settings(config)  # one that cannot be used does not replace that of the folder
-                text = propose_settings(log) if config is None else Path(config).read_text(encoding="utf-8")
-                write_text(folder.config, text)
-            settings = read_settings(folder.config)
-            frame, _, held, finished = _read_past(log, settings)
+            if config is not None:
+                write_text(folder.config, Path(config).read_text(encoding="utf-8"))
             zone = ZoneModel.fit(settings, finished)
             origin = zone.history(frame).index[-1]
             archive.add_measured(measured_rows(finished, settings, origin), settings.zones)
