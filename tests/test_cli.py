@@ -1142,6 +1142,32 @@ def test_a_model_that_cannot_be_written_is_refused_before_the_fit(files, tmp_pat
 
 @pytest.mark.parametrize(
     ("command", "words"),
+    [("check {log} --config {here}", "--config {here} is a folder; give a file."),
+     ("check {log} --config {log}/a.toml", "--config {log}/a.toml cannot be written to; give another file."),
+     ("forecast --model none.skops --log {log} --out {here}", "--out {here} is a folder; give a file."),
+     ("export emhass {log} --config {toml} --out {here}", "--out {here} is a folder; give a file."),
+     ("zone init {log} --log {log}", "DIR {log} is a file; give a folder.")],
+)  # fmt: skip
+def test_a_place_that_cannot_be_written_to_is_named_with_its_option(command, words, files, tmp_path, capsys):
+    """It was ``[Errno 21] cannot write: Is a directory``, after the work."""
+    names = {"log": files / "log.csv", "toml": files / "zone.toml", "here": tmp_path}
+    assert main(command.format(**names).split()) == 1
+    assert capsys.readouterr().err == f"skhybrid: error: {words.format(**names)}\n"
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["fit LOG --config zone.toml --model m --days", "zone tick kitchen --log LOG --refit-after",
+     "fleet fit houses --jobs", "search LOG --config zone.toml --store s --jobs"],
+)  # fmt: skip
+def test_a_number_beyond_all_use_is_refused(command, capsys):
+    """It overflowed, in a traceback or after the work."""
+    assert main([*command.split(), "1" + 20 * "0"]) == 2
+    assert "is not in the range" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
     [("report LOG --config TOML --out LOG", "as the log and as --out"),
      ("fit LOG --config TOML --model LOG", "as the log and as --model"),
      ("backtest LOG --config TOML --out TOML", "as --config and as --out"),

@@ -15,6 +15,7 @@ from .._files import write_text
 from .._json import strict_json
 from ._output import DONE, FAILED, Progress, one_line
 
+MOST_DAYS, MOST_JOBS = 36_500, 4096  # a century; above them a number is a slip of the pen
 PATH = click.Path(path_type=Path)
 LOG = click.argument("log", metavar="LOG", type=click.Path())  # or a URL; the type completes names of files
 DIR = click.argument("folder", metavar="DIR", type=PATH)

@@ -50,8 +50,10 @@ def print_result(result: StudyResult | BuildingResult, progress: Progress, writt
         print("\n".join([*map(str, result.verdicts), "", format_result(result), "", written]))
 
 
-def refuse_unwritable(out: Path, kind: str = "folder", option: str = "--out") -> None:
+def refuse_unwritable(out: Path | None, kind: str = "folder", option: str = "--out") -> None:
     """Refuse a folder or a file that cannot be written to, before minutes of work and not after them."""
+    if out is None:
+        return
     if out.exists() and out.is_dir() != (kind == "folder"):
         raise ValueError(f"{option} {out} is a {'file' if kind == 'folder' else 'folder'}; give a {kind}.")
     nearest = next(p for p in out.absolute().parents if p.exists())

@@ -24,8 +24,7 @@ def command(log: str, config: Path | None, out: Path | None, say: Progress, as_j
     from ..zone.zone_backtest import backtest_zone
     from ._study import read_study, refuse_unwritable
 
-    if out is not None:
-        refuse_unwritable(out, "file")
+    refuse_unwritable(out, "file")
     found = backtest_zone(settings, read_study(log, settings, say), say)
     if out is not None:
         write_out(out, found.frame.to_csv(index=False, float_format="%.6g"), say)

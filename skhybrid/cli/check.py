@@ -32,7 +32,7 @@ def command(
     With --config, a configuration is written there; what could not be found is a comment in it.  A configuration that
     exists is used instead, and left as it is.
     """
-    known = config is not None and config.exists() and not overwrite
+    known = config is not None and config.is_file() and not overwrite
     if known:
         overruled = [name for name, value in (("--format", format_), ("--timezone", timezone)) if value is not None]
         if overruled:
@@ -43,7 +43,9 @@ def command(
     from ..logs import read_log as read_any_log
     from ..study import propose_settings, read_settings
     from ..study.log_reading import SETPOINT, read_raw_log
+    from ._study import refuse_unwritable
 
+    refuse_unwritable(None if known else config, "file", "--config")
     if config is not None and known:
         settings = read_settings(config)
         report = LogReport(

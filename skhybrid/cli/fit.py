@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ._options import CONFIG, LOG, MODEL, as_command, lines_of, print_json, settings_at
+from ._options import CONFIG, LOG, MODEL, MOST_DAYS, as_command, lines_of, print_json, settings_at
 from ._output import Progress
 
 
@@ -14,7 +14,7 @@ from ._output import Progress
 @LOG
 @CONFIG
 @MODEL
-@click.option("--days", type=click.IntRange(3), default=56, help="Days at the end of the log to learn from.")
+@click.option("--days", type=click.IntRange(3, MOST_DAYS), default=56, help="Days at the end of the log to learn from.")
 def command(log: str, config: Path | None, model: Path, days: int, say: Progress, as_json: bool) -> None:
     """Learn a model from the last weeks of a log, and save it."""
     settings = settings_at(config, several=True)

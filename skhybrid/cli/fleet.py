@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ._options import DIR, as_command, as_group, lines_of, print_json
+from ._options import DIR, MOST_JOBS, as_command, as_group, lines_of, print_json
 from ._output import Progress, one_line
 
 _MOST_SHOWN, _MOST_NAMED = 20, 5  # lines, and zones in one of them
@@ -22,7 +22,12 @@ def _some(context: click.Context, option: click.Parameter, jobs: int) -> int:
 
 
 _JOBS = click.option(
-    "--jobs", type=int, default=1, callback=_some, metavar="N", help="Number of processes; -1 uses every core."
+    "--jobs",
+    type=click.IntRange(max=MOST_JOBS),
+    default=1,
+    callback=_some,
+    metavar="N",
+    help="Number of processes; -1 uses every core.",
 )
 
 

@@ -43,7 +43,9 @@ def command(
     """
     from ..zone import ZoneModel, day_ahead
     from ..zone.rows_ahead import schedules_of
+    from ._study import refuse_unwritable
 
+    refuse_unwritable(out, "file")
     zone = ZoneModel.load(model)
     found = day_ahead(zone, log, weather, schedules_of(setpoint, zone.zones))
     for text in found.remarks:

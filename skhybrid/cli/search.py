@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ._options import CONFIG, LOG, PATH, as_command, print_json, settings_at
+from ._options import CONFIG, LOG, MOST_JOBS, PATH, as_command, print_json, settings_at
 from ._output import Progress
 
 #: columns of the table on the terminal
@@ -21,7 +21,7 @@ _TITLES = {"framework": "model", "name": "case", "rmse": "RMSE [K]", "fit_time":
 @click.option(
     "--size", type=click.Choice(["small", "paper"]), default="small", help="Sizes to try: a few, or all of the paper."
 )
-@click.option("--jobs", type=click.IntRange(1), default=1, help="Processes that train at a time.")
+@click.option("--jobs", type=click.IntRange(1, MOST_JOBS), default=1, help="Processes that train at a time.")
 def command(
     log: str, config: Path | None, store: Path, models: str, size: str, jobs: int, say: Progress, as_json: bool
 ) -> None:

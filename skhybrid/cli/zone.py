@@ -7,7 +7,18 @@ from typing import Any
 
 import click
 
-from ._options import CONFIG_IF_ANY, DIR, SETPOINT, WEATHER, as_command, as_group, lines_of, log_option, print_values
+from ._options import (
+    CONFIG_IF_ANY,
+    DIR,
+    MOST_DAYS,
+    SETPOINT,
+    WEATHER,
+    as_command,
+    as_group,
+    lines_of,
+    log_option,
+    print_values,
+)
 from ._output import Progress
 from .forecast import forecast_content, summary_lines
 
@@ -25,7 +36,9 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
     run the command again.
     """
     from ..zone import ZoneFolder
+    from ._study import refuse_unwritable
 
+    refuse_unwritable(folder, option="DIR")
     say(1, 1, "reading the log and learning")
     made = ZoneFolder.init(folder, log, config)
     print_values({"folder": str(folder), **made.load().facts()}, as_json)
@@ -38,7 +51,7 @@ def init(folder: Path, log: str, config: Path | None, say: Progress, as_json: bo
 @SETPOINT
 @click.option(
     "--refit-after",
-    type=click.IntRange(1),
+    type=click.IntRange(1, MOST_DAYS),
     default=28,
     metavar="DAYS",
     help="Age of the model at which it is fitted again.",
