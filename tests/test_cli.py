@@ -335,7 +335,7 @@ def test_the_module_runs_and_tells_its_version():
         ('q_sol = "W/m2"', 'q_sol = "lux"', "'lux'"),
         ("start = 2024-01-11", "start = 2031-01-11", "[test] from 2031-01-11"),
         ("start = 2024-01-11", "start = 2024-01-05", "[train] ends at"),
-        ('step = "1h"', "step = ", "is not valid TOML"),
+        ('step = "1h"', "step = ", "; correct it."),
         ("[units]", "[scale]\nu_heat = 0.1\n[units]", "a scale is given for 'u_heat'"),
         ('step = "1h"', 'step = "1h"\nlabel = "middle"', "label = 'middle'"),
         ('step = "1h"', 'step = "1h"\norigin_step = "90min"', "origin_step="),

@@ -234,7 +234,7 @@ HEAD = "time,T_za,T_oa\n"
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
-        ("", {}, "'log.csv' is empty"),
+        ("", {}, "'log.csv' is empty; export it again"),
         (HEAD, {}, "has a header but no rows"),
         ("a;b\n1;2\n", {}, "only one column, 'a;b'; pass its separator"),
         ("T_za,T_oa\n1,2\n", {}, "no column of time stamps among 'T_za', 'T_oa'; pass its name as time_column="),

@@ -121,7 +121,7 @@ def test_epw_errors(tmp_path):
     with pytest.raises(FileNotFoundError, match="no weather file"):
         read_epw(tmp_path / "none.epw")
     (tmp_path / "bad.epw").write_text("a,b\n1,2\n")
-    with pytest.raises(ValueError, match="not a readable EPW"):
+    with pytest.raises(ValueError, match=r"not a readable EPW .*; download it again"):
         read_epw(tmp_path / "bad.epw")
     for year in ("2024", 2024.0, 99999):  # of which pandas made an error of its own
         with pytest.raises(ValueError, match=rf"year={year!r} "):

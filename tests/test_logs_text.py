@@ -537,9 +537,9 @@ HEAD = "time,T,x\n"
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
-        ("", {}, "'log.csv' is empty"),
+        ("", {}, "'log.csv' is empty; export it again"),
         ("\x00\x01\x02\x00\x07", {}, "the format of 'log.csv' is not one of Home Assistant, ecobee"),
-        ("\n \n\n", {}, "'log.csv' is empty"),
+        ("\n \n\n", {}, "'log.csv' is empty; export it again"),
         (HEAD, {}, "'log.csv' has one line only, and no row with a time stamp below it"),
         ("a b\nc d\n", {}, "no rows of two or more cells; pass its separator, such as sep=';'"),
         ("T,x\n1,2\n3,4\n", {}, "no cell that is a time stamp"),

@@ -309,6 +309,8 @@ def test_a_place_that_cannot_be_written_is_named(saved, monkeypatch):
     path, model, _ = saved
     with pytest.raises(IsADirectoryError, match=rf"Is a directory: '{path.parent}'"):
         save_model(model, path.parent)
+    with pytest.raises(FileNotFoundError, match="there is no model file"):
+        load_model(path / "m")
     with pytest.raises(OSError, match=rf"cannot write: (Not a directory|File exists): '{path}/m'"):
         save_model(model, path / "m")
     old = path.read_bytes()

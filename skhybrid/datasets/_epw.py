@@ -81,7 +81,7 @@ def _read_typical_year(file: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
         T_oa, ghi, dni, dhi = raw[["temp_air", "ghi", "dni", "dhi"]].to_numpy(dtype=np.float64).T
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, StopIteration, OverflowError) as error:
         cause = " ".join(str(error).split())
-        raise ValueError(f"{str(file)!r} is not a readable EPW weather file ({cause}).") from error
+        raise ValueError(f"{str(file)!r} is not a readable EPW weather file ({cause}); download it again.") from error
     if len(raw) != 8760:
         raise ValueError(f"{str(file)!r} has {len(raw)} hourly rows, but a typical year has 8760.")
     columns = {

@@ -118,7 +118,7 @@ def format_of(path: Path) -> str:
     with path.open("rb") as file:
         start = file.read(_BLANK)
     if not start.strip():
-        raise ValueError(f"{path.name!r} is empty.")
+        raise ValueError(f"{path.name!r} is empty; export it again.")
     head = head_of(path)
     for name, module in FORMATS.items():
         if module.looks_like(path, head):

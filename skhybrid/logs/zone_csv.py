@@ -152,7 +152,7 @@ def _read_cells(file: Path, where: str, sep: str, decimal: str) -> pd.DataFrame:
         with damage_refused(where):
             table = pd.read_csv(file, sep=sep, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig")
     except pd.errors.EmptyDataError:
-        raise ValueError(f"{where} is empty.") from None
+        raise ValueError(f"{where} is empty; export it again.") from None
     except UnicodeDecodeError:
         raise ValueError(f"{where} is not encoded in UTF-8; save it as CSV UTF-8.") from None
     except pd.errors.ParserError as error:

@@ -169,14 +169,14 @@ def _read(path: str | os.PathLike[str]) -> tuple[bytes, bytes, bytes]:
     """Version, checksum and archive of a file that begins as a model file does."""
     try:
         found = os.stat(path)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise FileNotFoundError(f"there is no model file {path}; check the path.") from None
     if not stat.S_ISREG(found.st_mode):  # a pipe or a device may never end
         raise ModelFileError(f"{path} is not a file; give the path of a model file.")
     with open(path, "rb") as file:
         header = _HEADER.fullmatch(file.readline(200))
         if header is None:
-            raise ModelFileError(f"{path} is not a skhybrid model file, or its first line was altered.")
+            raise ModelFileError(f"{path} is not a skhybrid model file, or its first line was altered; save it again.")
         if found.st_size > MOST_BYTES:
             raise ModelFileError(f"{path} has {found.st_size:,} bytes, and a model file at most {MOST_BYTES:,}.")
         return header[1], header[2], file.read()

@@ -223,11 +223,11 @@ def read_settings(path: str | PathLike[str]) -> Settings:
     """
     file = Path(path)
     if not file.is_file():
-        raise FileNotFoundError(f"there is no configuration {str(file)!r}.")
+        raise FileNotFoundError(f"there is no configuration {str(file)!r}; skhybrid check LOG --config proposes one.")
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file.name} is not valid TOML: {error}.") from None
+        raise SettingsError(f"{file.name} is not valid TOML ({error}); correct it.") from None
     try:
         return settings_from(content)
     except ValueError as error:

@@ -127,6 +127,6 @@ def _pieces(file: Path, where: str) -> Iterator[pd.DataFrame]:
                 piece = piece.set_axis(piece.index + 2, axis=0)  # lines of the file
                 yield piece[piece["last_changed"] != "last_changed"]  # a history that was put below another
     except pd.errors.EmptyDataError:
-        raise ValueError(f"{where} is empty.") from None
+        raise ValueError(f"{where} is empty; export it again.") from None
     except (UnicodeDecodeError, pd.errors.ParserError) as error:
         raise ValueError(f"{where} cannot be read as a history ({str(error).strip()}); export it again.") from error

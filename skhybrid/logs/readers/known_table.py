@@ -32,7 +32,7 @@ def read_text_cells(source: Path | io.StringIO, where: str) -> pd.DataFrame:
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{where} cannot be read as CSV in UTF-8 ({str(error).strip()}); export it again.") from error
     if not names:
-        raise ValueError(f"{where} is empty.")
+        raise ValueError(f"{where} is empty; export it again.")
     if not rows:
         raise ValueError(f"{where} has a header but no rows.")
     table = pd.DataFrame(rows, columns=names, index=pd.Index(lines), dtype=str)

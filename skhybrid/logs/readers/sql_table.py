@@ -82,7 +82,7 @@ def _engine(alchemy: Any, url: Any) -> Any:
         ) from None
     except alchemy.exc.ArgumentError:
         raise ValueError(
-            f"the kind of database {url.drivername!r} is unknown; write postgresql+psycopg or sqlite."
+            f"the kind of database {url.drivername!r} is unknown; write postgresql+psycopg or sqlite, or give a file."
         ) from None
 
 
