@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .._arguments import check_verbose
+from .._arguments import check_verbose, store_arguments
 from .base import Adapt
 from .parameter_docs import shared_docs
 from .schedule_predictor import Purpose, make_schedule_scheme
@@ -68,51 +68,12 @@ class HybridPredictor(BaseTwoStage):
     """
 
     def __init__(
-        self,
-        gray_box=None,
-        forecaster=None,
-        *,
-        network=None,
-        known=None,
-        purpose: Purpose = "forecast",
-        disturbance="input",
-        horizon="1D",
-        adapt: Adapt = "full",
-        intervals=True,
-        preprocess=None,
-        memory=None,
-        columns=None,
-        sampling_time=None,
-        holidays=None,
-        n_jobs=None,
-        random_state=None,
-        verbose=0,
-        origin_step=None,
-        max_missing=0.5,
-        prior=None,
-    ):
-        super().__init__(
-            gray_box,
-            forecaster,
-            network=network,
-            known=known,
-            disturbance=disturbance,
-            horizon=horizon,
-            adapt=adapt,
-            intervals=intervals,
-            preprocess=preprocess,
-            memory=memory,
-            columns=columns,
-            sampling_time=sampling_time,
-            holidays=holidays,
-            n_jobs=n_jobs,
-            random_state=random_state,
-            verbose=verbose,
-            origin_step=origin_step,
-            max_missing=max_missing,
-        )
-        self.purpose = purpose
-        self.prior = prior
+        self, gray_box=None, forecaster=None, *, network=None, known=None, purpose: Purpose = "forecast",
+        disturbance="input", horizon="1D", adapt: Adapt = "full", intervals=True, preprocess=None, memory=None,
+        columns=None, sampling_time=None, holidays=None, n_jobs=None, random_state=None, verbose=0, origin_step=None,
+        max_missing=0.5, prior=None,
+    ):  # fmt: skip
+        store_arguments(self, locals())
 
     def _make_scheme(self) -> Scheme:
         if self._takes_two_stages() or self.disturbance != "input":

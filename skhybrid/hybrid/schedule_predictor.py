@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args
 
+from .._arguments import store_arguments
 from ..thermal import get_network
 from ..thermal.parameters import known_values
 from .base import Adapt, BaseHybrid
@@ -77,35 +78,11 @@ class SchedulePredictor(BaseHybrid):
     """
 
     def __init__(
-        self,
-        network="4R3C",
-        *,
-        known=None,
-        purpose: Purpose = "forecast",
-        horizon="1D",
-        adapt: Adapt = "full",
-        intervals=True,
-        preprocess=None,
-        columns=None,
-        sampling_time=None,
-        holidays=None,
-        origin_step=None,
-        max_missing=0.5,
-        prior=None,
-    ):
-        self.network = network
-        self.known = known
-        self.purpose = purpose
-        self.horizon = horizon
-        self.adapt = adapt
-        self.intervals = intervals
-        self.preprocess = preprocess
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.holidays = holidays
-        self.origin_step = origin_step
-        self.max_missing = max_missing
-        self.prior = prior
+        self, network="4R3C", *, known=None, purpose: Purpose = "forecast", horizon="1D", adapt: Adapt = "full",
+        intervals=True, preprocess=None, columns=None, sampling_time=None, holidays=None, origin_step=None,
+        max_missing=0.5, prior=None,
+    ):  # fmt: skip
+        store_arguments(self, locals())
 
     def _make_scheme(self) -> ScheduleScheme:
         return make_schedule_scheme(self)

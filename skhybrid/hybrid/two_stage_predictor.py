@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import check_n_jobs, check_verbose
+from .._arguments import check_n_jobs, check_verbose, store_arguments
 from .._threads import one_blas_thread
 from ..forecasting import DisturbanceForecaster
 from ..forecasting.named_models import check_parameters, refuse_unread, require_networks
@@ -26,45 +26,12 @@ class BaseTwoStage(BaseHybrid):
     """Base of the predictors that take a gray box and a forecaster."""
 
     def __init__(
-        self,
-        gray_box=None,
-        forecaster=None,
-        *,
-        network=None,
-        known=None,
-        disturbance: Literal["input", "output"] = "input",
-        horizon="1D",
-        adapt: Adapt = "full",
-        intervals=True,
-        preprocess=None,
-        memory=None,
-        columns=None,
-        sampling_time=None,
-        holidays=None,
-        n_jobs=None,
-        random_state=None,
-        verbose=0,
-        origin_step=None,
-        max_missing=0.5,
-    ):
-        self.gray_box = gray_box
-        self.forecaster = forecaster
-        self.network = network
-        self.known = known
-        self.disturbance = disturbance
-        self.horizon = horizon
-        self.adapt = adapt
-        self.intervals = intervals
-        self.preprocess = preprocess
-        self.memory = memory
-        self.n_jobs = n_jobs
-        self.random_state = random_state
-        self.verbose = verbose
-        self.columns = columns
-        self.sampling_time = sampling_time
-        self.holidays = holidays
-        self.origin_step = origin_step
-        self.max_missing = max_missing
+        self, gray_box=None, forecaster=None, *, network=None, known=None,
+        disturbance: Literal["input", "output"] = "input", horizon="1D", adapt: Adapt = "full", intervals=True,
+        preprocess=None, memory=None, columns=None, sampling_time=None, holidays=None, n_jobs=None, random_state=None,
+        verbose=0, origin_step=None, max_missing=0.5,
+    ):  # fmt: skip
+        store_arguments(self, locals())
 
     def set_params(self, **params: Any) -> Self:
         """Set parameters, also those of parts, given or default (``forecaster__hidden_size``).
@@ -115,13 +82,8 @@ class BaseTwoStage(BaseHybrid):
             raise ValueError(f"disturbance={self.disturbance!r} is neither 'input' nor 'output'.")
         if not (self.memory is None or isinstance(self.memory, str | PathLike) or hasattr(self.memory, "cache")):
             raise ValueError(f"memory={self.memory!r} must be a folder or a joblib.Memory.")
-        return TwoStageScheme(
-            self._gray_box_part(),
-            self._forecaster_part(),
-            disturbance=self.disturbance,
-            adapt=self.adapt,
-            memory=self.memory,
-        )
+        parts = self._gray_box_part(), self._forecaster_part()
+        return TwoStageScheme(*parts, disturbance=self.disturbance, adapt=self.adapt, memory=self.memory)
 
     def _gray_box_part(self) -> Any:
         given = _default_gray_box() if self.gray_box is None else self.gray_box

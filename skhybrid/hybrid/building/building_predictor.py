@@ -14,7 +14,7 @@ from sklearn.base import clone
 from sklearn.utils import Tags, check_consistent_length
 from sklearn.utils.validation import check_is_fitted
 
-from ..._arguments import check_n_jobs
+from ..._arguments import check_n_jobs, store_arguments
 from ..._rolling import r2_of_measured
 from ..._table import as_numbers, as_pandas
 from ..._threads import one_blas_thread
@@ -93,9 +93,7 @@ class BuildingPredictor(BaseBuilding):
     """
 
     def __init__(self, estimator=None, *, adjacency=None, n_jobs=None):
-        self.estimator = estimator
-        self.adjacency = adjacency
-        self.n_jobs = n_jobs
+        store_arguments(self, locals())
 
     @unchanged_on_failure
     @warnings_joined()
