@@ -21,6 +21,7 @@ from skhybrid.forecasting.quantiles import (
     LeftOut,
     block_origins,
     errors_inside,
+    intervals_from,
     joined_blocks,
     left_out_blocks,
     measured_ahead,
@@ -224,10 +225,12 @@ def test_intervals_of_what_was_always_right_have_no_width():
     assert (np.diff(found, axis=1) >= 0.0).all()
 
 
-def test_too_few_errors_are_refused():
-    clock = clock_of(1, per_day=1)
-    with pytest.raises(ValueError, match="19 errors"):
-        LeadIntervals().fit(np.where(clock.lead < 20, 1.0, np.nan), clock)
+def test_too_few_errors_teach_no_intervals(arx, office):
+    table, errors = arx._read_X(office.X[: 3 * 96]), np.full((1, 96), np.nan)
+    errors[0, :19] = 1.0
+    assert intervals_from(LeftOut(errors, np.array([96])), table) is None
+    errors[0, 19] = 1.0
+    assert intervals_from(LeftOut(errors, np.array([96])), table).n_days_ == 1
 
 
 # ------------------------------------------------------------------------------------------------- errors left out

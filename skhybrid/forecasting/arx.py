@@ -20,7 +20,7 @@ from .arx_design import ARXData, ARXDesign, Moments, Pairs, RecursiveARX, coefs_
 from .arx_multi_step import MultiStepFit, RecursiveMultiStep, fit_multi_step
 from .arx_prior import ZoneEvidence, ZoneSums, prior_of
 from .features import target_rows
-from .intervals import LEAST_ERRORS, LeadIntervals
+from .intervals import LeadIntervals
 from .quantiles import LeftOut, QuantileForecastMixin, block_origins, intervals_from, left_out_blocks, measured_ahead
 from .reading import read_training, read_zone
 
@@ -267,8 +267,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         blocks = np.repeat(np.arange(len(origins)), [len(rows) for rows in origins])
         rows = np.concatenate(origins)
         paths = self.left_out_paths(table, T, rows, n_leads, blocks)
-        left_out = LeftOut(measured_ahead(known, rows, n_leads) - paths, rows)
-        return intervals_from(left_out, known) if np.isfinite(left_out.errors).sum() >= LEAST_ERRORS else None
+        return intervals_from(LeftOut(measured_ahead(known, rows, n_leads) - paths, rows), known)
 
     def _read_X(self, X: Any) -> ZoneTable:
         return read_zone(self, X)

@@ -64,13 +64,8 @@ class LeadIntervals:
         self.independent_per_day = independent_per_day
 
     def fit(self, errors: np.ndarray, clock: PathClock) -> Self:
-        """Learn scale and shape from errors (n_origins, n_leads) on left-out data, NaN where unknown; 20 are needed."""
+        """Learn from LEAST_ERRORS or more errors (n_origins, n_leads) on left-out data, NaN where unknown."""
         known = np.isfinite(errors)
-        if known.sum() < LEAST_ERRORS:
-            raise ValueError(
-                f"{known.sum()} errors on left-out training data are too few to learn intervals from; fit on a longer "
-                "table."
-            )
         self._set_scales(np.abs(errors if clock.spread is None else errors / clock.spread)[known], known, clock)
         standard = errors / self.scale(clock)
         groups = _groups(clock.lead)

@@ -19,7 +19,7 @@ from .._threads import one_blas_thread
 from .._time import rows_per_day
 from ..exceptions import TooFewDaysError
 from .features import held_target_rows, known_before, target_rows
-from .intervals import DAYS_BACK, LeadIntervals, PathClock
+from .intervals import DAYS_BACK, LEAST_ERRORS, LeadIntervals, PathClock
 from .weather_error import WeatherError, read_weather_error, weather_spreads
 
 INTERVAL = (0.1, 0.9)  # quantiles of the intervals that are shown: 80 % lie between them
@@ -226,8 +226,10 @@ def measured_ahead(table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.nd
     return known_before(table.measured(), target_rows(origins, n_leads), table.n_rows)
 
 
-def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals:
-    """Intervals learned from errors on left-out parts of a training table, which has its target as history."""
+def intervals_from(left_out: LeftOut, table: ZoneTable) -> LeadIntervals | None:
+    """Intervals learned from errors on left-out parts of a training table with its target as history; None: too few."""
+    if np.isfinite(left_out.errors).sum() < LEAST_ERRORS:
+        return None
     return LeadIntervals().fit(left_out.errors, path_clock(table, left_out.origins, left_out.errors.shape[1]))
 
 

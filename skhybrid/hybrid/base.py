@@ -18,7 +18,6 @@ from .._table import SETPOINT_ROLES, UNLIMITED, ZoneTable, checked_columns, read
 from .._threads import one_blas_thread
 from .._time import rows_per_day
 from .._transaction import unchanged_on_failure
-from ..forecasting.intervals import LEAST_ERRORS
 from ..forecasting.quantiles import LeftOut, intervals_from
 from .affine_frames import AffineFramesMixin
 from .joint_errors import JointErrors
@@ -114,9 +113,9 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         self._learned_to = scheme.rows.last_stamp
         self.training_ = TrainingRecord.of(training)
         self._law, self._usual_law = ClosedLoop.fit(scheme, self._most_leads(training.step)), None
-        self._intervals = self._joint = None
         left_out = scheme.left_out_errors(self._most_leads(training.step)) if intervals else None
-        if left_out is not None and np.isfinite(left_out.errors).sum() >= LEAST_ERRORS:
+        self._intervals = self._joint = None
+        if left_out is not None:
             self._intervals = intervals_from(left_out, training)
             self._joint = JointErrors.of(left_out.errors[..., None], training.index, left_out.origins)
 
