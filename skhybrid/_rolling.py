@@ -48,6 +48,7 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
     """``predict``, ``predict_from`` and ``score``; a subclass sets ``horizon`` and ``_tail``, and has the hooks."""
 
     _tail: ZoneTable
+    _mean: float  # of the training target
     _target_role = "T_za"  # of what is forecast
     _reads_clock = True  # whether forecasts depend on the hour of the day
 
@@ -60,7 +61,8 @@ class RollingForecastMixin(SummaryMixin, RegressorMixin):
 
     def _cold_value(self, table: ZoneTable) -> float:
         """Value of the first row of a table without history: the measured one, or the training mean."""
-        raise NotImplementedError
+        first = float(table.measured(self._target_role)[0])
+        return first if np.isfinite(first) else self._mean
 
     def _past_roles(self) -> tuple[str, ...]:
         """Roles of what is forecast, which are known in the past only."""

@@ -135,6 +135,7 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
         self.input_names_ = list(table.inputs)
         self.sampling_time_, self.training_ = table.step, TrainingRecord.of(table)
         self._solve(table, T, like)
+        self._mean = self.design_.T_mean
         self._intervals = self._left_out_intervals(table, T) if self.intervals else None
         end = slice(-self.design_.warmup, None)
         self._tail = table.rows(end).replace(history={"T_za": T[end]}).owned()
@@ -271,10 +272,6 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
 
     def _read_X(self, X: Any) -> ZoneTable:
         return read_zone(self, X)
-
-    def _cold_value(self, table: ZoneTable) -> float:
-        first = float(table.measured()[0])
-        return first if np.isfinite(first) else self.design_.T_mean
 
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         self._check_adapt()  # which may have been set since ``fit``

@@ -185,9 +185,6 @@ class BoostedRegressor(RollingForecastMixin, RegressorMixin, BaseEstimator):
     def _facts(self) -> dict[str, str]:
         return {"inputs": ", ".join(self._roles), "trees": str(self.n_iter_)}
 
-    def _cold_value(self, table: ZoneTable) -> float:
-        return float(self._carried_forward(table)[0])
-
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         if self.arx_ is None:
             base = np.repeat(self._carried_forward(table)[origins][:, None], n_leads, axis=1)

@@ -213,10 +213,6 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
         made._scheme.go_on()
         return made
 
-    def _cold_value(self, table: ZoneTable) -> float:
-        first = float(table.measured()[0])
-        return first if np.isfinite(first) else self._mean
-
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int, boundary: Boundary = None) -> np.ndarray:
         return self._present_scheme().forecast(table, origins, n_leads, boundary).temperature
 
