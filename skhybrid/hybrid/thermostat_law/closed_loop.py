@@ -157,23 +157,23 @@ class ClosedLoop:
         of_past, of_origins = IdealPaths(past, ideal.of(past)), IdealPaths(origins, free)
         errors, members = self._by_law(rows, weeks, laws, of_past, of_origins, n_leads)
         unshifted = np.zeros((2, len(origins), n_leads))
-        wanted = _Wanted(rows, origins, members, free.zeta[:, :n_leads], capacity, unshifted)
+        wanted = _Wanted(table, rows, origins, members, free.zeta[:, :n_leads], capacity, unshifted)
         if limits is not None:
             asked = asked._replace(limits=capacity.within(*limits))
             shift = _between(loads_from(origins, n_leads, asked), free, n_leads)
             wanted = wanted._replace(shift=shift, limits=asked.limits)
         if delivered is not None:
-            expected = self._blended(scheme, table, wanted, errors, weeks, None).paths.heat[:, 0]
+            expected = self._blended(scheme, wanted, errors, weeks).paths.heat[:, 0]
             actual, forecast = (
                 loads_from(origins, n_leads, asked._replace(delivered=q)) for q in (delivered, expected)
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         if levels is not None:
-            wanted = wanted._replace(seen=self._capacity.seen(rows, weeks.begin, origins))
-        if levels is not None and weather is not None:
-            spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
-            wanted = wanted._replace(spread=spread)
-        return self._blended(scheme, table, wanted, errors, weeks, levels)
+            wanted = wanted._replace(levels=levels, seen=self._capacity.seen(rows, weeks.begin, origins))
+            if weather is not None:
+                spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
+                wanted = wanted._replace(spread=spread)
+        return self._blended(scheme, wanted, errors, weeks)
 
     def _by_law(
         self,
@@ -249,20 +249,12 @@ class ClosedLoop:
             begin = int((table.utc <= self._learned_to).sum()) if table.n_history else 0
         return Weeks(zero, begin, rows.per_day)
 
-    def _blended(
-        self,
-        scheme: Scheme,
-        table: ZoneTable,
-        wanted: _Wanted,
-        errors: LawErrors,
-        weeks: Weeks,
-        levels: np.ndarray | None,
-    ) -> ClosedLoopPaths:
+    def _blended(self, scheme: Scheme, wanted: _Wanted, errors: LawErrors, weeks: Weeks) -> ClosedLoopPaths:
         """The members blended by what was known of their errors at each origin."""
-        rows, members, n_leads = wanted.rows, wanted.members, wanted.members.shape[1]
+        table, rows, members, n_leads = wanted.table, wanted.rows, wanted.members, wanted.members.shape[1]
         begin = weeks.zero if table.n_history else weeks.begin  # of new rows
         ranges = scheme.plausible(table, wanted.origins)
-        n_levels = 0 if levels is None else len(levels)
+        n_levels = len(wanted.levels)
         out = np.empty((2, len(wanted.origins), n_leads, 1 + n_levels))
         for i, origin in enumerate(wanted.origins):
             known = errors.until(int(origin), int(origin) - (_DAYS_BACK + 1) * rows.per_day)
@@ -271,9 +263,9 @@ class ClosedLoop:
                 weights = by_lead(shares[quantity], self.n_leads, n_leads)
                 path = np.sum(members[i, :, quantity] * weights, axis=-1) + wanted.shift[quantity, i]
                 out[quantity, i] = path[:, None]
-                if levels is not None:
+                if n_levels:
                     recent = self._recent(table, known, shares, quantity)
-                    out[quantity, i, :, 1:] += self._offsets(table, wanted, i, quantity, weights, recent, levels)
+                    out[quantity, i, :, 1:] += self._offsets(wanted, i, quantity, weights, recent)
             plausible = ranges.of_row(i).around(rows.band.rows(slice(origin, origin + n_leads)))
             lowest, highest = wanted.limits.lower[i], wanted.limits.upper[i]
             heats, cools = self._acting(rows.band, np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
@@ -281,7 +273,7 @@ class ClosedLoop:
             out[0, i] = np.clip(out[0, i], within[0][:, None], within[1][:, None])
             out[1, i] = plausible.clip(out[1, i])
         paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.zeta)
-        return ClosedLoopPaths(paths, *(() if levels is None else (out[0, ..., 1:], out[1, ..., 1:])))
+        return ClosedLoopPaths(paths, *((out[0, ..., 1:], out[1, ..., 1:]) if n_levels else ()))
 
     def _acting(self, band: Band, at: np.ndarray) -> list[np.ndarray]:
         """Whether the plant may heat, and cool, in some rows: not on a side that had set-points and has none there."""
@@ -306,17 +298,11 @@ class ClosedLoop:
         return MemberValues(known.values[daily, :, quantity], weights, clock, known.runs[daily])
 
     def _offsets(
-        self,
-        table: ZoneTable,
-        wanted: _Wanted,
-        i: int,
-        quantity: int,
-        weights: np.ndarray,
-        recent: MemberValues | None,
-        levels: np.ndarray,
+        self, wanted: _Wanted, i: int, quantity: int, weights: np.ndarray, recent: MemberValues | None
     ) -> np.ndarray:
         """(n_leads, n_levels) quantiles of the error of the path from the ``i``-th origin."""
-        origin, spread = wanted.origins[i], None if wanted.spread is None else wanted.spread[i, quantity]
+        table, origin, levels = wanted.table, wanted.origins[i], wanted.levels
+        spread = None if wanted.spread is None else wanted.spread[i, quantity]
         clock, now = path_clock(table, origin[None], len(weights)), origin * table.step_hours / 24.0
         acts = runs(wanted.members[i, None, :, 0], self._tail.least)
         paths = MemberValues(wanted.members[i, None, :, quantity], weights, clock, acts)
@@ -330,14 +316,16 @@ class ClosedLoop:
 
 
 class _Wanted(NamedTuple):
-    """Origins in rows, and what the members forecast from them."""
+    """Origins in a table, and what the members forecast from them."""
 
+    table: ZoneTable
     rows: LawRows
     origins: np.ndarray
     members: np.ndarray  # (O, L, 2, M) load [kW] and temperature [degC]
     zeta: np.ndarray  # (O, L)
     limits: Limits  # (O,) of the plant [kW]
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
+    levels: np.ndarray = np.empty(0)  # of quantiles, none where they are not asked for
     seen: Limits | None = None  # (O,) least and most heat that the trees may have learned from [kW], for quantiles
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
 
