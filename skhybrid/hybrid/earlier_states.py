@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple, Self
@@ -14,7 +13,7 @@ from .._time import rows_per_day
 from ..control import Limits, LoadPaths, WantedPaths, heat_column
 from .hourly_aggregation import HourlyAggregation
 from .known_rows import KnownRows
-from .scheme import Scheme
+from .scheme import LoadsFrom, Scheme
 from .weekly_refit import WeeklyRefit
 
 _MOST_EARLIER = 4  # states of some days ago that are remembered
@@ -79,9 +78,7 @@ class EarlierStates(Scheme):
         rows = KnownRows.of(self.rows.whole().rows(slice(0, start.n_rows)))
         return self._with(gray_box_=gray_box, rows=rows, _aggregation=start.aggregation, _seen_since=False, _earlier={})
 
-    def load_paths_from(
-        self, table: ZoneTable, origins: np.ndarray
-    ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
+    def load_paths_from(self, table: ZoneTable, origins: np.ndarray) -> LoadsFrom:
         def paths(chosen: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:
             out = LoadPaths(*np.full((3, len(chosen), n_leads), np.nan))
             kept = chosen < table.n_history

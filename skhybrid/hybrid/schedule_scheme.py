@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Self
 
@@ -36,7 +36,7 @@ from .blending.numbered_table import NumberedTable
 from .blending.rolling_blend import SETTLED_DAYS, SETTLED_DAYS_OF_FLEET, BlendRecord, RollingBlend
 from .drift import DriftMonitor
 from .known_rows import KnownRows
-from .scheme import AffinePaths, Ahead, Boundary, Paths, Scheme
+from .scheme import AffinePaths, Ahead, Boundary, LoadsFrom, Paths, Scheme
 from .tables import days_after, parts_of_days, since_history
 
 _LOOKS_BACK = 64  # rows before its origin that a forecast looks back on, for the lags of ARX
@@ -237,9 +237,7 @@ class ScheduleScheme(Scheme):
             states.append(rolling.state())
         return rows, view.segment, states, moved - rows.first
 
-    def load_paths_from(
-        self, table: ZoneTable, origins: np.ndarray
-    ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
+    def load_paths_from(self, table: ZoneTable, origins: np.ndarray) -> LoadsFrom:
         _, segment, states, moved = self._states(table, origins)
 
         def paths(chosen: np.ndarray, n_leads: int, wanted: WantedPaths) -> LoadPaths:

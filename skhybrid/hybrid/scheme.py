@@ -22,6 +22,8 @@ from .plausible_range import PlausibleRange
 NEXT = "T_next_"  # before a zone's name: the role of its temperature as a boundary of its neighbours
 #: boundary temperatures (n_origins, n_leads) [degC] by role, in place of those that a table has ahead
 Boundary = Mapping[str, np.ndarray] | None
+#: loads from some origins (n_origins,), by the number of rows ahead and what is wanted
+LoadsFrom = Callable[[np.ndarray, int, WantedPaths], LoadPaths]
 
 
 class Paths(NamedTuple):
@@ -172,9 +174,7 @@ class Scheme(ABC):
         """
 
     @abstractmethod
-    def load_paths_from(
-        self, table: ZoneTable, origins: np.ndarray
-    ) -> Callable[[np.ndarray, int, WantedPaths], LoadPaths]:
+    def load_paths_from(self, table: ZoneTable, origins: np.ndarray) -> LoadsFrom:
         """Least heat that keeps the network within the set-points (n_rows,) of a table, from some of these origins on.
 
         They increase, and the states at them are computed once.
