@@ -107,9 +107,8 @@ class BaseHybrid(AffineFramesMixin, RegressorMixin, BaseEstimator):
     def _take(self, scheme: Scheme, *, intervals: bool) -> None:
         """Forecast with a scheme that was just fitted, and learn the intervals of its forecasts."""
         training = scheme.rows.training
-        target = training.history["T_za"]
         self._scheme, self.scheme_, self.sampling_time_ = scheme, scheme.name, training.step
-        self._mean = float(np.nanmean(target)) if np.isfinite(target).any() else 20.0
+        self._mean = float(np.nanmean(training.history["T_za"]))
         self._learned_to = scheme.rows.last_stamp
         self.training_ = TrainingRecord.of(training)
         self._law, self._usual_law = ClosedLoop.fit(scheme, self._most_leads(training.step)), None

@@ -197,12 +197,7 @@ class FramesForecastMixin(FramesReadingMixin):
         return paths.columns(now) | dict(zip(quantile_columns(levels), bands.T, strict=True))
 
     def _under_thermostat(
-        self,
-        history: Any,
-        future: Any,
-        wanted: Wanted,
-        setpoint: Any,
-        limits: tuple[float | None, float | None] | None,
+        self, history: Any, future: Any, wanted: Wanted, setpoint: Any, limits: tuple[float | None, float | None] | None
     ) -> pd.DataFrame:
         """The forecast in which the plant follows set-points."""
         now, run, idle = wanted.now, self._run, self._idle(future)

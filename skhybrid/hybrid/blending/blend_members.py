@@ -43,9 +43,8 @@ def members_beside_network(
     plan, n_lags = purpose == "plan", _LAGS if training.n_rows * training.step >= _TWO_DAYS else _FEW_LAGS
     fitted = {m.multi_step: m.arx_ for m in like if isinstance(m, ARXMember)}
     # errors at many leads do not determine what a trace of heat did, and large coefficients look as good as small ones
-    multi_step = (
-        [] if _has_trace(training) and not plan else [ARXMember(n_lags, multi_step=True, like=fitted.get(True))]
-    )
+    has_trace = any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())
+    multi_step = [] if has_trace and not plan else [ARXMember(n_lags, multi_step=True, like=fitted.get(True))]
     others: list[Member] = [ARXMember(n_lags, like=fitted.get(False)), *multi_step, DailyProfileMember()]
     if plan:
         neighbours = set(fit.plan.network.boundaries) - {"T_oa"}
@@ -84,8 +83,3 @@ def _tells_gain(fit: LeadFit, training: ZoneTable, role: str) -> bool:
     if training.n_rows * training.step < _A_WEEK or training.hours_run(role) < _MANY_HOURS:
         return False
     return bool(NetworkResponse.of(fit, (role,), training).temperature(training).std() > _MOVES)
-
-
-def _has_trace(training: ZoneTable) -> bool:
-    """Whether a plant ran, but so little that the training does not determine what its heat does."""
-    return any(training.hardly_ran(role) and v.any() for role, v in training.inputs.items())

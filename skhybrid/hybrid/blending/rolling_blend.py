@@ -183,8 +183,7 @@ class RollingBlend:
 
     def heat_now(self, views: list[Any]) -> float:
         """Unmeasured heat over the step of the last row [kW]."""
-        given = zip(self._rolling, views, strict=True)
-        return next(rolling.heat_now(view) for rolling, view in given if hasattr(rolling, "heat_now"))
+        return self.network.heat_now(views[0])
 
     def _share(self, row: Any, later: int) -> Any:
         """Weights at a row of forecasts that ended before it."""

@@ -91,14 +91,8 @@ def _key(rows: LawRows, weeks: Weeks, number: int) -> tuple[int, bytes] | None:
         return None
     # the first day of these may be missing
     of = slice(max(weeks.zero + span[0] * weeks.length + weeks.per_day, 0), span[1])
-    parts = (
-        rows.T[of],
-        rows.heat[of],
-        *(side[of] for side in rows.band),
-        rows.weather[of],
-        *(T[of] for T in rows.beside),
-    )
-    return number, hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).digest()
+    read = (rows.T, rows.heat, *rows.band, rows.weather, *rows.beside)
+    return number, hashlib.sha256(b"".join(np.ascontiguousarray(part[of]).tobytes() for part in read)).digest()
 
 
 class IdealPaths(NamedTuple):
