@@ -55,21 +55,20 @@ def columns_from(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked)
 
 def _columns(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked) -> dict[str, np.ndarray]:
     """The columns of :func:`columns_from`, all read in one way."""
-    horizon, quantiles, weather, heat_known = asked
-    bands, loads = None, dict[str, np.ndarray]()
-    if not heat_known:
-        paths, bands, loads = _paths_under_setpoints(forecaster, table, origins, horizon, quantiles, weather)
-    elif weather is not None:
+    quantiles, bands, loads = asked.quantiles, None, dict[str, np.ndarray]()
+    if not asked.heat_known:
+        paths, bands, loads = _paths_under_setpoints(forecaster, table, origins, asked)
+    elif asked.weather is not None:
         if len(target_roles(forecaster)) > 1:
             raise ValueError(
                 "weather_error with the heat known is for one zone; back-test the own_ estimators of a building, or "
                 "its set-points with heat_known=False."
             )
-        paths, bands = _paths_under(forecaster, table, origins, horizon, quantiles, weather)
+        paths, bands = _paths_under(forecaster, table, origins, asked, asked.weather)
     else:
-        paths = forecaster.predict_from(table, origins, horizon=horizon)
+        paths = forecaster.predict_from(table, origins, horizon=asked.horizon)
         if quantiles is not None:
-            bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=horizon)
+            bands = forecaster.predict_quantiles_from(table, origins, quantiles, horizon=asked.horizon)
     columns = {"y_pred": paths}
     if quantiles is not None and bands is not None:
         columns |= dict(zip(quantile_columns(quantiles), np.moveaxis(bands, -1, 0), strict=True))
@@ -77,12 +76,7 @@ def _columns(forecaster: Any, table: Any, origins: np.ndarray, asked: Asked) -> 
 
 
 def _paths_under(
-    forecaster: Any,
-    table: Any,
-    origins: np.ndarray,
-    horizon: pd.Timedelta,
-    quantiles: Sequence[float] | None,
-    weather: WeatherError,
+    forecaster: Any, table: Any, origins: np.ndarray, asked: Asked, weather: WeatherError
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Forecasts from increasing origins of a table, with intervals that allow for errors of the weather forecast.
 
@@ -95,6 +89,7 @@ def _paths_under(
             "weather_error needs an estimator of this package without preprocess=, and X as a DataFrame with time "
             "stamps; leave weather_error=None."
         )
+    horizon, quantiles = asked.horizon, asked.quantiles
     walker, begin = _walker(forecaster, table, int(origins[0]))
     bands_asked = {} if quantiles is None else {"quantiles": quantiles, "weather_error": weather}
     n_leads = rows_of(horizon, table.step)
@@ -104,10 +99,9 @@ def _paths_under(
         there = min(n_leads, table.n_rows - 1 - origin)
         seen = weather.forecast(table, origin, n_leads)
         if walker is None:
-            asked = {"origins": [origin], "horizon": horizon}
-            paths[i] = forecaster.predict_from(seen, **asked)[0]
+            paths[i] = forecaster.predict_from(seen, [origin], horizon=horizon)[0]
             if bands is not None:
-                bands[i] = forecaster.predict_quantiles_from(seen, **asked, **bands_asked)[0]
+                bands[i] = forecaster.predict_quantiles_from(seen, [origin], horizon=horizon, **bands_asked)[0]
             continue
         if origin >= begin:
             walker.update(table.rows(slice(begin, origin + 1)))
@@ -134,12 +128,7 @@ def _walker(forecaster: Any, table: ZoneTable, first: int) -> tuple[Any, int]:
 
 
 def _paths_under_setpoints(
-    forecaster: Any,
-    table: Any,
-    origins: np.ndarray,
-    horizon: pd.Timedelta,
-    quantiles: Sequence[float] | None,
-    weather: WeatherError | None,
+    forecaster: Any, table: Any, origins: np.ndarray, asked: Asked
 ) -> tuple[np.ndarray, np.ndarray | None, dict[str, np.ndarray]]:
     """Forecasts from increasing origins of a table, where learned thermostats act.
 
@@ -155,6 +144,7 @@ def _paths_under_setpoints(
             "heat_known=False needs a hybrid predictor of one zone, or of a building, without preprocess=, and X as a "
             "DataFrame with time stamps; leave heat_known=True."
         )
+    horizon, quantiles, weather, _ = asked
     if weather is None:
         parts = [forecaster.closed_loop_from(table, origins, horizon, quantiles)]
     else:
