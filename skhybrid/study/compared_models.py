@@ -106,44 +106,29 @@ def make_models(settings: Settings, memory: Any = None) -> list[StudyModel]:
 
 
 def _models_of_zone(settings: Settings, memory: Any) -> list[StudyModel]:
-    given = make_forecaster(settings)
+    given, common = make_forecaster(settings), common_settings(settings)
+    hybrid, note = _schedule(settings) if given is None else _two_stage(settings, given, memory)
+    spans = {"horizon": settings.horizon, "random_state": settings.random_state}
+    plain = TwoStagePredictor.conventional(make_gray_box(settings, "output"), memory=memory, **spans)
     reading = {"horizon": settings.horizon, "holidays": settings.holidays}
-    made = [
-        StudyModel(HYBRID, *(_schedule(settings) if given is None else _two_stage(settings, given, memory))),
-        StudyModel("building model alone", make_gray_box(settings, "output"), "its last disturbance fades"),
-        StudyModel(
-            "building model, no disturbance",
-            TwoStagePredictor.conventional(
-                make_gray_box(settings, "output"),
-                memory=memory,
-                horizon=settings.horizon,
-                random_state=settings.random_state,
-            ),
-            "expects no unmeasured heat, as the paper's conventional approach",
-        ),
-        StudyModel(
-            "simple building model",
-            make_gray_box(settings, "conventional"),
-            "identified and used without a disturbance",
-        ),
-        StudyModel("ARX", ARXRegressor(**reading), "black box, fitted once"),
-        StudyModel("ARX re-fitted", ARXRegressor(adapt="refit", **reading), "fitted at every origin"),
-        StudyModel(
-            "ARX, multi-step, re-fitted",
-            ARXRegressor(objective="multi_step", adapt="refit", **reading),
-            "fitted on errors at many leads, at every origin",
-        ),
-        StudyModel(
-            "boosting on ARX",
-            BoostedRegressor(residual_of="arx", random_state=settings.random_state, **reading),
-            "gradient-boosted trees on the errors of ARX",
-        ),
+    multi_step = ARXRegressor(objective="multi_step", adapt="refit", **reading)
+    boosted = BoostedRegressor(residual_of="arx", **common)
+    rows = [
+        (HYBRID, hybrid, note),
+        ("building model alone", make_gray_box(settings, "output"), "its last disturbance fades"),
+        ("building model, no disturbance", plain, "expects no unmeasured heat, as the paper's conventional approach"),
+        ("simple building model", make_gray_box(settings, "conventional"), "identified and used without a disturbance"),
+        ("ARX", ARXRegressor(**reading), "black box, fitted once"),
+        ("ARX re-fitted", ARXRegressor(adapt="refit", **reading), "fitted at every origin"),
+        ("ARX, multi-step, re-fitted", multi_step, "fitted on errors at many leads, at every origin"),
+        ("boosting on ARX", boosted, "gradient-boosted trees on the errors of ARX"),
     ]
     for name, (label, note) in _TWO_STAGE.items():
         if given is None or name != given.model:
             baseline, _ = _two_stage(settings, DisturbanceForecaster(name), memory)
-            made.append(StudyModel(label, baseline.set_params(intervals=False), note))
-    return [*made, StudyModel(YESTERDAY, Yesterday(), "the temperature at this time of the last day before")]
+            rows.append((label, baseline.set_params(intervals=False), note))
+    rows.append((YESTERDAY, Yesterday(), "the temperature at this time of the last day before"))
+    return [StudyModel(*row) for row in rows]
 
 
 def identified_by(settings: Settings) -> str:
@@ -151,26 +136,24 @@ def identified_by(settings: Settings) -> str:
     return _TWO_STAGE["ridge"][0] if make_forecaster(settings) is None else HYBRID
 
 
+def common_settings(settings: Settings) -> dict[str, Any]:
+    """The settings that all hybrid predictors take."""
+    return {name: getattr(settings, name) for name in ("horizon", "holidays", "random_state")}
+
+
 def _schedule(settings: Settings) -> tuple[HybridPredictor, str]:
     """The schedule model, with what the settings say of its network and capacities, and a note on it."""
     network: Any = make_network(settings.network) if settings.network else None
     if settings.columns and not _has_sun(settings):
         network = replace(get_network(network or DEFAULT_NETWORK), solar={})
-    made = HybridPredictor(
-        network=network,
-        known=settings.capacities or None,
-        horizon=settings.horizon,
-        holidays=settings.holidays,
-        random_state=settings.random_state,
-    )
+    made = HybridPredictor(network=network, known=settings.capacities or None, **common_settings(settings))
     return made, "network with learned schedules, blended with ARX, updated at every origin"
 
 
 def _two_stage(settings: Settings, forecaster: DisturbanceForecaster, memory: Any) -> tuple[HybridPredictor, str]:
     """The two-stage scheme with the identification of the settings, and a note on it."""
-    common = {name: getattr(settings, name) for name in ("horizon", "holidays", "random_state")}
     own = settings.estimator.get("name", "periodic")
-    made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common)
+    made = HybridPredictor(make_gray_box(settings), forecaster, memory=memory, **common_settings(settings))
     return made, f"{own} identification, {forecaster.model} disturbance forecast"
 
 

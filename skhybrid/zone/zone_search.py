@@ -11,7 +11,7 @@ import pandas as pd
 from ..forecasting import DisturbanceForecaster
 from ..hybrid import HybridPredictor
 from ..model_selection import DesignMatrixSearchCV, design_matrix
-from ..study.compared_models import make_gray_box
+from ..study.compared_models import common_settings, make_gray_box
 from ..study.log_split import StudyData
 from ..study.settings import Settings
 
@@ -33,8 +33,7 @@ def search_zone(
     whole = pd.concat([data.train, data.later])
     first = int(whole.index.searchsorted(data.test_start))
     rows = [(np.arange(len(data.train)), np.arange(first, len(whole)))]
-    common = {"horizon": settings.horizon, "holidays": settings.holidays, "random_state": settings.random_state}
-    estimator = HybridPredictor(make_gray_box(settings), DisturbanceForecaster("ridge"), **common)
+    estimator = HybridPredictor(make_gray_box(settings), DisturbanceForecaster("ridge"), **common_settings(settings))
     search = DesignMatrixSearchCV(
         estimator,
         design_matrix([name.strip() for name in models], size=size, disturbance="input"),
