@@ -132,12 +132,8 @@ class LeadIntervals:
             age = now - past.day
             standard = np.where(age >= -1e-9, errors / self.scale(past), np.nan)
             of_recent = _groups(past.lead)
-        by_group = np.array(
-            [
-                self._standard_quantiles(group, levels, *_weighted(standard, age, of_recent == group))
-                for group in range(len(_GROUP_LEADS))
-            ]
-        )
+        weighed = [_weighted(standard, age, of_recent == group) for group in range(len(_GROUP_LEADS))]
+        by_group = np.array([self._standard_quantiles(group, levels, *known) for group, known in enumerate(weighed)])
         at = np.log(np.maximum(clock.lead[0], 1e-9))
         blended = [np.interp(at, np.log(_GROUP_LEADS), column) for column in by_group.T]
         return self.scale(clock)[0][:, None] * np.stack(blended, axis=1)

@@ -166,8 +166,7 @@ class PairRegressor:
     """Any scikit-learn regressor over the (origin, lead) pairs, on the features of the ridge."""
 
     def __init__(self, model: Any, random_state: int) -> None:
-        self.model = model
-        self.random_state = random_state
+        self.model, self.random_state = model, random_state
 
     def fit(self, table: ZoneTable, target: np.ndarray, n_leads: int) -> Self:
         """Clone and fit the regressor, with every unset ``random_state`` of it set."""

@@ -40,8 +40,8 @@ def chronological_split(n_rows: int, n_leads: int, fraction: float, per_day: int
 def measured_split(target: np.ndarray, n_leads: int, fraction: float, per_day: int) -> Split:
     """:func:`chronological_split` of the rows up to the last one whose target (n_rows,) is not missing."""
     known = np.flatnonzero(np.isfinite(target))
-    split = chronological_split(int(known[-1]) + 1 if len(known) else len(target), n_leads, fraction, per_day)
-    if not np.isfinite(target[: split.train_end]).any():
+    split = chronological_split(int(known[-1]) + 1, n_leads, fraction, per_day)
+    if known[0] >= split.train_end:
         raise ValueError(
             f"Input y contains NaN in all of its first {split.train_end} rows, which train a network; choose another "
             "span, or a smaller validation_fraction."

@@ -46,10 +46,7 @@ class WindowBatches:
     def __init__(
         self, windows: Windows, size: int, stack: NetworkStack, generators: Sequence[torch.Generator] | None = None
     ) -> None:
-        self.windows = windows
-        self.size = size
-        self.stack = stack
-        self.generators = generators
+        self.windows, self.size, self.stack, self.generators = windows, size, stack, generators
         self._dropping = [_on_device(generator, windows.chosen.device) for generator in generators or ()]
         self._in_order: tuple[list[int], list[Batch]] = ([], [])  # numbers of networks and their batches
 

@@ -33,13 +33,8 @@ class Runner:
     def __init__(
         self, problem: Problem, store: ResultStore, workers: Workers, chunk_size: int, catch_errors: bool, verbose: bool
     ) -> None:
-        self._problem = problem
-        self._shared = Shared(problem)
-        self._store = store
-        self._workers = workers
-        self._chunk_size = chunk_size
-        self._catch_errors = catch_errors
-        self._verbose = verbose
+        self._problem, self._shared, self._store, self._workers = problem, Shared(problem), store, workers
+        self._chunk_size, self._catch_errors, self._verbose = chunk_size, catch_errors, verbose
         self._shares: dict[str, bool] = {}
         self._network_params: dict[str, dict[str, Any]] = {}
         self._networks: dict[tuple[str, int], Shared] = {}
