@@ -42,7 +42,8 @@ class ZoneLoads(NamedTuple):
         """The loads of models beside what was ``delivered``, and those of rules."""
         T = data.later["T_za"]
         known = (T.notna() & T.shift(-1).notna()).reindex(delivered.values.index, fill_value=False)
-        rules = loads_by_rule(data, delivered.values)
+        held = pd.concat([data.train["T_za"], T]).shift(-1).ffill()
+        rules = rule_loads(data.train, data.later, delivered.values, held)
         return cls(needed, delivered.values.where(known), rules, delivered.unit)
 
     def errors(self, start: pd.Timestamp) -> pd.DataFrame:
@@ -116,12 +117,6 @@ def judge_load_errors(
     compared = [compare_errors(own, error, blocks, name) for name, error in rules.items()]
     reasons = [*([] if scaled else [NO_SCALE]), *doubts]
     return judge("load", compared, n_origins=blocks.nunique(), coverage=coverage, doubts=reasons)
-
-
-def loads_by_rule(data: StudyData, delivered: pd.Series) -> dict[str, pd.Series]:
-    """Loads of simple rules for the temperature that was held, over the rows after training."""
-    held = pd.concat([data.train["T_za"], data.later["T_za"]]).shift(-1).ffill()
-    return rule_loads(data.train, data.later, delivered, held)
 
 
 def loads_by_zone(needed: Mapping[str, pd.DataFrame], study: Study) -> dict[str, ZoneLoads]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -348,12 +349,10 @@ def _inner_table(table: Mapping[str, Any], name: str, key: str) -> Mapping[str, 
 
 
 def _check_duration(name: str, value: Any) -> None:
-    try:
-        positive = isinstance(value, str) and bool(positive_duration(value, name))
-    except ValueError:
-        positive = False
-    if not positive:
-        raise ValueError(f"{name} = {value!r} is not a duration such as '15min' or '1D'.")
+    with suppress(ValueError):
+        if isinstance(value, str) and positive_duration(value, name):
+            return
+    raise ValueError(f"{name} = {value!r} is not a duration such as '15min' or '1D'.")
 
 
 def as_toml(value: Any) -> str:

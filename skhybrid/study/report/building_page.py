@@ -43,15 +43,9 @@ ZONE_STYLE = """<style>
 
 def write_building_report(path: str | PathLike[str], result: BuildingResult) -> None:
     """Write a study of several zones as one self-contained HTML file, in one step."""
-    sections = [
-        _head(result),
-        _map(result),
-        _tomorrow(result),
-        _setpoints_known(result),
-        _accuracy(result),
-        _building(result),
-    ]
+    parts = (_head, _map, _tomorrow, _setpoints_known, _accuracy, _building)
     listed = {**result.data.spans(result.frames[HYBRID]), **flat(result.settings.as_dict())}
+    sections = [part(result) for part in parts]
     write_sections(path, result.settings.name, sections, result.warnings, listed, ZONE_STYLE)
 
 
