@@ -27,13 +27,7 @@ _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg
 _LARGE = 0.99  # quantile of the logged heat that is its nominal power, where no setting gives it
 _LONGEST = 8760.0  # hours of a plan
 _SIGNS = {"heat": 1.0, "cool": -1.0}
-_UNITS = {
-    "heating_rate": "K/h",
-    "cooling_constant": "1/h",
-    "volume": "m3",
-    "u_value": "W/(m2 K)",
-    "window_area": "m2",
-}
+_UNITS = {"heating_rate": "K/h", "cooling_constant": "1/h", "volume": "m3", "u_value": "W/(m2 K)", "window_area": "m2"}
 _IN_KW = ("volume", "u_value", "window_area")
 _OF_HEAT_PUMP = "supply_temperature, heating_curve and carnot_efficiency"
 _BY_HAND = {

@@ -89,14 +89,8 @@ def _verdict(quantity: str, rows: pd.DataFrame, values: Sequence[pd.Series], dou
 
 def _other_setpoints(rows: pd.DataFrame, learned_until: pd.Timestamp) -> list[str]:
     """A reason where often other set-points were in force than forecast with, in the time zone of the log."""
-    other = pd.DataFrame(
-        {
-            role: (rows[role] - rows[f"{role}_measured"]).abs() > _MOVED
-            for role in SETPOINT_ROLES
-            if role in rows and f"{role}_measured" in rows
-        },
-        index=rows.index,
-    )
+    roles = [role for role in SETPOINT_ROLES if role in rows and f"{role}_measured" in rows]
+    other = pd.DataFrame({role: (rows[role] - rows[f"{role}_measured"]).abs() > _MOVED for role in roles}, rows.index)
     share = float(other.any(axis=1).mean())
     if not share > OUTSIDE:
         return []

@@ -194,11 +194,7 @@ def _row_step(posted: pd.DataFrame, rows: pd.DataFrame, held: Sequence[str]) -> 
 
 
 def _on_steps(
-    even: pd.DataFrame,
-    posted: pd.DataFrame,
-    row: pd.Timedelta | None,
-    settings: Settings,
-    held: Sequence[str],
+    even: pd.DataFrame, posted: pd.DataFrame, row: pd.Timedelta | None, settings: Settings, held: Sequence[str]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Posted rows, one per ``row``, at even steps, up to the last step that they fill; none where that is not known.
 

@@ -320,11 +320,7 @@ def _take_in(
 
 
 def _learn(
-    zone: ZoneModel,
-    settings: Settings,
-    frame: pd.DataFrame,
-    refit_after: pd.Timedelta,
-    corrected: pd.Timestamp | None,
+    zone: ZoneModel, settings: Settings, frame: pd.DataFrame, refit_after: pd.Timedelta, corrected: pd.Timestamp | None
 ) -> tuple[ZoneModel, int, str, list[str]]:
     """A model with the new rows, their number, why it was fitted again, and remarks."""
     changed, known = _of_model(settings) != _of_model(zone.settings), zone.known_until
