@@ -10,7 +10,6 @@ The logs are those of ``set_points_known.py``; finished rows are kept in ``bench
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import warnings
@@ -19,8 +18,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from _forecast_data import chosen
-from _report import RESULTS, write_table
-from set_points_known import DAY, Log, logs
+from _report import write_table
+from set_points_known import DAY, Log, logs, options_of
 
 from skhybrid import HybridPredictor
 
@@ -90,14 +89,7 @@ def tables(runs: dict[str, dict[str, dict[str, float]]]) -> dict[str, pd.DataFra
 
 def main(arguments: list[str] | None = None) -> None:
     """Fill the store, write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", nargs="+", help="beginnings of the names of rows")
-    parser.add_argument("--buildings", type=Path, nargs="+", default=[], help="folders that make_buildings.py made")
-    parser.add_argument("--again", action="store_true", help="repeat what is kept")
-    parser.add_argument("--store", type=Path, default=STORE)
-    parser.add_argument("--results", type=Path, default=RESULTS)
-    options = parser.parse_args(arguments)
-    options.store.mkdir(parents=True, exist_ok=True)
+    options = options_of(__doc__, STORE, arguments)
     loaders, runs = logs(options.buildings), {}
     wanted = chosen(list(loaders), options.data)
     for name, load in loaders.items():

@@ -236,17 +236,22 @@ def table(runs: dict[str, dict[str, float]]) -> str:
     return "\n".join(f"| {line} |" for line in lines)
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Fill the store, write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def options_of(doc: str | None, store: Path, arguments: list[str] | None) -> argparse.Namespace:
+    """Options of a study of these logs, whose store is made."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", nargs="+", help="beginnings of the names of rows")
     parser.add_argument("--buildings", type=Path, nargs="+", default=[], help="folders that make_buildings.py made")
     parser.add_argument("--again", action="store_true", help="repeat what is kept")
-    parser.add_argument("--store", type=Path, default=STORE)
+    parser.add_argument("--store", type=Path, default=store)
     parser.add_argument("--results", type=Path, default=RESULTS)
     options = parser.parse_args(arguments)
     options.store.mkdir(parents=True, exist_ok=True)
-    runs = {}
+    return options
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Fill the store, write the table."""
+    options, runs = options_of(__doc__, STORE, arguments), {}
     loaders = logs(options.buildings)
     wanted = chosen(list(loaders), options.data)
     for name, load in loaders.items():
