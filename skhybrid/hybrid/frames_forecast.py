@@ -117,9 +117,11 @@ class FramesForecastMixin(FramesReadingMixin):
 
         Parameters
         ----------
-        history, future, T_za, setpoint, weather_error, limits
+        history, future
             As in :meth:`forecast`.
         n_samples : int, default=100
+        T_za, setpoint, weather_error, limits
+            As in :meth:`forecast`.
         random_state : int, RandomState or None
 
         Returns

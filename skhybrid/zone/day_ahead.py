@@ -253,7 +253,7 @@ def with_electricity(found: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     return found.assign(**{role.replace("Q_hvac", ELECTRICITY): values for role, values in electricity.items()})
 
 
-def _summary(out: pd.DataFrame, settings: Settings, scaled: bool, paths: pd.DataFrame | None) -> dict[str, Any]:
+def _summary(out: pd.DataFrame, settings: Settings, scaled: bool, paths: pd.DataFrame | None = None) -> dict[str, Any]:
     """Sums and ranges of the day, those of heat where its kW are ``scaled``, with intervals by ``paths`` of it."""
     hours = (out.index[1] - out.index[0]) / pd.Timedelta("1h") if len(out) > 1 else 1.0
     found: dict[str, Any] = {"from": str(out.index[0]), "to": str(out.index[-1])}

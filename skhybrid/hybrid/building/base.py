@@ -355,10 +355,12 @@ class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
 
         Parameters
         ----------
-        history, future, T_za, setpoint, weather_error, limits
+        history, future
             As in :meth:`forecast`.
-        n_samples, random_state
-            As in :meth:`HybridPredictor.sample`.
+        n_samples : int, default=100
+        T_za, setpoint, weather_error, limits
+            As in :meth:`forecast`.
+        random_state : int, RandomState or None
 
         Returns
         -------
