@@ -45,8 +45,8 @@ _WEEK_BEFORE = 8  # days before a row that are read for it: a week, and a day
 _INDEPENDENT_PER_DAY = (2.0, 4.0)
 _LEADS = 18  # leads at which errors are evaluated
 _RUNS = 0.02  # of the highest heat in training, from which on a plant runs
-#: hours over which errors of the load are averaged before they order samples, as a plant goes on and off: of 0, 2, 4, 6
-#: and 8 the one whose 80 % intervals of a day's kWh hold 80 % on five EnergyPlus buildings
+#: hours over which errors are averaged before they order samples, as a plant goes on and off: of 0, 2, 4, 6 and 8 the
+#: one whose 80 % intervals of a day's kWh hold 80 % on five EnergyPlus buildings
 _LASTING = 6
 
 
@@ -367,5 +367,6 @@ def _joint_errors(training: ZoneTable, errors: LawErrors, shares: Sequence[np.nd
     whole = errors.ends[:, -1] < training.n_rows
     load, T = (np.sum(errors.values[whole, :, q] * by_lead(shares[q], n_leads, n_leads), axis=-1) for q in range(2))
     load = np.column_stack([load[:, 1:], load[:, -1:]])  # lead 0 is that of the origin's own row
-    load = uniform_filter1d(load, _LASTING * rows_per_hour(training.step), axis=1, mode="nearest")
-    return JointErrors.of(np.stack([load, T], axis=-1), training.index, errors.origins[whole])
+    both, n_rows = np.stack([load, T], axis=-1), _LASTING * rows_per_hour(training.step)
+    lasting = uniform_filter1d(both, n_rows, axis=1, mode="nearest")
+    return JointErrors.of(lasting, training.index, errors.origins[whole])
