@@ -88,11 +88,12 @@ def check_range(
     named: bool = True,
     warns: bool = True,
     trained: tuple[float, float] | None = None,
+    measured: bool = False,
 ) -> None:
     """Refuse values (n,) that no sensor of a role can have measured, and warn of those that suggest another unit.
 
     Where no role was ``named``, since an array has its roles by position, only what is beyond every unit is refused.
-    ``trained`` are the lowest and highest value of the training.
+    ``trained`` are the lowest and highest value of the training.  ``measured``: the rows of a sensor, in their order.
     """
     kind, known = range_of(role), v[np.isfinite(v)]
     if not len(known):
@@ -107,7 +108,7 @@ def check_range(
             raise ValueError(_refusal(v, bad, kind, name, index))
     if warns and named and role.startswith(("T_za", "T_oa")):
         _warn_of_zeros(v, name, index)
-    if warns and named and role.startswith("T_za") and high - low > _LEAP:
+    if warns and named and measured and role.startswith("T_za") and high - low > _LEAP:
         _warn_of_leaps(v, name, index)
     warm = kind.unit == "degC" and high > _WARMEST_MEDIAN and np.median(known) > _WARMEST_MEDIAN
     watts = role.startswith("Q_") and is_in_watts(known, trained)

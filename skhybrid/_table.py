@@ -304,7 +304,7 @@ def _parse(estimator: Any, X: Any, wanted: _Request, steps: tuple[Any, pd.Timede
     inputs = {role: read_input(v, names[role], index) for role, v in ahead.items()}
     trained = {} if wanted.reset else getattr(getattr(estimator, "training_", None), "ranges", {})
     for role, v in {**inputs, **history}.items():
-        check_range(v, role, f"column {names[role]}", index, named=named, trained=trained.get(role))
+        check_range(v, role, f"column {names[role]}", index, named=named, trained=trained.get(role), measured=True)
     return ZoneTable(inputs, history, index, time, utc, step, breaks=breaks, order=tuple(values), named=named)
 
 
@@ -371,7 +371,7 @@ def read_target(y: Any, table: ZoneTable, *, max_missing: Any = 0.5, role: str |
     if learns := max_missing not in (UNLIMITED, SCORED):
         refuse_missing(target, max_missing)
     if role is not None:
-        check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history)
+        check_range(target, role, "y", table.index, named=table.named, warns=role not in table.history, measured=True)
         if role in table.history:
             refuse_other_quantity(table.history[role], target, role, scores=max_missing is SCORED)
         if role.startswith("T_"):

@@ -21,7 +21,7 @@ from zone_tables import WITH_SETPOINTS, Spoilt, Table, training
 
 pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.usefixtures("quick_fits")]
 #: methods and estimators that a learned thermostat serves
-LAW = ("forecast", "closed_loop_from", "predict_load")
+LAW = ("forecast", "sample", "closed_loop_from", "predict_load")
 HYBRIDS = ("HybridPredictor", "SchedulePredictor", "TwoStagePredictor")
 #: entry points that take seconds, or have numba compile for seconds; the large budget has them
 SLOW = ("PeriodicDisturbanceID", "profile_likelihood", "compare_models", "skhybrid run")
@@ -47,7 +47,7 @@ def test_every_entry_point_accepts_a_good_table(names):
     of_thermostat = {name for name in names if entries()[name].method in LAW and entries()[name].estimator in HYBRIDS}
     # the usual set-point is one number, which an ideal plant holds, and quantiles are asked for
     of_thermostat |= {"SchedulePredictor, set-points.predict_load"}
-    of_thermostat |= {f"BuildingPredictor.{method}" for method in ("forecast", "closed_loop_from")}
+    of_thermostat |= {f"BuildingPredictor.{method}" for method in ("forecast", "sample", "closed_loop_from")}
     affine = {name for name in names if entries()[name].method == "affine_forecast"}
     no_intervals = {name for name in affine if not name.startswith((*HYBRIDS, "BuildingPredictor"))}
     assert refused.keys() == of_thermostat | no_intervals, refused

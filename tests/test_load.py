@@ -121,6 +121,12 @@ def test_limits_beyond_the_plant_change_nothing(hybrid, office):
     assert hybrid.predict_load(X, 30.0)["u_heat"].max() == 1.0
 
 
+def test_a_set_point_may_leap_for_one_row(hybrid, office, recwarn):
+    X = office.X[14 * DAY : 17 * DAY]
+    hybrid.predict_load(X, np.where(np.arange(len(X)) == 9, 30.0, 18.0))
+    assert not [str(w.message) for w in recwarn if "leaps" in str(w.message)]
+
+
 def test_a_plant_of_two_sides_never_does_both(hybrid, office):
     rng = np.random.default_rng(0)
     X = office.X[14 * DAY :]

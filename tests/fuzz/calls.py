@@ -29,7 +29,7 @@ from zone_tables import (
 )
 
 _FITS = ("fit", "fit_transform")
-_TEMPERATURES = ("predict", "predict_from", "predict_quantiles", "predict_quantiles_from", "forecast")
+_TEMPERATURES = ("predict", "predict_from", "predict_quantiles", "predict_quantiles_from", "forecast", "sample")
 _TEMPERATURES += ("simulate", "simulate_states", "update", "partial_fit", *_FITS)
 _LOADS = ("predict_load", "required_heat")
 #: results that are NaN where a measurement is missing, or after the last row

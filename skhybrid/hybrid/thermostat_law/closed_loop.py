@@ -54,9 +54,8 @@ class _TrainingTail(NamedTuple):
     """Errors and weights of the members on the last part of the training."""
 
     products: np.ndarray  # (2, n_groups, M, M) moments of their errors of load and temperature
-    intervals: (
-        tuple[StateIntervals, MemberIntervals] | tuple[()]
-    )  # of load and temperature; empty after a short training
+    #: of load and temperature; empty after a short training
+    intervals: tuple[StateIntervals, MemberIntervals] | tuple[()]
     joint: JointErrors | None  # of load and temperature in each row after the origin's
     least: float  # heat from which on a plant runs [kW]
 
