@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from .._arguments import random_numbers
 from .._joining import read_now, refuse_no_frames
 from .._rolling import checked_origins
 from .._table import SETPOINT_ROLES, ZoneTable
@@ -19,15 +18,15 @@ from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import load_quantile_columns, quantile_columns, read_quantiles
 from ..forecasting.weather_error import read_weather_error, weather_of_quantiles
 from .frames_reading import FramesReadingMixin
-from .joint_errors import origin_hours, sample_levels
+from .joint_errors import SampleMixin, origin_hours
 from .plant_run import PlantRun, Wanted
 from .scheme import Paths
 from .setpoint_columns import setpoints_in, with_band
 from .thermostat_law.closed_loop_paths import ClosedLoopPaths
 
 
-class FramesForecastMixin(FramesReadingMixin):
-    """``forecast`` and ``predict_load`` of the hybrid predictors."""
+class FramesForecastMixin(SampleMixin, FramesReadingMixin):
+    """``forecast``, ``sample`` and ``predict_load`` of the hybrid predictors."""
 
     @one_blas_thread
     def forecast(
@@ -97,59 +96,6 @@ class FramesForecastMixin(FramesReadingMixin):
             return self._under_heat(history, future, wanted)
         self._refuse_without_plant("set-points do nothing: leave setpoint=None")
         return self._under_thermostat(history, future, wanted, setpoint, limits)
-
-    def sample(
-        self,
-        history: pd.DataFrame | None,
-        future: pd.DataFrame,
-        n_samples: int = 100,
-        T_za: float | None = None,
-        setpoint: Any = None,
-        *,
-        weather_error: Any = None,
-        limits: tuple[float | None, float | None] | None = None,
-        random_state: Any = None,
-    ) -> pd.DataFrame:
-        """Draw paths of a forecast, whose sums, peaks and costs have the uncertainty of a whole day.
-
-        Each row of the paths has the quantiles of :meth:`forecast`.  Along a path these are ordered after the errors of
-        one forecast of training days that the model was not fitted on, so that errors last as long as they do.
-
-        Parameters
-        ----------
-        history, future
-            As in :meth:`forecast`.
-        n_samples : int, default=100
-        T_za, setpoint, weather_error, limits
-            As in :meth:`forecast`.
-        random_state : int, RandomState or None
-
-        Returns
-        -------
-        DataFrame of n_samples * n_future rows
-            Indexed by ``sample`` and the index of ``future``: ``T_za`` [degC], and under a thermostat ``Q_hvac`` [kW].
-
-        Raises
-        ------
-        ValueError
-            As in :meth:`forecast`.
-        TooFewDaysError
-            If no intervals were learned.
-
-        Examples
-        --------
-        >>> from skhybrid import HybridPredictor
-        >>> from skhybrid.datasets import make_office
-        >>> office = make_office(n_days=22, random_state=0)
-        >>> model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[:-96], office.y[:-96])
-        >>> paths = model.sample(None, office.X[-96:], random_state=0)
-        >>> paths["T_za"].groupby("sample").max().quantile([0.1, 0.9]).shape  # of the highest temperature
-        (2,)
-        """
-        rng, levels = random_numbers(random_state), sample_levels(n_samples)
-        given = {"weather_error": weather_error, "limits": limits}
-        frame = self.forecast(history, future, T_za, setpoint, levels, **given)
-        return self._samples(frame, levels, T_za, rng)
 
     def _samples(
         self, frame: pd.DataFrame, levels: list[float], T_za: Any, rng: np.random.RandomState, zone: str = ""

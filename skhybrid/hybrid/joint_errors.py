@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple, Self
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
 
-from .._arguments import check_integer
+from .._arguments import check_integer, random_numbers
 from .._clock import hour_of_day
 from .._last_known import held_paths
 from .._time import wall_clock
@@ -57,10 +57,66 @@ class JointErrors(NamedTuple):
         return np.take_along_axis(bands.swapaxes(0, 1), np.argsort(by_size, axis=0), axis=0)
 
 
-def sample_levels(n_samples: int) -> list[float]:
-    """Levels of the quantiles that many samples have in each row."""
-    check_integer("n_samples", n_samples)
-    return list((np.arange(n_samples) + 0.5) / n_samples)
+class SampleMixin:
+    """``sample`` of predictors that forecast quantiles; a subclass gives ``forecast`` and ``_samples``."""
+
+    forecast: Callable[..., pd.DataFrame]
+    _samples: Callable[..., pd.DataFrame]
+
+    def sample(
+        self,
+        history: pd.DataFrame | None,
+        future: pd.DataFrame,
+        n_samples: int = 100,
+        T_za: Any = None,
+        setpoint: Any = None,
+        *,
+        weather_error: Any = None,
+        limits: Any = None,
+        random_state: Any = None,
+    ) -> pd.DataFrame:
+        """Draw paths of a forecast, whose sums, peaks and costs have the uncertainty of a whole day.
+
+        Each row of the paths has the quantiles of :meth:`forecast`.  Along a path these are ordered after the errors of
+        one forecast of training days that the model was not fitted on, so that errors last as long as they do.
+
+        Parameters
+        ----------
+        history, future
+            As in :meth:`forecast`.
+        n_samples : int, default=100
+        T_za, setpoint, weather_error, limits
+            As in :meth:`forecast`.
+        random_state : int, RandomState or None
+
+        Returns
+        -------
+        DataFrame of n_samples * n_future rows
+            Indexed by ``sample`` and the index of ``future``: ``T_za`` [degC], and under a thermostat ``Q_hvac`` [kW].
+            Of several zones, names end with the zone's, and errors are those that all zones made together.
+
+        Raises
+        ------
+        ValueError
+            As in :meth:`forecast`.
+        TooFewDaysError
+            If no intervals were learned, or not the thermostat of a zone that is to keep set-points.
+
+        Examples
+        --------
+        >>> from skhybrid import HybridPredictor
+        >>> from skhybrid.datasets import make_office
+        >>> office = make_office(n_days=22, random_state=0)
+        >>> model = HybridPredictor(known={"Q_h": 6.0}).fit(office.X[:-96], office.y[:-96])
+        >>> paths = model.sample(None, office.X[-96:], random_state=0)
+        >>> paths["T_za"].groupby("sample").max().quantile([0.1, 0.9]).shape  # of the highest temperature
+        (2,)
+        """
+        check_integer("n_samples", n_samples)
+        rng, levels = random_numbers(random_state), list((np.arange(n_samples) + 0.5) / n_samples)
+        given = {"weather_error": weather_error, "limits": limits}
+        frame = self.forecast(history, future, T_za, setpoint, levels, **given)
+        return self._samples(frame, levels, T_za, rng)
 
 
 def origin_hours(index: pd.Index) -> np.ndarray:

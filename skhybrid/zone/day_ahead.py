@@ -127,9 +127,11 @@ def day_ahead(
 
 
 def _load_paths(zone: ZoneModel, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame | None:
-    """Paths of the loads [kW] by ``sample`` and time, under thermostats; None where one was not learned."""
+    """Paths of the loads [kW] by ``sample`` and time; None without their scale, or a thermostat that was learned."""
+    if not (zone.scaled and zone.thermostat_learned):
+        return None
     ahead, wanted, given = zone.asked(future)
-    if wanted is None or not zone.thermostat_learned:
+    if wanted is None:
         return None
     given |= {"weather_error": zone.settings.weather_error, "random_state": 0}
     try:

@@ -10,7 +10,6 @@ import pandas as pd
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ..._arguments import random_numbers
 from ..._joining import refuse_no_frames
 from ..._summary import SummaryMixin
 from ..._table import as_pandas, checked_columns, read_array, refuse_shape
@@ -19,7 +18,7 @@ from ...control import AffineForecast, read_inputs
 from ...forecasting.quantiles import DEFAULT_QUANTILES, load_quantile_columns, quantile_columns
 from ...forecasting.weather_error import read_weather_error, weather_of_quantiles
 from ..base import BaseHybrid
-from ..joint_errors import JointErrors, sample_levels
+from ..joint_errors import JointErrors, SampleMixin
 from ..parts import preprocessed
 from ..thermostat_law.closed_loop_paths import ClosedLoopPaths
 from .building_forecast import FittedZones, by_frames, under_heat
@@ -29,7 +28,7 @@ from .coupled_zone import CoupledZone
 from .zone_columns import ZoneColumns
 
 
-class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
+class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Base of :class:`BuildingPredictor`: its forecasts, over what that has fitted."""
 
     estimator: Any
@@ -339,45 +338,8 @@ class BaseBuilding(SummaryMixin, MultiOutputMixin, RegressorMixin, BaseEstimator
             zones.warn_of_silent(zones.columns.known(known), len(known))
         return AffineForecast(*found, future.index, tuple(roles))
 
-    def sample(
-        self,
-        history: pd.DataFrame | None,
-        future: pd.DataFrame,
-        n_samples: int = 100,
-        T_za: Any = None,
-        setpoint: Any = None,
-        *,
-        weather_error: Any = None,
-        limits: Any = None,
-        random_state: Any = None,
-    ) -> pd.DataFrame:
-        """Draw joint paths of all zones, whose sums, peaks and costs have the uncertainty of a whole day.
-
-        Parameters
-        ----------
-        history, future
-            As in :meth:`forecast`.
-        n_samples : int, default=100
-        T_za, setpoint, weather_error, limits
-            As in :meth:`forecast`.
-        random_state : int, RandomState or None
-
-        Returns
-        -------
-        DataFrame of n_samples * n_future rows
-            As that of :meth:`HybridPredictor.sample`, with the zone's name: ``T_za_<zone>`` [degC], ``Q_hvac_<zone>``
-            [kW].  The order of the quantiles is that of errors that all zones made together.
-
-        Raises
-        ------
-        ValueError
-            As in :meth:`forecast`.
-        TooFewDaysError
-            If no intervals were learned of a zone, or no thermostat that is to keep its set-points.
-        """
-        rng, levels = random_numbers(random_state), sample_levels(n_samples)
-        given = {"weather_error": weather_error, "limits": limits}
-        frame = self.forecast(history, future, T_za, setpoint, levels, **given)
+    def _samples(self, frame: pd.DataFrame, levels: list[float], T_za: Any, rng: np.random.RandomState) -> pd.DataFrame:
+        """Paths of all zones by a forecast with quantiles; the first row may be *now*."""
         load, names = load_quantile_columns(levels)[0], quantile_columns(levels)
         if self._joint is not None and not any(f"{load}_{zone}" in frame for zone in self.zones_):
             bands = {f"T_za_{zone}": frame[[f"{name}_{zone}" for name in names]] for zone in self.zones_}

@@ -41,5 +41,5 @@ class LawErrors(NamedTuple):
 
 
 def runs(loads: np.ndarray, least: float) -> np.ndarray:
-    """Whether loads (..., M) by the members [kW] say that the plant runs."""
+    """True where loads (..., M) by the members [kW] say that the plant runs."""
     return np.abs(loads @ PRIOR) >= least
