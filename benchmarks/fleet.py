@@ -171,14 +171,14 @@ def warm_up() -> None:
 def measured(name: str, *given: int) -> dict[str, float]:
     """A measurement, from the file that keeps it or of a new process."""
     kept = FOLDER / "measured.json"
-    known = json.loads(kept.read_text()) if kept.exists() else {}
+    known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
     key = f"{name} {' '.join(map(str, given))}"
     if key not in known:
         print(key, flush=True)
         command = [sys.executable, __file__, "--one", name, *map(str, given)]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         known[key] = json.loads(done.stdout.splitlines()[-1])
-        kept.write_text(json.dumps(known, indent=1))
+        kept.write_text(json.dumps(known, indent=1), encoding="utf-8")
     return known[key]
 
 

@@ -99,11 +99,13 @@ def apart(name: str) -> dict[str, object]:
 def main(names: list[str]) -> None:
     """Measure the models named, or all, and write the table with what is known of the others."""
     kept = RESULTS / "numerics.json"
-    rows = json.loads(kept.read_text()) if kept.exists() else {}
+    rows = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
     for name in names or MODELS:
         rows[name] = apart(name)
         print(name, rows[name], flush=True)
-        kept.write_text(json.dumps({model: rows[model] for model in MODELS if model in rows}, indent=1) + "\n")
+        kept.write_text(
+            json.dumps({model: rows[model] for model in MODELS if model in rows}, indent=1) + "\n", encoding="utf-8"
+        )
     table = pd.DataFrame({model: rows[model] for model in MODELS if model in rows}, dtype=object).T
     write_table("numerics", "A year of one-minute rows", COMMAND, {"Cost": table.rename_axis("model")}, NOTE)
 

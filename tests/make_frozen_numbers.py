@@ -343,7 +343,7 @@ def compute(section: str) -> Numbers:
 
 def read() -> dict[str, Numbers]:
     """The frozen numbers, by section."""
-    frozen = json.loads(FROZEN.read_text())
+    frozen = json.loads(FROZEN.read_text(encoding="utf-8"))
     return {
         section: {key: np.array(values, dtype=np.float64) for key, values in numbers.items()}
         for section, numbers in frozen.items()
@@ -352,7 +352,7 @@ def read() -> dict[str, Numbers]:
 
 def write(sections: list[str]) -> None:
     """Compute sections and write them to the file beside those that it holds."""
-    frozen = json.loads(FROZEN.read_text()) if FROZEN.exists() else {}
+    frozen = json.loads(FROZEN.read_text(encoding="utf-8")) if FROZEN.exists() else {}
     for section in sections:
         numbers = compute(section).items()
         # shortest digits that read back to the bit
@@ -363,7 +363,7 @@ def write(sections: list[str]) -> None:
         if section in frozen
     ]
     FROZEN.parent.mkdir(exist_ok=True)
-    FROZEN.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    FROZEN.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -295,7 +295,7 @@ def test_the_page_says_what_was_not_run(tmp_path):
     missing = [(CASE, "MPC, OD", 1), (CASE, "MPC, OD", 2)]
     missing += [(other, name, n) for name in ("tuned rule", "MPC, OD") for n in range(3)]
     report.write_results(rows, [], missing, 11, "command", tmp_path)
-    text = (tmp_path / "control.md").read_text()
+    text = (tmp_path / "control.md").read_text(encoding="utf-8")
     assert "Run: 3 of 11 rows" in text
     assert "| tuned rule | 20 | 1 | 1.00 | 40 | 70 | 220 | 3 |" in text
     assert "| winter | 106 | plain | 2, 3 | MPC, OD |" in text

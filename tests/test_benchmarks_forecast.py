@@ -310,7 +310,7 @@ def test_the_command_fills_what_is_missing_and_writes_tables_and_a_picture(data,
     arguments += ["--results", str(tmp_path)]
     forecast.main(arguments)
     assert loads == [0, 0]
-    text = (tmp_path / "forecast.md").read_text()
+    text = (tmp_path / "forecast.md").read_text(encoding="utf-8")
     assert "Times" in text
     assert (tmp_path / "forecast.png").stat().st_size > 5000
     assert "Ratio to ARX, further buildings, dev" in text

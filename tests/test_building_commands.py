@@ -79,7 +79,7 @@ def folder(log, tmp_path_factory) -> Path:
     made = tmp_path_factory.mktemp("house")
     log.to_csv(made / "log.csv")
     log[:N_KNOWN].to_csv(made / "known.csv")
-    (made / "house.toml").write_text(CONFIG)
+    (made / "house.toml").write_text(CONFIG, encoding="utf-8")
     assert run("fit", made / "known.csv", "--config", made / "house.toml", "--model", made / "house.skops") == 0
     return made
 
@@ -97,7 +97,7 @@ def refusal(capsys, *arguments: object) -> str:
 def test_check_proposes_a_configuration_with_the_rooms(folder, tmp_path, capsys):
     assert run("check", folder / "log.csv", "--config", tmp_path / "made.toml") == 0
     assert re.search("T_za_hall +'T_hall_degC'", capsys.readouterr().out)
-    text = (tmp_path / "made.toml").read_text()
+    text = (tmp_path / "made.toml").read_text(encoding="utf-8")
     made = settings_from(tomllib.loads(text))
     assert dict(made.columns) == tomllib.loads(CONFIG)["columns"]
     assert made.zones == list(ZONES)
@@ -564,7 +564,7 @@ def test_commands_of_one_zone_refuse_several(command, folder, tmp_path, capsys):
 )
 def test_a_configuration_that_cannot_be_right_is_refused(change, message, tmp_path):
     assert change[0] in CONFIG
-    (tmp_path / "house.toml").write_text(CONFIG.replace(*change))
+    (tmp_path / "house.toml").write_text(CONFIG.replace(*change), encoding="utf-8")
     with pytest.raises(ValueError, match=message):
         read_settings(tmp_path / "house.toml")
 
@@ -592,7 +592,7 @@ def _ahead(log, now, silent_from=None):
 
 @pytest.mark.slow
 def test_a_dead_heat_meter_costs_its_room_alone(log, tmp_path):
-    (tmp_path / "house.toml").write_text(CONFIG)
+    (tmp_path / "house.toml").write_text(CONFIG, encoding="utf-8")
     log[:N_KNOWN].to_csv(tmp_path / "log.csv")
     house = ZoneFolder.init(tmp_path / "house", tmp_path / "log.csv", tmp_path / "house.toml")
     schedule = {"": Schedule.of_text("21"), "hall": Schedule.of_text("18")}

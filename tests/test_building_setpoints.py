@@ -398,7 +398,7 @@ def test_a_study_of_zones_with_set_points_judges_them_by_that_task(log, tmp_path
     monkeypatch.setattr(figures, "save_png", lambda figure, path: pictures.append((figure, path.touch())))
     write_outputs(result, tmp_path / "out")
     assert [ax.get_title(loc="right") for ax in pictures[0][0].axes[:3]] == ["back-test", "the next day", ""]
-    page = (tmp_path / "out" / "report.html").read_text()
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert (
         page.index(escape(held.words)) < page.index("Accuracy in daily use") < page.index("Accuracy with the heat kn")
     )

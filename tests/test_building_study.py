@@ -71,7 +71,7 @@ def log() -> pd.DataFrame:
 def place(log, tmp_path_factory) -> Path:
     made = tmp_path_factory.mktemp("house")
     log.to_csv(made / "log.csv")
-    (made / "house.toml").write_text(CONFIG)
+    (made / "house.toml").write_text(CONFIG, encoding="utf-8")
     return made
 
 
@@ -84,7 +84,7 @@ def study(place) -> Path:
 
 # ------------------------------------------------------------------------------------------------------------ the study
 def test_a_study_has_errors_and_verdicts_of_each_zone(study):
-    found = json.loads((study / "metrics.json").read_text())
+    found = json.loads((study / "metrics.json").read_text(encoding="utf-8"))
     frame = pd.read_csv(study / "backtest.csv", parse_dates=["time", "origin"])
     models = [label for label, row in found["models"].items() if row["rmse"] is not None]
     assert {"hybrid", "hybrid, each zone by itself", "ARX re-fitted", "yesterday"} <= set(models)
@@ -108,11 +108,13 @@ def test_a_study_of_rooms_that_share_a_boiler_has_no_loads(log, tmp_path):
     boiler = log.drop(columns=heat).assign(Boiler=log[heat].sum(axis=1) / log[heat].sum(axis=1).max())
     boiler.to_csv(tmp_path / "log.csv")
     config = CONFIG.replace('Q_hvac_kitchen = "Q_hvac_kitchen"', 'u_heat = "Boiler"')
-    (tmp_path / "house.toml").write_text(config.replace('Q_hvac_hall = "Q_hvac_hall"', ""))
+    (tmp_path / "house.toml").write_text(config.replace('Q_hvac_hall = "Q_hvac_hall"', ""), encoding="utf-8")
     assert run("run", tmp_path / "log.csv", "--config", tmp_path / "house.toml", "--out", tmp_path / "out") == 0
-    found = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    found = json.loads((tmp_path / "out" / "metrics.json").read_text(encoding="utf-8"))
     assert {one["quantity"] for one in found["verdicts"]} == {f"temperature of {zone}" for zone in ZONES}
-    assert "the zones share the plant of the column Boiler" in (tmp_path / "out" / "report.html").read_text()
+    assert "the zones share the plant of the column Boiler" in (tmp_path / "out" / "report.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_yesterday_is_the_temperature_of_the_zone_a_day_before(study, log):
@@ -134,14 +136,14 @@ def test_the_forecast_of_a_study_is_that_of_its_model(study, place):
         np.testing.assert_allclose(found[f"T_za_{zone}"], expected[f"T_za_{zone}"], atol=1e-3)
         np.testing.assert_allclose(found[f"T_za_measured_{zone}"], data.future[f"T_za_{zone}"], atol=1e-3)
         np.testing.assert_allclose(found[f"Q_hvac_delivered_{zone}"], data.future[f"Q_hvac_{zone}"], atol=1e-3)
-    cost = json.loads((study / "metrics.json").read_text())["next_day_cost"]
+    cost = json.loads((study / "metrics.json").read_text(encoding="utf-8"))["next_day_cost"]
     assert cost["value"] == pytest.approx(0.3 * sum(found[f"Q_hvac_{zone}"].abs().sum() for zone in ZONES), abs=0.01)
-    assert f"{cost['value']:.2f}\u00a0EUR" in (study / "report.html").read_text()
+    assert f"{cost['value']:.2f}\u00a0EUR" in (study / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_report_has_a_verdict_a_row_and_panels_per_zone(study):
-    page = (study / "report.html").read_text()
-    found = json.loads((study / "metrics.json").read_text())
+    page = (study / "report.html").read_text(encoding="utf-8")
+    found = json.loads((study / "metrics.json").read_text(encoding="utf-8"))
     assert "house &lt;b&gt;&amp;" in page
     assert "house <b>&" not in page
     boxes = re.findall(r'class="judged [^"]*"><b>(\w+): ', page)

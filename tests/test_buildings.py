@@ -155,7 +155,7 @@ def test_a_file_is_whole_or_absent_and_made_once(makers, tmp_path, monkeypatch):
     make._make(_building(makers), tmp_path)
     make._make(_building(makers), tmp_path)
     assert asked == [("irregular", "shifted"), ("shifted",)]
-    assert (tmp_path / "b_shifted.csv").read_text().splitlines() == [
+    assert (tmp_path / "b_shifted.csv").read_text(encoding="utf-8").splitlines() == [
         "timestamp,T_in_degC",
         "2018-01-01T00:15:00-06:00,1.0",
     ]

@@ -112,7 +112,7 @@ start = 2024-01-11
 @pytest.fixture
 def files(tmp_path):
     _log().to_csv(tmp_path / "log.csv")
-    (tmp_path / "zone.toml").write_text(CONFIG)
+    (tmp_path / "zone.toml").write_text(CONFIG, encoding="utf-8")
     return tmp_path
 
 
@@ -135,7 +135,7 @@ class Ran(NamedTuple):
 def ran(tmp_path_factory, quick_fits):
     folder, results, study = tmp_path_factory.mktemp("study"), [], _study.run_study
     _log().to_csv(folder / "log.csv")
-    (folder / "zone.toml").write_text(CONFIG)
+    (folder / "zone.toml").write_text(CONFIG, encoding="utf-8")
     said, told = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(said), redirect_stderr(told):
         patch.setattr(_study, "run_study", lambda *given: results.append(study(*given)) or results[0])
@@ -149,7 +149,7 @@ def test_a_log_is_run_end_to_end(ran):
     assert "hybrid" in ran.said
     assert "ARX" in ran.said
     assert "[1/" in ran.told
-    metrics = json.loads((ran.out / "metrics.json").read_text())
+    metrics = json.loads((ran.out / "metrics.json").read_text(encoding="utf-8"))
     assert set(metrics["models"]) >= {
         "hybrid",
         "building model alone",
@@ -169,7 +169,7 @@ def test_the_files_agree_with_one_another(ran):
     out = ran.out
     backtest = pd.read_csv(out / "backtest.csv")
     rmse = np.sqrt(((backtest["hybrid"] - backtest["y_true"]) ** 2).mean())
-    metrics = json.loads((out / "metrics.json").read_text())
+    metrics = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
     assert rmse == pytest.approx(metrics["models"]["hybrid"]["rmse"], abs=1e-3)
     assert backtest["lead"].max() == 24
     assert backtest["origin"].min().startswith("2024-01-11T00:00")
@@ -181,7 +181,7 @@ def test_the_files_agree_with_one_another(ran):
     parameters = pd.read_csv(out / "parameters.csv", index_col="parameter")
     np.testing.assert_allclose(parameters["value"], model.gray_box_.theta_, rtol=1e-5)
     assert parameters.loc["C_za", "value"] == pytest.approx(4.0, rel=0.3)
-    assert "Test room" in (out / "report.html").read_text()
+    assert "Test room" in (out / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("empty_pictures")
@@ -189,35 +189,35 @@ def test_rows_without_a_temperature_are_the_next_day(files):
     log = _log()
     log.iloc[-24:, log.columns.get_loc("room_temp")] = np.nan
     log.to_csv(files / "log.csv")
-    (files / "zone.toml").write_text(CONFIG + "[load]\nsetpoint = 21.0\n")
+    (files / "zone.toml").write_text(CONFIG + "[load]\nsetpoint = 21.0\n", encoding="utf-8")
     assert _run(files, "-q") == 0
     forecast = pd.read_csv(files / "out" / "forecast.csv")
     assert len(forecast) == 24
     assert "T_za_measured" not in forecast
     assert (forecast["setpoint"] == 21.0).all()
-    assert not json.loads((files / "out" / "metrics.json").read_text())["next_day_held_out"]
+    assert not json.loads((files / "out" / "metrics.json").read_text(encoding="utf-8"))["next_day_held_out"]
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("empty_pictures")
 def test_two_temperatures_are_enough(files, capsys):
     config = CONFIG.replace('q_sol = "solar_W_m2"', "").replace('Q_hvac = "hvac_kW"', "").replace("[units]", "")
-    (files / "zone.toml").write_text(config.replace('q_sol = "W/m2"', ""))
+    (files / "zone.toml").write_text(config.replace('q_sol = "W/m2"', ""), encoding="utf-8")
     assert _run(files, "-q") == 0
-    metrics = json.loads((files / "out" / "metrics.json").read_text())
+    metrics = json.loads((files / "out" / "metrics.json").read_text(encoding="utf-8"))
     assert metrics["models"]["hybrid"]["load_rmse"] is None
     assert "Q_hvac" not in pd.read_csv(files / "out" / "forecast.csv")
-    assert "needed that day" not in (files / "out" / "report.html").read_text()
+    assert "needed that day" not in (files / "out" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("empty_pictures")
 def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
-    (files / "zone.toml").write_text(CONFIG.replace('[forecaster]\nmodel = "profile"\n', ""))
+    (files / "zone.toml").write_text(CONFIG.replace('[forecaster]\nmodel = "profile"\n', ""), encoding="utf-8")
     assert _run(files, "-q") == 0
     assert capsys.readouterr().err == ""
     out = files / "out"
-    metrics = json.loads((out / "metrics.json").read_text())
+    metrics = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
     assert set(metrics["models"]) >= {
         "hybrid",
         "hybrid, two-stage (ridge)",
@@ -235,7 +235,7 @@ def test_the_schedule_model_is_compared_with_two_stage_models(files, capsys):
     assert parameters.loc["C_za", "value"] == pytest.approx(4.0, rel=0.3)
     backtest = pd.read_csv(out / "backtest.csv")
     assert {"hybrid", "hybrid, two-stage (ridge)"} <= set(backtest)
-    page = (out / "report.html").read_text()
+    page = (out / "report.html").read_text(encoding="utf-8")
     assert "separate identification (InputDisturbanceID)" in page
     assert "Learned schedules" in page
     assert f"contained {100 * metrics['interval_80_coverage']:.0f}\u00a0% of the" in page
@@ -248,7 +248,9 @@ def test_loads_of_stages_are_in_kw_of_the_identification(files):
     log["burner"] = (log.pop("hvac_kW") / 5.0).clip(0, 1)
     log.to_csv(files / "log.csv")
     config = CONFIG.replace('Q_hvac = "hvac_kW"', 'u_heat = "burner"').replace('[forecaster]\nmodel = "profile"\n', "")
-    (files / "zone.toml").write_text(config.replace("n_starts = 2", "n_starts = 2\nknown = { Q_h = 5.0 }"))
+    (files / "zone.toml").write_text(
+        config.replace("n_starts = 2", "n_starts = 2\nknown = { Q_h = 5.0 }"), encoding="utf-8"
+    )
     assert _run(files, "-q") == 0
     forecast = pd.read_csv(files / "out" / "forecast.csv")
     np.testing.assert_allclose(forecast["Q_hvac"], 5.0 * forecast["u_heat"], atol=1e-3)
@@ -257,7 +259,7 @@ def test_loads_of_stages_are_in_kw_of_the_identification(files):
 
 
 def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
-    (files / "zone.toml").write_text(CONFIG + "[site]\nlatitude = 52.4\nlongitude = 4.9\n")
+    (files / "zone.toml").write_text(CONFIG + "[site]\nlatitude = 52.4\nlongitude = 4.9\n", encoding="utf-8")
     settings = read_settings(files / "zone.toml")
     settings = replace(settings, forecaster={"model": "schedule"}, timezone="UTC")
     data = split_log(read_log(files / "log.csv", settings)[0], settings)
@@ -276,12 +278,12 @@ def test_the_sun_on_facades_enters_the_hybrid_and_the_black_boxes(files):
 @pytest.mark.usefixtures("empty_pictures")
 def test_a_log_too_short_for_intervals_goes_without(files, capsys):
     (files / "zone.toml").write_text(
-        CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"schedule"')
+        CONFIG.replace("[train]", "[train]\nstart = 2024-01-09").replace('"profile"', '"schedule"'), encoding="utf-8"
     )
     assert _run(files) == 0
     assert "no intervals are given" in capsys.readouterr().err
     assert "q_0.1" not in pd.read_csv(files / "out" / "forecast.csv")
-    assert json.loads((files / "out" / "metrics.json").read_text())["interval_80_coverage"] is None
+    assert json.loads((files / "out" / "metrics.json").read_text(encoding="utf-8"))["interval_80_coverage"] is None
 
 
 @pytest.mark.slow
@@ -362,7 +364,7 @@ def test_the_module_runs_and_tells_its_version():
 )
 def test_a_wrong_setting_is_refused_in_one_line(files, capsys, old, new, message):
     assert old in CONFIG
-    (files / "zone.toml").write_text(CONFIG.replace(old, new, 1))
+    (files / "zone.toml").write_text(CONFIG.replace(old, new, 1), encoding="utf-8")
     assert _run(files, "-q") == 1
     out, err = capsys.readouterr()
     assert out == ""
@@ -435,7 +437,8 @@ def test_a_span_that_the_log_cuts_is_told(files):
     (files / "zone.toml").write_text(
         CONFIG.replace("start = 2024-01-11", "start = 2024-01-11\nend = 2024-03-01").replace(
             "end = 2024-01-10", "start = 2023-12-24\nend = 2024-01-10"
-        )
+        ),
+        encoding="utf-8",
     )
     settings = read_settings(files / "zone.toml")
     log = read_log(files / "log.csv", settings)[0]
@@ -444,12 +447,14 @@ def test_a_span_that_the_log_cuts_is_told(files):
         f"[train] start = 2023-12-24 is before the first measured row; it starts at {log.index[0]}.",
         f"[test] end = 2024-03-01 is after the last measured row; it ends at {log.index[-1]}.",
     )
-    (files / "zone.toml").write_text(CONFIG)
+    (files / "zone.toml").write_text(CONFIG, encoding="utf-8")
     whole = split_log(log, read_settings(files / "zone.toml"))
     assert not whole.remarks
     assert whole.later.index[0] == log.index[log.index.get_loc(whole.train.index[-1]) + 1]
     utc = log.tz_localize("UTC")
-    (files / "zone.toml").write_text(CONFIG.replace("start = 2024-01-11", "start = 2024-01-11T00:00:00Z"))
+    (files / "zone.toml").write_text(
+        CONFIG.replace("start = 2024-01-11", "start = 2024-01-11T00:00:00Z"), encoding="utf-8"
+    )
     assert not split_log(utc, read_settings(files / "zone.toml")).remarks
 
 
@@ -471,7 +476,7 @@ def test_a_sensor_that_stands_still_is_told(files, capsys):
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_run_that_is_stopped_leaves_nothing(files, name):
     (files / "scratch").mkdir()
-    (files / "zone.toml").write_text(CONFIG.replace("n_starts = 2", "n_starts = 5000"))
+    (files / "zone.toml").write_text(CONFIG.replace("n_starts = 2", "n_starts = 5000"), encoding="utf-8")
     arguments = ["run", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--out", str(files / "out")]
     running = subprocess.Popen(
         [sys.executable, "-m", "skhybrid", *arguments], stderr=subprocess.PIPE, text=True,
@@ -500,8 +505,8 @@ def old(files, result, monkeypatch):
     folder = files / "out"
     folder.mkdir()
     for name in FILES:
-        (folder / name).write_text("old")
-    (folder / "notes.txt").write_text("mine")
+        (folder / name).write_text("old", encoding="utf-8")
+    (folder / "notes.txt").write_text("mine", encoding="utf-8")
     return folder
 
 
@@ -661,7 +666,7 @@ def test_a_stop_inside_an_exec_keeps_its_code(tmp_path):
         "import os, signal, sys\nfrom skhybrid.cli import demo, main\n"
         "demo.command.callback = lambda **_: exec('os.kill(os.getpid(), signal.SIGTERM)', globals())\nsys.exit(main())"
     )
-    (tmp_path / "stopped.py").write_text(program)
+    (tmp_path / "stopped.py").write_text(program, encoding="utf-8")
     path = os.pathsep.join([str(tmp_path), str(Path(skhybrid.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-m", "stopped", "demo"], capture_output=True, text=True, timeout=60, check=False,
@@ -677,7 +682,7 @@ def test_a_stop_while_it_starts_ends_with_its_code(files):
     status = Path(f"/proc/{running.pid}/status")
     until = time.monotonic() + 30
     while time.monotonic() < until:
-        caught = status.read_text().split("SigCgt:")[1].split()[0]
+        caught = status.read_text(encoding="utf-8").split("SigCgt:")[1].split()[0]
         if int(caught, 16) >> (signal.SIGTERM - 1) & 1:
             break
         time.sleep(0.001)
@@ -801,13 +806,15 @@ def test_a_proposed_configuration_runs_as_it_stands(files, capsys):
 
 
 def test_a_configuration_that_is_there_is_used_and_kept(files, capsys):
-    text = (files / "zone.toml").read_text()
+    text = (files / "zone.toml").read_text(encoding="utf-8")
     assert main(["check", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["columns"]["room_temp"]["reason"] == "it was given"
-    assert (files / "zone.toml").read_text() == text
+    assert (files / "zone.toml").read_text(encoding="utf-8") == text
     assert main(["check", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--overwrite"]) == 0
-    assert settings_from(tomllib.loads((files / "zone.toml").read_text())).columns["T_za"] == "room_temp"
+    assert (
+        settings_from(tomllib.loads((files / "zone.toml").read_text(encoding="utf-8"))).columns["T_za"] == "room_temp"
+    )
 
 
 def test_capacities_are_proposed_with_their_signs_and_known_where_they_are_given(tmp_path, capsys):
@@ -815,9 +822,9 @@ def test_capacities_are_proposed_with_their_signs_and_known_where_they_are_given
     make_office(n_days=4, random_state=0).X.to_csv(log)
     assert main(["check", str(log), "--config", str(config), "-q"]) == 0
     assert "kW of u_cool: its capacity" in capsys.readouterr().out
-    text = config.read_text()
+    text = config.read_text(encoding="utf-8")
     assert "# known = { Q_h = 6.0, Q_c = -5.0 }" in text
-    config.write_text(text.replace("# known", "known"))
+    config.write_text(text.replace("# known", "known"), encoding="utf-8")
     assert main(["check", str(log), "--config", str(config), "-q"]) == 0
     assert "capacity" not in capsys.readouterr().out
 
@@ -1051,7 +1058,9 @@ def test_a_list_of_commands_cuts_no_sentence(name, capsys):
 
 
 PAGES = [p for part in ("start", "how_to") for p in (Path(__file__).parents[1] / "docs" / part).glob("*.rst")]
-TEXTS = [page.read_text().replace("\\\n", "") for page in PAGES]  # with commands over several lines on one
+TEXTS = [
+    page.read_text(encoding="utf-8").replace("\\\n", "") for page in PAGES
+]  # with commands over several lines on one
 SHOWN = [line for text in TEXTS for line in re.findall(r"^   \$ skhybrid (\w.+)$", text, re.MULTILINE)]
 
 
@@ -1109,7 +1118,7 @@ def test_stages_alone_give_no_kilowatt_and_no_heat_loss(files, capsys):
     log = _log()
     log["hvac_kW"] /= 5.0
     log.rename(columns={"hvac_kW": "stage"}).to_csv(files / "log.csv")
-    (files / "zone.toml").write_text(CONFIG.replace('Q_hvac = "hvac_kW"', 'u_heat = "stage"'))
+    (files / "zone.toml").write_text(CONFIG.replace('Q_hvac = "hvac_kW"', 'u_heat = "stage"'), encoding="utf-8")
     assert main(["identify", str(files / "log.csv"), "--config", str(files / "zone.toml"), "--json"]) == 0
     out, err = capsys.readouterr()
     found = json.loads(out)
@@ -1122,7 +1131,7 @@ def test_stages_alone_give_no_kilowatt_and_no_heat_loss(files, capsys):
     assert "load RMSE [-]" in out
     assert "[kW]" not in out
     assert not re.search(r"\b(?:\w+ID|GrayBoxRC|CONV|OD)\b", out + err)
-    page = (files / "out" / "report.html").read_text()
+    page = (files / "out" / "report.html").read_text(encoding="utf-8")
     assert "load RMSE [-]" in page
     assert page.count("the scale of the network is not identifiable") == 1
 

@@ -480,7 +480,7 @@ def test_a_typical_year_goes_on_into_the_next_one(tmp_path):
     rows = [[t.year, t.month, t.day, t.hour + 1, 60, "A7", *[5.1] * 29] for t in stamps]
     head = ["LOCATION,Amsterdam,-,NLD,IWEC,062400,52.30,4.77,1.0,-2.0", *["COMMENTS"] * 7]
     path = tmp_path / "year.epw"
-    path.write_text("\n".join([*head, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    path.write_text("\n".join([*head, *(",".join(map(str, row)) for row in rows)]) + "\n", encoding="utf-8")
     weather = read_ahead(path, Settings(name="room", columns={}), "Europe/Amsterdam", range(2023, 2025))
     ahead = pd.date_range("2023-12-31 12:00", periods=24, freq="1h", tz="Europe/Amsterdam")
     assert np.allclose(weather_on_steps(weather, ahead)["T_oa"], 5.1)

@@ -106,7 +106,9 @@ def small(monkeypatch):
 
 
 def test_an_estimator_enters_by_one_command(small, tmp_path, monkeypatch):
-    (tmp_path / "mine.py").write_text("from sklearn.linear_model import Ridge\n\ndef make():\n    return Ridge()\n")
+    (tmp_path / "mine.py").write_text(
+        "from sklearn.linear_model import Ridge\n\ndef make():\n    return Ridge()\n", encoding="utf-8"
+    )
     monkeypatch.setattr(sys, "path", sys.path.copy())
     leaderboard.main([f"{tmp_path / 'mine.py'}:make", "--name", "mine", "--results", str(tmp_path)])
     leaderboard.main(["skhybrid:ARXRegressor", "--results", str(tmp_path)])
@@ -114,7 +116,7 @@ def test_an_estimator_enters_by_one_command(small, tmp_path, monkeypatch):
     kept = pd.read_csv(tmp_path / "leaderboard.csv").set_index("model")
     assert list(kept.index) == ["ARXRegressor", "mine"]
     assert kept.loc["ARXRegressor", "K, 1 h"] < kept.loc["ARXRegressor", "K, 24 h"]
-    table = (tmp_path / "leaderboard.md").read_text()
+    table = (tmp_path / "leaderboard.md").read_text(encoding="utf-8")
     best, other = kept["K"].sort_values().index
     assert table.index(f"| {best} |") < table.index(f"| {other} |")
     assert not leaderboard.main(["skhybrid:ARXRegressor", "--logs", "dutch", "--results", str(tmp_path)])
@@ -151,12 +153,13 @@ def test_what_is_no_estimator_is_refused_in_a_sentence(spec, message):
 
 def test_a_file_may_hold_dataclasses_and_import_its_neighbours(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", sys.path.copy())
-    (tmp_path / "penalty_of_mine.py").write_text("ALPHA = 3.0\n")
+    (tmp_path / "penalty_of_mine.py").write_text("ALPHA = 3.0\n", encoding="utf-8")
     (tmp_path / "model_of_mine.py").write_text(
         "from __future__ import annotations\nfrom dataclasses import dataclass\n"
         "from penalty_of_mine import ALPHA\nfrom sklearn.linear_model import Ridge\n\n"
         "@dataclass\nclass Options:\n    alpha: float = ALPHA\n\n"
-        "def make():\n    return Ridge(Options().alpha)\n"
+        "def make():\n    return Ridge(Options().alpha)\n",
+        encoding="utf-8",
     )
     assert leaderboard.estimator_of(f"{tmp_path / 'model_of_mine.py'}:make").regressor.alpha == 3.0
 

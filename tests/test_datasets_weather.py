@@ -120,7 +120,7 @@ def test_a_typical_year_serves_any_start(shared_data, start):
 def test_epw_errors(tmp_path):
     with pytest.raises(FileNotFoundError, match="no weather file"):
         read_epw(tmp_path / "none.epw")
-    (tmp_path / "bad.epw").write_text("a,b\n1,2\n")
+    (tmp_path / "bad.epw").write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(ValueError, match=r"not a readable EPW .*; download it again"):
         read_epw(tmp_path / "bad.epw")
     for year in ("2024", 2024.0, 99999):  # of which pandas made an error of its own
@@ -189,6 +189,6 @@ def test_epw_values_that_stand_for_none_are_refused(tmp_path, value, words):
     rows[100][6] = value
     head = ["LOCATION,Amsterdam,-,NLD,IWEC,062400,52.30,4.77,1.0,-2.0", *["COMMENTS"] * 7]
     path = tmp_path / "year.epw"
-    path.write_text("\n".join(head + [",".join(row) for row in rows]) + "\n")
+    path.write_text("\n".join(head + [",".join(row) for row in rows]) + "\n", encoding="utf-8")
     with pytest.raises(ValueError, match=words):
         read_epw(path)

@@ -24,8 +24,8 @@ CONF = f"import sys; sys.path.insert(0, {str(DOCS / '_ext')!r}); extensions = ['
 
 def build(folder: Path, page: str) -> subprocess.CompletedProcess:
     """Build a site of one page; warnings are errors."""
-    (folder / "conf.py").write_text(CONF + "; html_math_renderer = 'mathml'")
-    (folder / "index.rst").write_text(page)
+    (folder / "conf.py").write_text(CONF + "; html_math_renderer = 'mathml'", encoding="utf-8")
+    (folder / "index.rst").write_text(page, encoding="utf-8")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "-b", "html", folder, folder / "out"]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
@@ -44,7 +44,7 @@ def test_a_page_without_a_title_or_a_picture_without_words_fails_the_build(tmp_p
     assert said in done.stderr
     assert bool(done.returncode) == bool(said)
     if not said:
-        html = (tmp_path / "out" / "index.html").read_text()
+        html = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
         assert '<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">' in html
         assert "<script" not in html.partition("<math")[2].partition("</math>")[0]
 

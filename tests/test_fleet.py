@@ -341,7 +341,7 @@ def test_faults_of_a_dataset_cost_their_zones_alone(tmp_path):
     corrupt = next((tmp_path / "zone=c").glob("*.parquet"))
     corrupt.write_bytes(corrupt.read_bytes()[:-200])
     (tmp_path / "zone=empty").mkdir()
-    (tmp_path / "zone=notes.txt").write_text("no folder")
+    (tmp_path / "zone=notes.txt").write_text("no folder", encoding="utf-8")
     with pytest.warns(SkhybridWarning, match="2 of 4 zones could not"):
         fleet = ZoneFleet(ARX).fit(tmp_path)
     assert fleet.zones_ == ["a", "b/1"]
@@ -424,7 +424,7 @@ def test_a_full_disk_ends_the_work_and_leaves_no_partial_file(monkeypatch, tmp_p
 
 def test_a_store_that_is_a_file_is_refused(tmp_path):
     path = tmp_path / "store"
-    path.write_text("x")
+    path.write_text("x", encoding="utf-8")
     with pytest.raises(ValueError, match="is a file; give a folder"):
         ZoneFleet(ARX, store=path).fit(rows(TRAIN))
 
@@ -573,7 +573,7 @@ def test_zones_in_threads_keep_their_own_warnings():
 @ENGINES
 def test_a_worker_that_dies_costs_only_its_zone(tmp_path, engine, n_jobs):
     def die_at_b(zone, where):  # in here, so that a worker gets it whole and need not import these tests
-        with open(os.path.join(where, zone), "a") as file:
+        with open(os.path.join(where, zone), "a", encoding="utf-8") as file:
             file.write(".")
         if zone == "b":
             os.kill(os.getpid(), signal.SIGKILL)
@@ -584,7 +584,7 @@ def test_a_worker_that_dies_costs_only_its_zone(tmp_path, engine, n_jobs):
         found = {outcome.zone: outcome for outcome in dispatch.run(calls, n_jobs)}
     assert {zone for zone, outcome in found.items() if outcome.value == zone} == set("ac")
     assert found["b"].error.startswith("the worker died at this zone, twice")
-    assert (tmp_path / "b").read_text() == ".."
+    assert (tmp_path / "b").read_text(encoding="utf-8") == ".."
 
 
 @pytest.fixture(scope="module")
@@ -677,7 +677,7 @@ def test_the_status_has_the_worst_zone_first(fleet, tmp_path):
     assert row["a"]["last_row"] == ZONES["a"].index[8 * DAY - 1]
     assert row["a"]["reasons"].startswith("its last row is 2 days older than the newest of the fleet; ")
     assert (found["rmse_training"] > 0.0).all()
-    page = (tmp_path / "status.html").read_text()
+    page = (tmp_path / "status.html").read_text(encoding="utf-8")
     assert page.index("<b>c</b>") < page.index("<b>b/1</b>")
     assert page.count("<svg") == 3
     assert "nan" not in page
@@ -704,7 +704,7 @@ def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
     assert main(["fleet", "fit", str(folder)]) == 1
     assert "has no folder data; put a Parquet dataset there" in capsys.readouterr().err
     put(folder / "data", TRAIN, "first")
-    (folder / "fleet.toml").write_text(CONFIG)
+    (folder / "fleet.toml").write_text(CONFIG, encoding="utf-8")
     assert main(["fleet", "fit", str(folder)]) == 0
     assert "zones: 2\nfailed: 0\n" in capsys.readouterr().out
     put(folder / "data", NEW, "second")
@@ -732,13 +732,13 @@ def test_columns_with_names_of_their_own_are_named_in_the_configuration(tmp_path
     folder = tmp_path / "data" / "zone=a"
     folder.mkdir(parents=True)
     rows.to_parquet(folder / "first.parquet")
-    (tmp_path / "fleet.toml").write_text(CONFIG)
+    (tmp_path / "fleet.toml").write_text(CONFIG, encoding="utf-8")
     assert main(["fleet", "fit", str(tmp_path)]) == 1
     said = capsys.readouterr().err
     assert "the rows have no column 'T_za', the measured temperature, among " in said
     assert "'room'" in said
     assert "columns={'T_za': ...}" in said
-    (tmp_path / "fleet.toml").write_text(f'{CONFIG}\ncolumns = {{T_za = "room"}}\n')
+    (tmp_path / "fleet.toml").write_text(f'{CONFIG}\ncolumns = {{T_za = "room"}}\n', encoding="utf-8")
     assert main(["fleet", "fit", str(tmp_path)]) == 0
 
 
@@ -749,13 +749,13 @@ def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
     bad = folder / "data" / "zone=bad"
     bad.mkdir()
     (bad / "first.parquet").write_bytes(b"PAR1 cut off")
-    (folder / "fleet.toml").write_text(CONFIG)
+    (folder / "fleet.toml").write_text(CONFIG, encoding="utf-8")
     FleetFolder(folder).fit()
     table = FleetFolder(folder).status().set_index("zone")
     assert table.index[0] == "bad"
     assert table.loc["bad", "verdict"] == "not usable"
     assert "cannot be read" in table.loc["bad", "reasons"]
-    assert "bad" in (folder / "status.html").read_text()
+    assert "bad" in (folder / "status.html").read_text(encoding="utf-8")
     bad.joinpath("first.parquet").unlink()
     ZONES["a"][TRAIN].to_parquet(bad / "first.parquet")
     FleetFolder(folder).fit()
@@ -783,11 +783,11 @@ def test_a_zone_that_could_not_be_fitted_stays_in_the_status(tmp_path, capsys):
     ],
 )
 def test_a_configuration_that_cannot_be_used_is_refused(text, said, tmp_path):
-    (tmp_path / "fleet.toml").write_text(text)
+    (tmp_path / "fleet.toml").write_text(text, encoding="utf-8")
     with pytest.raises(ValueError) as error:
         FleetFolder(tmp_path).read()
     assert said in str(error.value)
-    (tmp_path / "fleet.toml").write_text(EXAMPLE)
+    (tmp_path / "fleet.toml").write_text(EXAMPLE, encoding="utf-8")
     fleet, days = FleetFolder(tmp_path).read()
     assert (fleet.key, days, fleet.estimator.horizon) == ("zone", pd.Timedelta(days=TRAINING_DAYS), "1D")
     with pytest.raises(FileNotFoundError, match="holds no fleet; make it with skhybrid fleet fit"):

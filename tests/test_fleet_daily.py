@@ -291,7 +291,7 @@ def test_the_command_says_which_zones_have_nothing_new(tmp_path, capsys):
         X.to_parquet(tmp_path / "data" / f"zone={zone}" / f"{name}.parquet")
 
     (tmp_path / "fleet.toml").write_text(
-        '[estimator]\nnetwork = "1R1C"\nintervals = false\nknown = {Q_h = 6, Q_c = -6}\n'
+        '[estimator]\nnetwork = "1R1C"\nintervals = false\nknown = {Q_h = 6, Q_c = -6}\n', encoding="utf-8"
     )
     for zone in "ab":
         put(zone, upto(7 * DAY, DAY, zone), "1")
@@ -312,7 +312,7 @@ def test_no_process_at_all_is_refused(tmp_path, capsys):
 
 
 def test_a_folder_without_models_says_what_to_do(tmp_path, capsys):
-    (tmp_path / "fleet.toml").write_text("")
+    (tmp_path / "fleet.toml").write_text("", encoding="utf-8")
     assert main(["fleet", "status", str(tmp_path)]) == 1
     assert capsys.readouterr().err.endswith(f"holds no model yet; make them with skhybrid fleet fit {tmp_path}.\n")
 

@@ -80,7 +80,7 @@ def test_a_fit_that_goes_on_builds_no_model(fleet, monkeypatch):
 def test_a_file_of_another_program_is_no_zone(fleet, tmp_path):
     store = Path(fleet.store_)
     np.savez(store / "weather.npz", T_oa=np.zeros(3))
-    (store / "notes.npz").write_text("of mine")
+    (store / "notes.npz").write_text("of mine", encoding="utf-8")
     save_model(ARXRegressor().fit(ZONE, ZONE["T_za"]), store / "alone.skops")
     (store / "c.skops").unlink()  # a zone without its model is one
     assert fleet.zones_ == list(ZONES)
@@ -100,7 +100,7 @@ def test_a_key_that_the_status_has_as_a_column_is_refused(key, tmp_path):
 @pytest.mark.parametrize("text", ["", "[1]", "3"])
 def test_a_damaged_list_of_failures_stops_no_zone(text, fleet):
     before = fleet.predict(ZONES)
-    (Path(fleet.store_) / "failures.json").write_text(text)
+    (Path(fleet.store_) / "failures.json").write_text(text, encoding="utf-8")
     with pytest.warns(
         SkhybridWarning, match=r"failures\.json cannot be read, so why a fit of zones failed is unknown; fit again"
     ):

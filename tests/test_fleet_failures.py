@@ -87,7 +87,7 @@ def put(folder, which, zones=ZONES, name="1"):
 
 def test_a_command_says_once_what_it_says_of_several_zones(tmp_path, capsys):
     """A nameplate of all zones was warned of for each; a zone that failed was named by its line and by a warning."""
-    (tmp_path / "fleet.toml").write_text(CONFIG)
+    (tmp_path / "fleet.toml").write_text(CONFIG, encoding="utf-8")
     put(tmp_path, TRAIN)
     put(tmp_path, TRAIN, {"bad": ZONES["a"].assign(T_oa=np.nan)})
     assert main(["fleet", "fit", str(tmp_path)]) == 0
@@ -99,7 +99,7 @@ def test_a_command_says_once_what_it_says_of_several_zones(tmp_path, capsys):
 
 
 def test_a_fit_names_the_zones_that_the_fallback_forecasts(tmp_path, capsys):
-    (tmp_path / "fleet.toml").write_text(CONFIG)
+    (tmp_path / "fleet.toml").write_text(CONFIG, encoding="utf-8")
     put(tmp_path, TRAIN, {zone: X.drop(columns="q_sol") for zone, X in ZONES.items()})
     put(tmp_path, TRAIN, {"a": ZONES["a"]})
     assert main(["fleet", "fit", str(tmp_path)]) == 0
@@ -109,7 +109,7 @@ def test_a_fit_names_the_zones_that_the_fallback_forecasts(tmp_path, capsys):
 @pytest.mark.slow
 def test_the_status_tells_why_a_zone_failed_in_the_last_tick_until_it_succeeds_again(tmp_path, capsys):
     """Each command is a process of its own, and only the lines of that of the tick told it."""
-    (tmp_path / "fleet.toml").write_text(CONFIG)
+    (tmp_path / "fleet.toml").write_text(CONFIG, encoding="utf-8")
     put(tmp_path, TRAIN)
     days = unmeasured(slice(7 * DAY, 9 * DAY)), unmeasured(slice(8 * DAY, 10 * DAY))
     assert main(["fleet", "fit", str(tmp_path), "-q"]) == 0
@@ -125,7 +125,7 @@ def test_the_status_tells_why_a_zone_failed_in_the_last_tick_until_it_succeeds_a
         assert main(["fleet", call, str(tmp_path), "-q"]) == 0
         capsys.readouterr()
         assert main(["fleet", "status", str(tmp_path), "-q"]) == 0
-        said = [capsys.readouterr().out, unescape((tmp_path / "status.html").read_text())]
+        said = [capsys.readouterr().out, unescape((tmp_path / "status.html").read_text(encoding="utf-8"))]
         assert ["b: its last tick failed (no values of 'T_oa' since" in said[0], "tick failed" in said[1]] == [told] * 2
 
 

@@ -45,7 +45,7 @@ def refused(path: Path, body: bytes) -> str:
     model_file.import_skops()
     assert HybridPredictor  # an import is no part of the reading
     before = resource.getrlimit(resource.RLIMIT_AS)
-    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
     if before[0] == resource.RLIM_INFINITY:
         resource.setrlimit(
             resource.RLIMIT_AS, (used + 2048 * MIB, before[1])
@@ -500,14 +500,14 @@ def test_a_wrong_number_loads_and_runs_nothing(tmp_path):
 
 def test_what_could_not_be_read_again_is_not_saved(tmp_path):
     model = Ridge().fit([[0.0], [1.0]], [0.0, 1.0])
-    (tmp_path / "m").write_text("old")
+    (tmp_path / "m").write_text("old", encoding="utf-8")
     try:
         model.held_ = pd.DatetimeIndex(["2024-01-01"], tz="dateutil/Europe/Amsterdam")
     except AttributeError:
         pytest.skip("this version of pandas does not find time zones of dateutil")
     with pytest.raises(ValueError, match=r"the time zone tzfile.* cannot be saved"):
         save_model(model, tmp_path / "m")
-    assert (tmp_path / "m").read_text() == "old"
+    assert (tmp_path / "m").read_text(encoding="utf-8") == "old"
     assert len(list(tmp_path.iterdir())) == 1
 
 

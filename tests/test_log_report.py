@@ -212,7 +212,9 @@ def test_the_set_point_in_force_and_the_whole_sun_count():
 @pytest.mark.parametrize(("last", "is_heat"), [("on", False), ("0.7", True)])
 def test_a_column_of_on_and_off_is_no_heat(tmp_path, last, is_heat):
     rows = "".join(f"2024-01-01 {h:02d}:00,{20 + h / 10},{'on' if h > 11 else 'off'}\n" for h in range(24))
-    (tmp_path / "log.csv").write_text(f"time,room temp,Heating power\n{rows}2024-01-02 00:00,20,{last}\n")
+    (tmp_path / "log.csv").write_text(
+        f"time,room temp,Heating power\n{rows}2024-01-02 00:00,20,{last}\n", encoding="utf-8"
+    )
     report = LogReport(read_log(tmp_path / "log.csv"))
     assert ("Q_heat" in report.roles) == is_heat
     assert ("give u_heat or u_cool" in report.columns.loc["Heating power", "reason"]) == (not is_heat)
@@ -287,7 +289,9 @@ def test_seconds_of_a_stage_are_not_scaled_by_their_largest_value(frame):
 
 def test_seconds_of_a_stage_are_not_among_the_units_that_are_not_converted(tmp_path):
     rows = [f"2024-01-15 00:{m:02d},20.0,{60 * (m % 20)},{m}" for m in range(0, 60, 5)]
-    (tmp_path / "log.csv").write_text("\n".join(["time,Room temp (°C),Heat Stage 1 (sec),Wind (m/s)", *rows]))
+    (tmp_path / "log.csv").write_text(
+        "\n".join(["time,Room temp (°C),Heat Stage 1 (sec),Wind (m/s)", *rows]), encoding="utf-8"
+    )
     (note,) = [note for note in read_log(tmp_path / "log.csv").notes if "not converted" in note]
     assert "'Wind (m/s)' in m/s" in note
     assert "Heat Stage" not in note

@@ -385,7 +385,7 @@ def test_a_grid_too_large_to_hold_is_refused(monkeypatch):
 )
 def test_a_history_that_cannot_be_read(tmp_path, change, says):
     path = tmp_path / "log.csv"
-    path.write_text(change(HISTORY.read_text(encoding="utf-8")))
+    path.write_text(change(HISTORY.read_text(encoding="utf-8")), encoding="utf-8")
     with pytest.raises(ValueError, match=says):
         home_assistant.read(path)
 
@@ -427,7 +427,7 @@ PIVOTED = """#group,false,false,false,true,false,false
 
 def test_a_pivoted_query_has_a_channel_per_column(tmp_path):
     path = tmp_path / "log.csv"
-    path.write_text(PIVOTED)
+    path.write_text(PIVOTED, encoding="utf-8")
     frame = influx.read(path).frame
     assert frame["temperature room=attic"].tolist() == pytest.approx([19.5, np.nan], nan_ok=True)
     assert frame["heating room=attic"].tolist() == [1.0, 0.0]
@@ -454,7 +454,7 @@ def test_a_pivoted_query_has_a_channel_per_column(tmp_path):
 )
 def test_annotated_csv_that_cannot_be_read(tmp_path, text, says):
     path = tmp_path / "log.csv"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     with pytest.raises(ValueError, match=says):
         influx.read(path)
 

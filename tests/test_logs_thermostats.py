@@ -198,7 +198,7 @@ def test_the_json_of_a_runtime_report_is_that_log(tmp_path):
     names = API.removeprefix("date,time,")
     report = {"columns": names, "reportList": [{"thermostatIdentifier": "4123", "rowCount": 2, "rowList": API_ROWS}]}
     path = _written(tmp_path, json.dumps(report), "report.json")
-    assert ecobee.looks_like(path, path.read_text())
+    assert ecobee.looks_like(path, path.read_text(encoding="utf-8"))
     other = ecobee.read(_written(tmp_path, "\n".join([API, *API_ROWS])))
     pd.testing.assert_frame_equal(ecobee.read(path).frame, other.frame)
     report["reportList"] *= 2
@@ -254,7 +254,7 @@ def test_the_epa_interval_file_takes_its_offset_from_the_metadata():
 
 
 def test_epa_without_metadata_has_naive_stamps(tmp_path):
-    log = epa_thermostat.read(_written(tmp_path, EPA.read_text()))
+    log = epa_thermostat.read(_written(tmp_path, EPA.read_text(encoding="utf-8")))
     assert log.frame.index.tz is None
     assert "the stamps have no zone" in " ".join(log.notes)
     with pytest.raises(ValueError, match=r"'metadata\.csv' does not name the file 'log.csv'"):
@@ -293,7 +293,7 @@ def test_the_older_epa_format_of_days(tmp_path):
         ",".join(["a1", day, "0", "480", *map(str, range(60, 84)), *["6"] * 24]) for day in ("2014-01-01", "2014-01-02")
     ]
     path = _written(tmp_path, "\n".join([header, *rows]))
-    assert epa_thermostat.looks_like(path, path.read_text())
+    assert epa_thermostat.looks_like(path, path.read_text(encoding="utf-8"))
     log = epa_thermostat.read(path, utc_offset="-5")
     assert log.frame.shape == (48, 4)
     assert log.frame["temp_in"].iloc[25] == 61.0
@@ -318,7 +318,7 @@ def test_the_older_epa_format_of_days(tmp_path):
 )
 def test_an_epa_file_that_cannot_be_read(tmp_path, change, says):
     with pytest.raises(ValueError, match=says):
-        epa_thermostat.read(_written(tmp_path, change(EPA.read_text())))
+        epa_thermostat.read(_written(tmp_path, change(EPA.read_text(encoding="utf-8"))))
 
 
 def test_a_file_that_is_absent():

@@ -422,7 +422,7 @@ sk.PeriodicDisturbanceID(variance="day")
 @pytest.mark.slow
 def test_a_type_checker_rejects_an_unknown_choice(tmp_path, monkeypatch):
     api = pytest.importorskip("mypy.api")
-    (tmp_path / "snippet.py").write_text(SNIPPET)
+    (tmp_path / "snippet.py").write_text(SNIPPET, encoding="utf-8")
     monkeypatch.setenv("MYPYPATH", str(Path(skhybrid.__file__).parents[1]))
     monkeypatch.chdir(tmp_path)  # the cache and any settings of the folder
     flags = ["--follow-imports=silent", "--ignore-missing-imports", "--no-site-packages"]
@@ -478,14 +478,14 @@ def test_methods_of_the_same_name_take_the_same_arguments():
 
 
 # -------------------------------------------------------------------------------------------------- public names
-DOCUMENTED = re.findall(r"^   (skhybrid\.\w+)$", (ROOT / "docs" / "api.rst").read_text(), re.MULTILINE)
+DOCUMENTED = re.findall(r"^   (skhybrid\.\w+)$", (ROOT / "docs" / "api.rst").read_text(encoding="utf-8"), re.MULTILINE)
 
 
 def test_the_reference_lists_every_public_module():
     modules = {f"skhybrid.{name}" for name in skhybrid.__all__ if inspect.ismodule(getattr(skhybrid, name))}
     assert {*modules, "skhybrid.hybrid"} == set(DOCUMENTED)
     for name in ("autosummary", "autosummary_ignore_module_all = False"):  # the reference follows __all__
-        assert name in (ROOT / "docs" / "conf.py").read_text()
+        assert name in (ROOT / "docs" / "conf.py").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("module", DOCUMENTED)

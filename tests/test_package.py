@@ -53,7 +53,9 @@ def test_classifiers_name_every_tested_python():
 
 
 def test_constraints_name_every_requirement():
-    pinned = {line.partition("==")[0].lower().replace("_", "-") for line in (ROOT / "constraints.txt").open()}
+    pinned = {
+        line.partition("==")[0].lower().replace("_", "-") for line in (ROOT / "constraints.txt").open(encoding="utf-8")
+    }
     lines = [*PROJECT["dependencies"], *chain.from_iterable(PROJECT["optional-dependencies"].values())]
     needed = {re.split(r"[^\w-]", line)[0].lower() for line in lines} - {"skhybrid"}
     assert needed <= pinned
@@ -63,7 +65,9 @@ def test_constraints_install_on_the_oldest_python_of_the_package():
     """A pin that needs a later patch release of Python stops every installation of it."""
     oldest = PROJECT["requires-python"].removeprefix(">=") + ".0"
     wanted = {}
-    for name, _, pin in (line.strip().partition("==") for line in (ROOT / "constraints.txt").open() if "==" in line):
+    for name, _, pin in (
+        line.strip().partition("==") for line in (ROOT / "constraints.txt").open(encoding="utf-8") if "==" in line
+    ):
         with contextlib.suppress(PackageNotFoundError):
             wanted[name] = metadata(name).get("Requires-Python", "") if version(name) == pin else ""
     assert len(wanted) > 20

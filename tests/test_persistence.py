@@ -239,17 +239,17 @@ def test_a_missing_file_is_named(tmp_path):
 
 # -------------------------------------------------------------------------------------------------------------- writing
 def _write_half(path):
-    path.write_text("half")
+    path.write_text("half", encoding="utf-8")
     raise ValueError("no more")
 
 
 def test_a_write_that_fails_leaves_what_was_there(tmp_path):
     path = tmp_path / "deep" / "report.html"
     with atomic_path(path) as made:
-        made.write_text("old")
+        made.write_text("old", encoding="utf-8")
     with pytest.raises(ValueError, match="no more"), atomic_path(path) as made:
         _write_half(made)
-    assert path.read_text() == "old"
+    assert path.read_text(encoding="utf-8") == "old"
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
 
 
@@ -257,7 +257,7 @@ def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path):
     path = tmp_path / "model.skops"
     path.touch(mode=0o600)
     with atomic_path(path) as made:
-        made.write_text("new")
+        made.write_text("new", encoding="utf-8")
     assert path.stat().st_mode & 0o777 == 0o600
 
 
@@ -265,7 +265,7 @@ def test_a_link_or_a_pipe_is_written_to_and_not_replaced(tmp_path):
     link, kept, pipe = tmp_path / "link", tmp_path / "disk" / "model.skops", tmp_path / "pipe"
     link.symlink_to(kept)
     write_text(link, "new")
-    assert (link.is_symlink(), kept.read_text()) == (True, "new")
+    assert (link.is_symlink(), kept.read_text(encoding="utf-8")) == (True, "new")
     os.mkfifo(pipe)
     with open(os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)) as reader:
         write_text(pipe, "sent")

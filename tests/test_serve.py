@@ -80,7 +80,9 @@ def made(log, tmp_path_factory):
     folder = place / "kitchen"
     until(log, DAYS - 2).to_csv(place / "log.csv")
     config = place / "zone.toml"
-    config.write_text(propose_settings(place / "log.csv").replace('name = "log"', 'name = "kitchen <b>&"'))
+    config.write_text(
+        propose_settings(place / "log.csv").replace('name = "log"', 'name = "kitchen <b>&"'), encoding="utf-8"
+    )
     zone = ZoneFolder.init(folder, place / "log.csv", config)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zone_folder, "day_ahead", _like_the_day_before)
@@ -300,7 +302,7 @@ def test_rows_that_a_kill_left_in_the_model_alone_are_forecast_from(log, client,
 def test_a_row_alone_in_the_hour_that_comes_twice_is_named(stamps, remarks, tmp_path):
     """Rows that were posted one by one were both of summer time, and the second replaced the first in silence."""
     path, said = tmp_path / "rows.csv", []
-    path.write_text("time,T_za,T_oa\n" + "".join(f"{stamp},20,5\n" for stamp in stamps))
+    path.write_text("time,T_za,T_oa\n" + "".join(f"{stamp},20,5\n" for stamp in stamps), encoding="utf-8")
     settings = Settings(columns={"T_za": "T_za", "T_oa": "T_oa"}, timezone="Europe/Amsterdam")
     with warnings_to(said.append):
         assert len(read_posted(path, settings, [], plain=True)[0]) == len(stamps)
@@ -355,8 +357,10 @@ def test_remarks_are_those_of_the_rows_and_not_of_another_request(log, client, m
 
 def test_a_column_that_the_configuration_loses_is_not_learned_from_again(log, client, folder):
     """The new model needed the sun of the kept log, which nobody posts any more."""
-    lines = (folder / "zone.toml").read_text().splitlines()
-    (folder / "zone.toml").write_text("\n".join(line for line in lines if not line.startswith("q_sol")))
+    lines = (folder / "zone.toml").read_text(encoding="utf-8").splitlines()
+    (folder / "zone.toml").write_text(
+        "\n".join(line for line in lines if not line.startswith("q_sol")), encoding="utf-8"
+    )
     rows = log.iloc[24 * DAYS : 24 * DAYS + 4].drop(columns="q_sol")
     first = client.post("/rows", json=as_json(rows.iloc[:2])).json()
     assert (first["new_steps"], first["fitted_again_because"]) == (2, "zone.toml has changed")
@@ -459,8 +463,8 @@ def test_a_client_that_leaves_within_a_body_raises_no_error_in_the_server(made):
 def test_a_wrong_row_is_refused_and_changes_nothing(change, words, log, client, folder):
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     if change.get("time") == "2018-09-27T00:00:00":
-        text = (folder / "zone.toml").read_text()
-        (folder / "zone.toml").write_text(text.replace("timezone =", "# timezone ="))
+        text = (folder / "zone.toml").read_text(encoding="utf-8")
+        (folder / "zone.toml").write_text(text.replace("timezone =", "# timezone ="), encoding="utf-8")
         before["zone.toml"] = (folder / "zone.toml").read_bytes()
     answer = client.post("/rows", json=[as_json(log.iloc[24 * DAYS : 24 * DAYS + 1])[0] | change])
     assert answer.status_code == 422
@@ -480,8 +484,8 @@ def test_rows_in_another_unit_than_the_log_are_refused(log, client, folder):
 
 
 def test_energies_per_row_are_left_to_the_log(log, client, folder):
-    text = (folder / "zone.toml").read_text()
-    (folder / "zone.toml").write_text(text + '\n[units]\nQ_hvac = "kWh"\n')
+    text = (folder / "zone.toml").read_text(encoding="utf-8")
+    (folder / "zone.toml").write_text(text + '\n[units]\nQ_hvac = "kWh"\n', encoding="utf-8")
     answer = client.post("/rows", json=as_json(log.iloc[24 * DAYS : 24 * DAYS + 1]))
     assert answer.status_code == 422
     assert "Q_hvac is logged in kWh" in answer.json()["detail"]
@@ -494,12 +498,12 @@ def test_energies_per_row_are_left_to_the_log(log, client, folder):
 def test_a_configuration_that_cannot_be_used_is_no_fault_of_the_rows(old, new, log, client, folder):
     """It was answered with 422, as though the rows were wrong."""
     rows = as_json(log.iloc[24 * DAYS : 24 * DAYS + 1])
-    whole = (folder / "zone.toml").read_text()
-    (folder / "zone.toml").write_text(whole.replace(old, new, 1))
+    whole = (folder / "zone.toml").read_text(encoding="utf-8")
+    (folder / "zone.toml").write_text(whole.replace(old, new, 1), encoding="utf-8")
     answer = client.post("/rows", json=rows)
     assert answer.status_code == 500
     assert re.search(r"^zone\.toml.*; mend it and post the rows again\.$", answer.json()["detail"]), answer.json()
-    (folder / "zone.toml").write_text(whole)
+    (folder / "zone.toml").write_text(whole, encoding="utf-8")
     assert client.post("/rows", json=rows).status_code == 200
 
 
@@ -622,8 +626,8 @@ def test_a_missing_extra_is_named(made, monkeypatch, capsys):
 
 def test_the_extra_is_pinned():
     root = Path(__file__).resolve().parents[1]
-    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    pins = (root / "constraints.txt").read_text()
+    extras = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    pins = (root / "constraints.txt").read_text(encoding="utf-8")
     assert "serve" in extras["all"][0]
     for one in extras["serve"]:
         assert f"\n{one.split('>')[0]}==" in pins

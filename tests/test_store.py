@@ -117,12 +117,12 @@ def test_other_data_are_refused_with_the_difference(path):
 
 def test_another_kind_of_file_is_refused(path):
     path.parent.mkdir()
-    path.write_text("a table of results that somebody wrote by hand\n" * 100)
+    path.write_text("a table of results that somebody wrote by hand\n" * 100, encoding="utf-8")
     with pytest.raises(
         OSError, match=r"results\.sqlite cannot be used \(file is not a database\); give the path of an"
     ):
         ResultStore(path, {})
-    assert path.read_text().startswith("a table")
+    assert path.read_text(encoding="utf-8").startswith("a table")
 
 
 def test_a_database_of_another_program_is_left_as_it_is(path):
@@ -229,7 +229,7 @@ def test_scores_that_are_none_are_named(path, text):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["folder", "below a file", "null"])
 def test_a_path_that_is_no_file_is_named(tmp_path, kind):
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     place = {"folder": tmp_path, "below a file": tmp_path / "file" / "a.sqlite", "null": "/dev/null"}[kind]
     with pytest.raises(OSError, match=rf"store {place} (is not a file|cannot be created).*give the path of another"):
         ResultStore(place, {})

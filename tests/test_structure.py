@@ -137,3 +137,27 @@ def test_a_script_calls_the_package_as_it_is(script):
             bind(*positional, **names)
         except TypeError as error:
             pytest.fail(f"line {call.lineno}, {ast.unparse(call.func)}: {error}")
+
+
+def without_encoding(tree: ast.AST) -> Iterator[int]:
+    """Lines in which a text file is read or written in the encoding of the machine."""
+    before = {"read_text": 0, "write_text": 1}  # arguments before that of the encoding
+    for call in ast.walk(tree):
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr in before:
+            given = len(call.args) > before[call.func.attr] or any(part.arg == "encoding" for part in call.keywords)
+            if not given:
+                yield call.lineno
+
+
+def test_text_files_are_in_utf_8_on_every_machine():
+    root = Path(__file__).parents[1]
+    paths = [path for name in ("tests", "benchmarks", "examples", "tools") for path in (root / name).rglob("*.py")]
+    trees = {str(path.relative_to(root)): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+    trees |= {f"skhybrid/{path}": tree_of(path) for path in PATHS}
+    found = [f"{path}:{line}" for path, tree in trees.items() for line in without_encoding(tree)]
+    assert not found
+
+
+def test_a_text_file_without_an_encoding_is_seen():
+    written = "path.read_text()\npath.write_text(text)\npath.read_text(encoding='utf-8')"
+    assert list(without_encoding(ast.parse(written))) == [1, 2]

@@ -123,7 +123,7 @@ def test_the_outputs_tell_both_tasks(result, tmp_path):
     np.testing.assert_allclose(tests[f"{HYBRID}, set-points known"], result.setpoints_known.frame["y_pred"], atol=1e-3)
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert page.index("Accuracy in daily use") < page.index("Accuracy with the heat known")
-    assert '"setpoints_known": {' in (tmp_path / "out" / "metrics.json").read_text()
+    assert '"setpoints_known": {' in (tmp_path / "out" / "metrics.json").read_text(encoding="utf-8")
 
 
 def test_the_back_test_command_scores_it_too(log, result):
@@ -193,7 +193,7 @@ def test_the_back_test_command_writes_remarks_as_warnings(log, tmp_path, monkeyp
     log.to_csv(tmp_path / "log.csv", index_label="time")
     columns = "".join(f'{role} = "{role}"\n' for role in log)
     spans = '[train]\nend = "2023-10-22"\n[test]\nstart = "2023-10-23"\n'
-    (tmp_path / "zone.toml").write_text(f'step = "1h"\n[columns]\n{columns}{spans}')
+    (tmp_path / "zone.toml").write_text(f'step = "1h"\n[columns]\n{columns}{spans}', encoding="utf-8")
     found = ZoneBacktest(
         pd.DataFrame({"rmse": [0.3]}, [HYBRID]), pd.DataFrame(), None, (), "kW", None, ("no set-points",)
     )

@@ -192,5 +192,7 @@ FOLDER = Path(__file__).parents[1] / "skhybrid" / "thermal"
 def test_imports_in_the_folder_go_one_way(path):
     """Imports in functions and under TYPE_CHECKING count too."""
     before = MODULES if path.stem == "__init__" else MODULES[: MODULES.index(path.stem)]
-    imports = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+    imports = [
+        node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)
+    ]
     assert {node.module for node in imports if node.level == 1} <= set(before)

@@ -501,7 +501,7 @@ def test_without_pymc_nothing_is_searched_for_a_posterior(office, output, monkey
 def test_what_arviz_announces_of_itself_is_not_shown(tmp_path, monkeypatch):
     text = "\\nArviZ is undergoing a major refactor to improve flexibility and extensibility"
     said = f'import warnings\nwarnings.warn("{text}", FutureWarning)\nwarnings.warn("of PyMC", FutureWarning)\n'
-    (tmp_path / "pymc.py").write_text(said)
+    (tmp_path / "pymc.py").write_text(said, encoding="utf-8")
     monkeypatch.setitem(sys.modules, "pymc", None)  # so that what stood here comes back
     monkeypatch.delitem(sys.modules, "pymc")
     monkeypatch.syspath_prepend(tmp_path)

@@ -152,7 +152,9 @@ def test_a_fit_leaves_out_the_step_that_is_under_way(log, zone, tmp_path):
     """An update would not correct the mean over its beginning."""
     source, config, model = (tmp_path / name for name in ("log.csv", "two_hours.toml", "m.skops"))
     log.iloc[: 24 * 6 + 7].to_csv(source)
-    config.write_text(zone.config.read_text().replace('step = "60min"', 'step = "2h"'))
+    config.write_text(
+        zone.config.read_text(encoding="utf-8").replace('step = "60min"', 'step = "2h"'), encoding="utf-8"
+    )
     assert main(["fit", str(source), "--config", str(config), "--model", str(model), "-q"]) == 0
     assert ZoneModel.load(model).known_until == log.index[24 * 6 + 4]
 
@@ -161,8 +163,8 @@ def test_a_fit_leaves_out_the_step_that_is_under_way(log, zone, tmp_path):
 def test_a_step_under_way_is_forecast_from_and_taken_in_when_it_is_over(right, log, zone, cheap, tmp_path):
     """The mean over its beginning would stay in the model."""
     config, source = tmp_path / "zone.toml", tmp_path / "log.csv"
-    text = zone.config.read_text().replace('step = "60min"', 'step = "2h"')
-    config.write_text(text.replace('label = "left"', 'label = "right"') if right else text)
+    text = zone.config.read_text(encoding="utf-8").replace('step = "60min"', 'step = "2h"')
+    config.write_text(text.replace('label = "left"', 'label = "right"') if right else text, encoding="utf-8")
     begin = 24 * DAYS + 6
     assert abs(log["Q_hvac"].iloc[begin] - log["Q_hvac"].iloc[begin + 1]) > 0.1
     rows = log.assign(**{role: log[role].shift(right) for role in ("q_sol", "Q_hvac", "T_heat_set", "T_cool_set")})
@@ -441,14 +443,16 @@ def test_rows_after_an_outage_of_days_are_learned_from_when_there_are_enough(log
 
 def test_a_changed_configuration(log, zone, cheap, tmp_path):
     source = write(log, tmp_path / "log.csv", DAYS)
-    text = zone.config.read_text()
-    zone.config.write_text(text + "\n[thermostat]\nheat = 20\ncool = 25\n")
+    text = zone.config.read_text(encoding="utf-8")
+    zone.config.write_text(text + "\n[thermostat]\nheat = 20\ncool = 25\n", encoding="utf-8")
     assert zone.tick(source).learned == ""
-    zone.config.write_text(zone.config.read_text().replace("T_cool_set =", "# T_cool_set ="))
+    zone.config.write_text(
+        zone.config.read_text(encoding="utf-8").replace("T_cool_set =", "# T_cool_set ="), encoding="utf-8"
+    )
     done = zone.tick(write(log, tmp_path / "later.csv", DAYS + 1))
     assert (done.learned, done.n_new) == ("zone.toml has changed", 24)
     assert "T_cool_set" not in zone.load().settings.columns
-    zone.config.write_text(text)
+    zone.config.write_text(text, encoding="utf-8")
     with pytest.raises(ValueError, match=r"zone.toml has changed, so the model must be fitted again, but the log ends"):
         zone.tick(write(log, tmp_path / "short.csv", DAYS, without=slice(0, 24 * (DAYS - 4))))
 
@@ -456,10 +460,12 @@ def test_a_changed_configuration(log, zone, cheap, tmp_path):
 @pytest.mark.slow
 def test_a_log_that_loses_and_gets_its_time_zone(log, zone, cheap, tmp_path):
     """The archive has one clock, so that later ticks read it and past forecasts are scored."""
-    with_zone = zone.config.read_text()
+    with_zone = zone.config.read_text(encoding="utf-8")
     zone.tick(write(log, tmp_path / "log.csv", DAYS))
     for day, local in ((DAYS + 1, True), (DAYS + 3, False)):
-        zone.config.write_text(with_zone.replace("timezone =", "# timezone =") if local else with_zone)
+        zone.config.write_text(
+            with_zone.replace("timezone =", "# timezone =") if local else with_zone, encoding="utf-8"
+        )
         rows = log.tz_localize(None) if local else log
         assert zone.tick(write(rows, tmp_path / "log.csv", day)).learned == "zone.toml has changed"
         zone.tick(write(rows, tmp_path / "log.csv", day + 1))
@@ -532,7 +538,7 @@ def test_stages_are_scored_in_their_unit_and_in_kw_where_a_capacity_is_known(log
     source = write(stages, tmp_path / "log.csv", 8)
     known = "[estimator]\nknown = { Q_h = 6.0 }\n" if scaled else ""
     columns = "".join(f'{role} = "{role}"\n' for role in stages)
-    (tmp_path / "zone.toml").write_text(f'step = "1h"\n{known}[columns]\n{columns}')
+    (tmp_path / "zone.toml").write_text(f'step = "1h"\n{known}[columns]\n{columns}', encoding="utf-8")
     folder = ZoneFolder.init(tmp_path / "kitchen", source, tmp_path / "zone.toml")
 
     def half(zone, frame, weather=None, schedule=None):
@@ -557,19 +563,22 @@ def test_stages_are_scored_in_their_unit_and_in_kw_where_a_capacity_is_known(log
 
 
 def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
-    (tmp_path / "log.csv").write_text(log.iloc[: 24 * 2].to_csv())
+    (tmp_path / "log.csv").write_text(log.iloc[: 24 * 2].to_csv(), encoding="utf-8")
     with pytest.raises(ValueError, match="a model needs 3"):
         ZoneFolder.init(tmp_path / "kitchen", tmp_path / "log.csv")
     given = tmp_path / "mine.toml"
-    given.write_text((tmp_path / "kitchen" / "zone.toml").read_text().replace('name = "log"', 'name = "mine"'))
+    given.write_text(
+        (tmp_path / "kitchen" / "zone.toml").read_text(encoding="utf-8").replace('name = "log"', 'name = "mine"'),
+        encoding="utf-8",
+    )
     with pytest.raises(ValueError, match="a model needs 3"):
         ZoneFolder.init(tmp_path / "kitchen", tmp_path / "log.csv", given)
-    assert (tmp_path / "kitchen" / "zone.toml").read_text() == given.read_text()
+    assert (tmp_path / "kitchen" / "zone.toml").read_text(encoding="utf-8") == given.read_text(encoding="utf-8")
 
 
 def test_an_init_that_is_refused_leaves_nothing(log, tmp_path):
     given = tmp_path / "mine.toml"
-    given.write_text('[columns]\nT_za = "no such column"\nT_oa = "neither"\n')
+    given.write_text('[columns]\nT_za = "no such column"\nT_oa = "neither"\n', encoding="utf-8")
     source = write(log, tmp_path / "log.csv", DAYS)
     none = tmp_path / "none.csv"
     for call in ((none,), (none, given), (source, given), (source, tmp_path / "none.toml")):
@@ -581,11 +590,11 @@ def test_an_init_that_is_refused_leaves_nothing(log, tmp_path):
 def test_a_configuration_that_cannot_be_used_does_not_replace_that_of_the_folder(log, tmp_path):
     own, given = tmp_path / "kitchen" / "zone.toml", tmp_path / "mine.toml"
     own.parent.mkdir()
-    own.write_text('[columns]\nT_za = "corrected by hand"\n')
-    given.write_text('[columns]\nT_zone = "room"\n')
+    own.write_text('[columns]\nT_za = "corrected by hand"\n', encoding="utf-8")
+    given.write_text('[columns]\nT_zone = "room"\n', encoding="utf-8")
     with pytest.raises(ValueError, match="does not say which column is T_za"):
         ZoneFolder.init(own.parent, write(log, tmp_path / "log.csv", DAYS), given)
-    assert own.read_text() == '[columns]\nT_za = "corrected by hand"\n'
+    assert own.read_text(encoding="utf-8") == '[columns]\nT_za = "corrected by hand"\n'
 
 
 def test_zones_that_differ_in_case_only_are_refused(tmp_path):

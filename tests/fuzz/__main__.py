@@ -57,14 +57,14 @@ def main() -> int:
     warnings.simplefilter("ignore")  # those of a call are seen all the same
     KEPT.mkdir(parents=True, exist_ok=True)
     kept = KEPT / f"{arguments.target}.json"
-    content = json.loads(kept.read_text()) if kept.exists() and not arguments.fresh else {}
+    content = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() and not arguments.fresh else {}
     tally, next_number, spent = Tally(content), content.get("next", 0), content.get("seconds", 0.0)
     batches = table_batches if arguments.target == "tables" else file_batches
     begun = time.monotonic()
     for done in batches(arguments.target, next_number, tally):
         now = spent + time.monotonic() - begun
         text = json.dumps(tally.as_dict() | {"next": done, "seconds": now, "date": time.strftime("%Y-%m-%d")})
-        kept.with_suffix(".new").write_text(text)
+        kept.with_suffix(".new").write_text(text, encoding="utf-8")
         os.replace(kept.with_suffix(".new"), kept)
         print(f"{done} in {now:.0f} s, failures: {sum(tally.failures().values())}", flush=True)
         if now - spent >= arguments.seconds or done >= arguments.count:
@@ -125,7 +125,7 @@ def show_call(text: str | None) -> int:
 
 def write_report() -> int:
     """Write the table of outcomes."""
-    kept = {p.stem: json.loads(p.read_text()) for p in sorted(KEPT.glob("*.json"))}
+    kept = {p.stem: json.loads(p.read_text(encoding="utf-8")) for p in sorted(KEPT.glob("*.json"))}
     date = max(one["date"] for one in kept.values())
     lines = ["# Fuzzing", "", f"Made by `tests/fuzz` on {date}; {_machine()}.", _BUDGET, ""]
     lines += [

@@ -88,9 +88,9 @@ def _command(X: Any, command: str, arguments: tuple[str, ...], config: str | Non
     said, out = io.StringIO(), io.StringIO()
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
-        log.write_text(X.to_csv() if isinstance(X, pd.DataFrame | pd.Series) else str(X))
+        log.write_text(X.to_csv() if isinstance(X, pd.DataFrame | pd.Series) else str(X), encoding="utf-8")
         if config is not None:
-            (Path(folder) / "zone.toml").write_text(SETTINGS[config])
+            (Path(folder) / "zone.toml").write_text(SETTINGS[config], encoding="utf-8")
         given = [command, str(log), *(text.replace("FOLDER", folder) for text in arguments)]
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(out):
             code = cli.main(given)

@@ -73,7 +73,7 @@ def mutants(module: str, sample: int, seed: int) -> list[dict]:
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.plugins import get_operator, operator_names
 
-    code = (PACKAGE / module).read_text()
+    code = (PACKAGE / module).read_text(encoding="utf-8")
     silent, source = silent_spans(ast.parse(code)), hashlib.sha256(code.encode()).hexdigest()[:12]
     nodes, places = list(ast_nodes(get_ast(code))), {}
     for name in sorted(operator_names()):
@@ -97,7 +97,7 @@ def mutated(mutant: dict) -> str:
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    code = (PACKAGE / mutant["module"]).read_text()
+    code = (PACKAGE / mutant["module"]).read_text(encoding="utf-8")
     changed = mutate_code(code, get_operator(mutant["operator"])(), mutant["occurrence"])
     diff = list(difflib.ndiff(code.splitlines(), changed.splitlines()))
     for field, sign in (("before", "- "), ("after", "+ ")):
@@ -143,11 +143,11 @@ class Bench:
             tests = [f"tests/{file}.py", "-m", "not slow", *(word for part in choice for word in ("-k", part))]
             self.run(tests, plain, survey=str(kept))
             print(f"survey of {name}", flush=True)  # noqa: T201
-        return json.loads(kept.read_text())
+        return json.loads(kept.read_text(encoding="utf-8"))
 
 
 def is_compiled(module: str) -> bool:
-    return "@compiled" in (PACKAGE / module).read_text()
+    return "@compiled" in (PACKAGE / module).read_text(encoding="utf-8")
 
 
 def survey_all(benches: Queue, plain: bool) -> list[dict]:
@@ -167,7 +167,7 @@ def survey_all(benches: Queue, plain: bool) -> list[dict]:
 
 def function_at(module: str, line: int) -> str:
     """The qualified name of the function that a line is in the body of; empty where the line runs at import."""
-    name, nodes = "", [(ast.parse((PACKAGE / module).read_text()), "")]
+    name, nodes = "", [(ast.parse((PACKAGE / module).read_text(encoding="utf-8")), "")]
     while nodes:
         node, outer = nodes.pop()
         for child in ast.iter_child_nodes(node):
@@ -213,7 +213,7 @@ def try_mutant(mutant: dict, surveys: list[dict], benches: Queue, budget: float)
             tests, expected = chosen_tests(surveys, module, "", budget)
         mutant["tests"], code, begin = len(tests), mutated(mutant), time.time()
         if tests:
-            copy.write_text(code)
+            copy.write_text(code, encoding="utf-8")
             mutant["outcome"] = bench.run(tests, is_compiled(module), 60.0 + 5.0 * expected)
             mutant["seconds"] = round(time.time() - begin, 1)
     finally:
@@ -225,12 +225,12 @@ def try_mutant(mutant: dict, surveys: list[dict], benches: Queue, budget: float)
 # --------------------------------------------------------------------------------------------------------- outcomes
 def read_store() -> list[dict]:
     """Outcomes of what has been run, but for modules that are gone."""
-    rows = csv.DictReader(STORE.open()) if STORE.exists() else []
+    rows = csv.DictReader(STORE.open(encoding="utf-8")) if STORE.exists() else []
     return [row for row in rows if (PACKAGE / row["module"]).exists()]
 
 
 def write_store(rows: list[dict]) -> None:
-    with STORE.open("w", newline="") as file:
+    with STORE.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, FIELDS, lineterminator="\n", extrasaction="ignore")
         writer.writeheader()
         writer.writerows(sorted(rows, key=lambda r: (r["module"], int(r["line"]), int(r["column"]), r["operator"])))
@@ -263,7 +263,7 @@ def write_report(rows: list[dict]) -> None:
         if row["outcome"] == "survived":
             text += [f"- `{row['module']}:{row['line']}` {row['reason'] or 'no reason yet'}", ""]
             text += [f"      - {row['before']}", f"      + {row['after']}", ""]
-    REPORT.write_text("\n".join(text).rstrip() + "\n")
+    REPORT.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
 
 
 # ------------------------------------------------------------------------------------------------------------- main

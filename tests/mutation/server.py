@@ -81,7 +81,9 @@ def run(package: Path, question: dict) -> int:
     sys.settrace(survey.trace)
     status = int(pytest.main(question["arguments"], plugins=[survey.hooks()]))
     sys.settrace(None)
-    Path(question["survey"]).write_text(json.dumps({"tests": survey.tests, "fixtures": survey.fixtures}))
+    Path(question["survey"]).write_text(
+        json.dumps({"tests": survey.tests, "fixtures": survey.fixtures}), encoding="utf-8"
+    )
     return status
 
 
