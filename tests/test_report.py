@@ -68,6 +68,7 @@ def _study(**other):
         "weights": pd.DataFrame({"network": [0.75, 0.5, 0.25], "ARX": [0.25, 0.5, 0.75]}),
         "identification": "PeriodicDisturbanceID",
         "coverage": 0.81,
+        "cards": [("48\u00a0kWh", "heating needed that day")],
         "spans": {"train": "January"},
         "settings": {"network": {"name": "2R2C"}, "timezone": None},
         "notes": ["the scale is not identifiable"],
@@ -165,7 +166,7 @@ def test_what_it_is_given_is_escaped(tmp_path):
 def test_it_does_without_what_is_not_there(tmp_path):
     nothing = dict.fromkeys(("zeta", "spans", "settings", "schedule", "weights", "identification", "coverage"))
     study = _study(notes=(), **nothing)
-    study["forecast"] = study["forecast"][["T_za"]]
+    study["forecast"], study["cards"] = study["forecast"][["T_za"]], ()
     write_report(tmp_path / "r.html", **study)
     text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
     assert "kWh" not in text.replace("kWh/K", "")
@@ -204,10 +205,10 @@ def test_the_verdict_is_what_the_table_says(own, other, words):
 
 @pytest.mark.usefixtures("empty_pictures")
 def test_it_shows_what_the_day_costs(tmp_path):
-    write_report(tmp_path / "r.html", **_study(cost=Cost(4.218, None, "electricity", "EUR")))
+    write_report(tmp_path / "r.html", **_study(cards=[Cost(4.218, (3.5, 5.014), "electricity", "EUR").card()]))
     text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
     assert "4.22\u00a0EUR" in text
-    assert "cost of the electricity" in text
+    assert "cost of the electricity for it; 80 % interval 3.50 to 5.01" in text
 
 
 def test_lines_of_a_figure_differ_without_colour():

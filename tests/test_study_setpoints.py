@@ -1,6 +1,7 @@
 """Studies of logs with set-points: scored as users forecast, with the weather and the set-points known alone."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.study import Settings, run, run_study, split_log
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, identified_by, make_models
+from skhybrid.study.day_energy import day_energy
 from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.study.outputs import format_result, write_outputs, write_page
@@ -109,6 +111,21 @@ def test_the_next_day_is_forecast_under_its_set_points(result, log):
     ahead = log.loc[forecast.index].drop(columns=["u_heat", "u_cool", "T_za"])
     expected = result.model.forecast(result.data.history, ahead)
     np.testing.assert_allclose(forecast["T_za"], expected["T_za"])
+
+
+def test_the_report_has_intervals_of_the_energy_and_the_cost_of_the_next_day(log, few_models, tmp_path):
+    heated = log.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=6.0 * log["u_heat"] - 6.0 * log["u_cool"])
+    settings = settings_of(heated, tariff={"price": 0.3})
+    found = run_study(settings, split_log(heated, settings))
+    (energy, *_), paths = day_energy(found.forecast["Q_hvac"]), found.load_paths["Q_hvac"]
+    low, high = paths.clip(lower=0.0).groupby("sample").sum().quantile([0.1, 0.9])
+    assert (energy.kind, low < energy.value < high) == ("heating", True)
+    write_outputs(found, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"<b>{energy.value:.0f}\u00a0kWh</b>" in page
+    assert f"heating needed that day; 80 % interval {low:.0f} to {high:.0f} kWh" in page
+    cost = json.loads((tmp_path / "out" / "metrics.json").read_text(encoding="utf-8"))["next_day_cost"]
+    assert cost["interval"] == pytest.approx(0.3 * paths.abs().groupby("sample").sum().quantile([0.1, 0.9]))
 
 
 def test_the_outputs_tell_both_tasks(result, tmp_path):

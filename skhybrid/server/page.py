@@ -18,7 +18,7 @@ from ..study.report.figures import (
     in_two_widths,
     weeks_figure,
 )
-from ..study.report.html import day_energy, html_cards, html_page, html_table, verdict_boxes
+from ..study.report.html import energy_cards, html_cards, html_page, html_table, verdict_boxes
 from ..study.report.words import number, percent_or_dash
 from ..study.verdict import Verdict, zones_in_words
 from .zone_view import ZoneView, compared
@@ -64,7 +64,7 @@ def _tomorrow(views: Mapping[str, ZoneView], several: bool) -> str:
     scaled = all(view.scaled for view in views.values())
     loads = [frame["Q_hvac"] for frame in rows.values() if "Q_hvac" in frame]
     if scaled and loads:  # it need not cover a day
-        energy = day_energy(pd.DataFrame({"Q_hvac": sum(loads[1:], loads[0])}))
+        energy = energy_cards(pd.concat(loads, axis=1))
         cards += [(value, text.replace("that day", "in that time")) for value, text in energy]
     scale = " The heat has no certain scale: no capacity is known." if not scaled and loads else ""
 

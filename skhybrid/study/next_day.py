@@ -12,6 +12,7 @@ from .._table import SETPOINT_ROLES, ZoneTable, is_plant, plant_roles
 from .._warnings import warnings_dropped
 from ..exceptions import PlanWarning
 from ..model_selection.single_reading import read_once
+from .day_energy import paths_of_load
 from .judgement import delivered_in_kw, of_whole_plant
 from .log_split import StudyData, inputs_of, setpoints_of
 from .setpoints_known import LOAD_INTERVAL
@@ -103,6 +104,19 @@ def forecast_next_day(
             shown = shown if heat is None else shown.assign(Q_hvac_delivered=heat)
         out = out.join(shown.add_suffix(f"_{zone}" if zone else ""))
     return out.rename_axis("time")
+
+
+def paths_of_next_day(model: Any, study: Study, gray_box: Any = None) -> pd.DataFrame | None:
+    """Paths of the loads of the next day under its set-points [kW]; None where the model has none in kW.
+
+    Arguments as for :func:`forecast_next_day`.
+    """
+    settings, future = study.settings, study.data.future
+    plant = plant_roles(future)
+    if gray_box is not None and plant != ["Q_hvac"]:  # in the scale of the model
+        return None
+    ahead = future.drop(columns=[*settings.roles_of("T_za"), *plant])
+    return paths_of_load(model, study.data.history, ahead, weather_error=settings.weather_error)
 
 
 def _read_day(study: Study) -> tuple[Any, Any, Any]:

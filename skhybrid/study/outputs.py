@@ -20,6 +20,7 @@ from .compared_models import HYBRID
 from .identified_building import identified_only
 from .report import building_picture, study_picture, verdict, write_report
 from .report.building_page import write_building_report
+from .report.html import next_day_cards
 from .results import BuildingResult, StudyResult
 from .scores import side_by_side
 from .tariff import next_day_cost
@@ -191,7 +192,7 @@ def write_page(result: StudyResult | BuildingResult, path: str | PathLike[str], 
         settings=result.settings.as_dict(),
         verdicts=result.verdicts,
         scaled=result.scaled,
-        cost=next_day_cost(result),
+        cards=next_day_cards(result),
         notes=result.warnings,
         setpoints_known=result.setpoints_known,
     )

@@ -30,6 +30,7 @@ class BaseStudyResult:
     frames: dict[str, pd.DataFrame]
     table: pd.DataFrame
     forecast: pd.DataFrame
+    load_paths: pd.DataFrame | None = None
     setpoints_known: SetpointsKnown | None = None
     warnings: list[str] = field(default_factory=list)
     seconds: float = 0.0
@@ -59,6 +60,8 @@ class StudyResult(BaseStudyResult):
     table : DataFrame
         Index = label; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``; the best first.
     forecast : DataFrame, the next day
+    load_paths : DataFrame, optional
+        Paths of its loads by ``sample`` and time [kW]; None where it is not forecast under set-points.
     setpoints_known : SetpointsKnown, optional
         The back-test in which the heat is not known ahead; None for a log without set-points.
     warnings : list of str, all warnings, each once

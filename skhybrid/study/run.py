@@ -17,7 +17,14 @@ from .identified_building import describe, parameter_table
 from .identified_rooms import identify_zones
 from .judgement import Doubts, Load, ZoneLoads, judge_temperature, load_errors, loads_by_zone
 from .log_split import StudyData
-from .next_day import delivered_heat, forecast_next_day, in_kilowatts, is_under_setpoints, refuse_holes
+from .next_day import (
+    delivered_heat,
+    forecast_next_day,
+    in_kilowatts,
+    is_under_setpoints,
+    paths_of_next_day,
+    refuse_holes,
+)
 from .results import BuildingResult, StudyResult, zone_table
 from .scores import coverage_of, error_table, errors_by_model, interval_asked
 from .setpoints_known import SetpointsKnown
@@ -64,6 +71,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         of_day = is_under_setpoints(held, study)
         asked = interval_asked(held.frame if held is not None and of_day else frames[HYBRID], settings)
         forecast = forecast_next_day(model, study, asked, gray_box, of_day=of_day)
+        paths = paths_of_next_day(model, study, gray_box) if of_day else None
         verdicts = verdicts_by_zone(tested, study, held, loads, gray_box, of_day=of_day)
     common = {
         "settings": settings,
@@ -72,6 +80,7 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         "frames": frames,
         "table": _compared(tested, load_errors(loads, data.test_start)[0]),
         "forecast": forecast,
+        "load_paths": paths,
         "setpoints_known": held,
         "warnings": _each_once(study.remarks, caught),
         "seconds": time.perf_counter() - begun,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
-from ..forecasting.quantiles import INTERVAL
+from .day_energy import interval_of
 from .keys import check_keys
 from .plant import Performance
 from .thermostat import at_minute, by_clock, free_days, minutes
@@ -54,7 +54,10 @@ class Cost(NamedTuple):
 
     def card(self) -> tuple[str, str]:
         """Value and words for a report."""
-        return f"{self.value:.2f}\u00a0{self.currency}".strip(), f"cost of the {self.energy} for it"
+        words = f"cost of the {self.energy} for it"
+        if self.interval is not None:
+            words += "; 80 % interval {:.2f} to {:.2f}".format(*self.interval)
+        return f"{self.value:.2f}\u00a0{self.currency}".strip(), words
 
     def entries(self) -> dict[str, Any]:
         """Values by name, for a list."""
@@ -76,7 +79,7 @@ def energy_cost(
     """The cost of a day's plant energy by the settings of a study; None without a tariff or a load.
 
     ``forecast`` has ``Q_hvac`` [kW], cooling negative, and ``T_oa``; of several zones, names end with the zone's, and
-    the cost is that of all.  ``paths``, as :meth:`HybridPredictor.sample` draws them, have all these loads.
+    the cost is that of all.  ``paths``, as :func:`paths_of_load` draws them, have all these loads.
     """
     prices = Tariff.of(tariff)
     named = [role for role in ([f"Q_hvac_{zone}" for zone in zones] or ["Q_hvac"]) if role in forecast]
@@ -93,10 +96,7 @@ def energy_cost(
             load = performance.electricity(load, forecast["T_oa"].to_numpy(dtype=np.float64))
         return np.asarray((price * np.abs(load)).sum(axis=(0, 2)))
 
-    interval = None
-    if paths is not None:
-        low, high = np.quantile(costs(paths), INTERVAL).tolist()
-        interval = (low, high)
+    interval = None if paths is None else interval_of(costs(paths))
     energy = "heat" if performance is None else "electricity"
     return Cost(float(costs(forecast)[0]), interval, energy, prices.currency)
 
@@ -107,4 +107,4 @@ def next_day_cost(result: Any) -> Cost | None:
         return None
     given = result.settings
     forecast = result.forecast.assign(T_oa=result.data.future["T_oa"])
-    return energy_cost(forecast, given.tariff, given.plant, given.holidays, given.zones)
+    return energy_cost(forecast, given.tariff, given.plant, given.holidays, given.zones, result.load_paths)

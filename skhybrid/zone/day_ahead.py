@@ -11,15 +11,14 @@ import numpy as np
 import pandas as pd
 
 from .._table import is_plant, listed
-from .._warnings import ignore, percent, warnings_to
+from .._warnings import percent
 from ..datasets import read_weather
-from ..exceptions import TooFewDaysError
-from ..forecasting.quantiles import INTERVAL
 from ..logs import LogReport
 from ..logs import read_log as read_any_log
 from ..logs.naming import PLACE_ALONE, UNPLACED, guess_role, plain, unit_in_name
 from ..logs.open_meteo import answers_in
 from ..logs.zone_csv import to_left_label
+from ..study.day_energy import day_energy, paths_of_load
 from ..study.doubts import day_beyond
 from ..study.log_reading import read_even_log
 from ..study.log_split import inputs_of
@@ -34,8 +33,6 @@ from .wanted_setpoints import idle_setpoints
 from .zone_model import ZoneModel
 
 ELECTRICITY = "electricity_kW"  # the column of it; of several zones it ends with the zone's name
-_SAMPLES = 200  # paths of a day, whose sums make an interval
-_SIGNS = {"heating": 1.0, "cooling": -1.0}  # of a load
 _FIRST = 4  # rows on each side of the origin whose weather is compared
 _LARGEST_JUMP = 12.0  # of T_oa from these to those [K]
 _DARK = 0.01  # irradiance relative to its highest, below which an hour of the log is dark
@@ -122,23 +119,18 @@ def day_ahead(
         *zone.remarks_on_outages(frame, history),
         *_remarks(zone, history, ahead, planned),
     ]
-    summary = _summary(out, settings, zone.scaled, _load_paths(zone, history, ahead))
+    summary = _summary(out, settings, zone.scaled, _paths(zone, history, ahead))
     return DayAhead(out, summary, tuple(remarks))
 
 
-def _load_paths(zone: ZoneModel, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame | None:
+def _paths(zone: ZoneModel, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame | None:
     """Paths of the loads [kW] by ``sample`` and time; None without their scale, or a thermostat that was learned."""
     if not (zone.scaled and zone.thermostat_learned):
         return None
     ahead, wanted, given = zone.asked(future)
     if wanted is None:
         return None
-    given |= {"weather_error": zone.settings.weather_error, "random_state": 0}
-    try:
-        with warnings_to(ignore):  # the forecast has told them
-            return pd.DataFrame(zone.predictor.sample(history, ahead, _SAMPLES, **given).filter(like="Q_hvac"))
-    except TooFewDaysError:
-        return None
+    return paths_of_load(zone.predictor, history, ahead, weather_error=zone.settings.weather_error, **given)
 
 
 def _unused(
@@ -268,24 +260,16 @@ def _summary(out: pd.DataFrame, settings: Settings, scaled: bool, paths: pd.Data
     if not loads or not scaled:
         return found  # a sum of kW without a scale would mislead
     for zone, role in loads.items():
-        found |= _energy(out[role], None if paths is None else paths[role], hours, f" of {zone}" if zone else "")
+        of = f" of {zone}" if zone else ""
+        for kind, energy, interval in day_energy(out[role], None if paths is None else paths[role]):
+            found[f"{kind}{of} [kWh]"] = round(energy, 2)
+            if interval is not None:
+                found[f"{kind}{of}, 80 % interval [kWh]"] = [round(end, 2) for end in interval]
     found["largest load [kW]"] = round(float(out[list(loads.values())].sum(axis=1).abs().max()), 2)
     if electricity := [role for role in settings.roles_of(ELECTRICITY) if role in out]:
         found["electricity [kWh]"] = round(float(out[electricity].to_numpy().sum() * hours), 2)
     cost = energy_cost(out, settings.tariff, settings.plant, settings.holidays, settings.zones, paths)
     return found if cost is None else found | cost.entries()
-
-
-def _energy(load: pd.Series, paths: pd.Series | None, hours: float, of: str) -> dict[str, Any]:
-    """Heating and cooling [kWh] by a load of steps of some ``hours``, the larger of the two with its interval."""
-    sums = {name: load.mul(sign).clip(lower=0.0).sum() * hours for name, sign in _SIGNS.items()}
-    shown = [name for name in sums if name == "heating" or round(sums[name], 2)]
-    found: dict[str, Any] = {f"{name}{of} [kWh]": round(float(sums[name]), 2) for name in shown}
-    if paths is not None:
-        larger = max(sums, key=sums.__getitem__)
-        drawn = paths.mul(_SIGNS[larger]).clip(lower=0.0).groupby("sample").sum() * hours
-        found[f"{larger}{of}, 80 % interval [kWh]"] = drawn.quantile(list(INTERVAL)).round(2).tolist()
-    return found
 
 
 def _weather_remarks(history: pd.DataFrame, ahead: pd.DataFrame) -> Iterator[str]:

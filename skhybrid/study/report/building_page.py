@@ -15,7 +15,6 @@ from ..compared_models import ALONE, HYBRID
 from ..identified_building import identified_only
 from ..results import BuildingResult
 from ..scores import has_intervals
-from ..tariff import next_day_cost
 from ..verdict import Verdict, worst, zones_in_words
 from ..zone_part import forecast_of
 from .figures import (
@@ -29,7 +28,7 @@ from .figures import (
     map_figure,
     weeks_figure,
 )
-from .html import day_energy, html_cards, html_table, results_table, verdict_boxes, write_sections
+from .html import html_cards, html_table, next_day_cards, results_table, verdict_boxes, write_sections
 from .words import day_words, flat, lead_group_names, number, percent_or_dash, verdict
 
 _SHOWN = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of a back-test, by the width of the figure
@@ -81,17 +80,12 @@ def _head(result: BuildingResult) -> str:
     temperatures = result.forecast[result.settings.roles_of("T_za")]
     low, high = (float(end) for end in (temperatures.to_numpy().min(), temperatures.to_numpy().max()))
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast of all zones on {day_words(result.forecast.index)}"))
-    loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
-    if result.scaled and loads:
-        cards += day_energy(pd.DataFrame({"Q_hvac": result.forecast[loads].sum(axis=1)}))
-    if (cost := next_day_cost(result)) is not None:
-        cards.append(cost.card())
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of {len(result.zone_verdicts)} zones</p>'
         f"<h1>{escape(result.settings.name)}</h1>\n"
         f'<p class="verdict">{escape(zones_in_words(result.zone_verdicts))}</p>\n{zone_boxes(result.zone_verdicts)}'
         + "".join(f"<p>{escape(sentence)}</p>\n" for sentence in sentences)
-        + html_cards(cards)
+        + html_cards([*cards, *next_day_cards(result)])
     )
 
 

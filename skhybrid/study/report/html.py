@@ -11,6 +11,9 @@ import pandas as pd
 
 from ... import __version__
 from ..._files import atomic_path
+from ..day_energy import day_energy
+from ..results import BuildingResult, StudyResult
+from ..tariff import next_day_cost
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image
 from .words import number
@@ -109,15 +112,21 @@ def verdict_boxes(verdicts: Sequence[Verdict]) -> str:
     return f'<div class="verdicts">{boxes}</div>\n' if boxes else ""
 
 
-def day_energy(forecast: pd.DataFrame) -> list[tuple[str, str]]:
-    """Heating and cooling energy of the day [kWh], where there is any."""
-    if "Q_hvac" not in forecast or len(forecast) < 2:
+def energy_cards(loads: pd.DataFrame, paths: pd.DataFrame | None = None) -> list[tuple[str, str]]:
+    """Heating and cooling of the day by the loads of all zones together [kW], where there is any."""
+    if loads.empty:
         return []
-    hours = (forecast.index[1] - forecast.index[0]) / pd.Timedelta("1h")
-    heat = float(forecast["Q_hvac"].clip(lower=0).sum() * hours)
-    cold = float(-forecast["Q_hvac"].clip(upper=0).sum() * hours)
-    found = [(heat, "heating needed that day"), (cold, "cooling needed that day")]
-    return [(f"{value:.0f}\u00a0kWh", text) for value, text in found if value >= 0.5]
+    found = day_energy(loads.sum(axis=1), None if paths is None else paths[list(loads)].sum(axis=1))
+    return [one.card() for one in found if one.value >= 0.5]
+
+
+def next_day_cards(result: StudyResult | BuildingResult) -> list[tuple[str, str]]:
+    """Energy and cost of the next day of a study; empty where its kW have no scale."""
+    if not result.scaled:
+        return []
+    loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
+    cost = next_day_cost(result)
+    return energy_cards(result.forecast[loads], result.load_paths) + ([] if cost is None else [cost.card()])
 
 
 def results_table(table: pd.DataFrame, scaled: bool, load_name: str = "load") -> str:

@@ -14,10 +14,9 @@ from ..._table import SETPOINT_ROLES
 from ..compared_models import HYBRID
 from ..scores import has_intervals
 from ..setpoints_known import SetpointsKnown
-from ..tariff import Cost
 from ..verdict import Verdict
 from .figures import backtest_figure, day_figure, held_figure, lead_figure, schedule_figure, week_figure
-from .html import day_energy, html_cards, html_figure, html_table, results_table, verdict_boxes, write_sections
+from .html import html_cards, html_figure, html_table, results_table, verdict_boxes, write_sections
 from .words import day_words, flat, lead_group_names, number, percent_or_dash, verdict
 
 #: below the comparison of a study's models, with what is to be said of stages
@@ -49,7 +48,7 @@ def write_report(
     settings: Mapping[str, Any] | None = None,
     verdicts: Sequence[Verdict] = (),
     scaled: bool = True,
-    cost: Cost | None = None,
+    cards: Sequence[tuple[str, str]] = (),
     notes: Iterable[str] = (),
     setpoints_known: SetpointsKnown | None = None,
 ) -> None:
@@ -76,13 +75,13 @@ def write_report(
     spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
     verdicts : sequence of Verdict, on temperature and load
     scaled : bool, whether the log fixes what a kW is; else no kW are shown at the top
-    cost : Cost, optional, what the load of the next day costs
+    cards : sequence of (value, words), further figures of the next day
     notes : iterable of str, warnings
     setpoints_known : SetpointsKnown, optional, the back-test in which the heat is not known ahead
     """
     held = setpoints_known
     sections = [
-        _head(title, table, frames, forecast, label, verdicts, scaled, cost, held),
+        _head(title, table, frames, forecast, label, verdicts, scaled, cards, held),
         _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
         _setpoints_known(held),
         _accuracy(table, frames, label, coverage, scaled),
@@ -101,7 +100,7 @@ def _head(
     label: str,
     verdicts: Sequence[Verdict],
     scaled: bool,
-    cost: Cost | None,
+    further: Sequence[tuple[str, str]],
     held: SetpointsKnown | None,
 ) -> str:
     own, sentences, in_kw = table.loc[label], [verdict(table, label)], scaled
@@ -117,14 +116,11 @@ def _head(
         cards.append((f"{own['load_rmse']:.2f} kW", "error of the heating or cooling load (RMSE)"))
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {day_words(forecast.index)}"))
-    cards += day_energy(forecast) if scaled else []
-    if cost is not None:
-        cards.append(cost.card())
     return (
         f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
         + verdict_boxes(verdicts)
         + "".join(f'<p class="verdict">{escape(sentence)}</p>\n' for sentence in sentences)
-        + html_cards(cards)
+        + html_cards([*cards, *further])
     )
 
 
