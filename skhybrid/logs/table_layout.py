@@ -63,6 +63,13 @@ def separator_of(lines: Sequence[str]) -> str | None:
     return possible[0] if possible else None
 
 
+def layout_in(head: str) -> Layout | None:
+    """Layout of the table that a text begins with; None where it is none, or no row holds a time stamp."""
+    lines = head.splitlines()
+    sep = separator_of(lines)
+    return None if sep is None else find_layout(split_lines(lines, sep))
+
+
 def usual_width(rows: Sequence[Sequence[str]]) -> tuple[int, int]:
     """The most frequent number of cells of a row, and the number of rows that have it."""
     return Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)

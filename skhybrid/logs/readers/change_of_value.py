@@ -13,7 +13,7 @@ from ..assembly import Choice, assemble_long, columns_beside
 from ..paired_columns import is_value_name
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns
-from ..table_layout import find_layout, separator_of, split_lines
+from ..table_layout import layout_in
 from .delimited import open_table, pieces_of
 
 _POINT = re.compile(
@@ -31,9 +31,7 @@ _OF_POINTS = re.compile(
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether a text table has one row per value, with its point beside it."""
-    lines = head.splitlines()
-    sep = separator_of(lines)
-    layout = None if sep is None else find_layout(split_lines(lines, sep))
+    layout = layout_in(head)
     return layout is not None and long_columns(layout.names) is not None
 
 

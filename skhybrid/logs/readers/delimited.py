@@ -14,7 +14,7 @@ from ..assembly import Choice, Pieces, rows_of_piece
 from ..cell_numbers import decimal_sign
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp, is_stamp_name
-from ..table_layout import Layout, find_layout, separator_of, split_lines, table_of
+from ..table_layout import Layout, find_layout, layout_in, separator_of, split_lines, table_of
 from ..table_shapes import assemble_table
 from ..text_files import damage_refused, encoding_of, head_of, open_bytes
 
@@ -92,9 +92,7 @@ def _refuse_statistics(sample: pd.DataFrame, where: str) -> None:
 
 def looks_like(path: Path, head: str) -> bool:
     """Whether a file is a text table with time stamps."""
-    lines = head.splitlines()
-    sep = separator_of(lines)
-    return sep is not None and find_layout(split_lines(lines, sep)) is not None
+    return layout_in(head) is not None
 
 
 def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **options: Any) -> RawLog:
@@ -112,16 +110,12 @@ def read(path: Path, *, sep: str | None = None, decimal: str | None = None, **op
     return assemble_table(pieces, table.sample, choice, rows, headless=table.layout.headless)
 
 
-def pieces_of(
-    table: TextTable, frames: Iterator[pd.DataFrame], stamps: tuple[str, ...], name: str, notes: Sequence[str] = ()
-) -> Pieces:
-    """Pieces of a text table for the format ``name``, with notes on it."""
+def pieces_of(table: TextTable, frames: Iterator[pd.DataFrame], stamps: tuple[str, ...], name: str) -> Pieces:
+    """Pieces of a text table for the format ``name``."""
     layout = table.layout
-    headless = [f"there is no header: the columns are {', '.join(layout.names)}"] if layout.headless else []
+    notes = [f"there is no header: the columns are {', '.join(layout.names)}"] if layout.headless else []
     units = {column: unit for column, unit in layout.units.items() if column not in stamps}
-    return Pieces(
-        frames, stamps, repr(table.path.name), name, units, table.decimal, layout.first + 1, [*headless, *notes]
-    )
+    return Pieces(frames, stamps, repr(table.path.name), name, units, table.decimal, layout.first + 1, notes)
 
 
 def open_table(path: Path, sep: str | None = None, decimal: str | None = None) -> TextTable:
