@@ -752,6 +752,12 @@ def test_a_proposal_asks_for_the_local_zone_where_the_log_has_none(frame, zone, 
     assert any("without daylight saving; give timezone" in text for text in texts) == (zone in ("UTC", "-06:00"))
 
 
+@pytest.mark.parametrize("form", ["%d/%m/%Y %H:%M:%S+01:00", "%d %b %Y %H:%M +0100", "%Y-%m-%d %H:%M:%S+01:00"])
+def test_a_proposal_names_the_offset_of_stamps_in_any_form(write, form):
+    rows = [f"{stamp:{form}},20.5,{stamp.hour}" for stamp in pd.date_range("2024-01-15", periods=240, freq="h")]
+    assert '\ntimezone = "+01:00"' in propose_settings(write("\n".join(["time,room temp,outdoor temp", *rows])))
+
+
 def test_power_that_cannot_be_is_asked_about(frame):
     sun, valve = frame.columns[2:4]
     heat = frame.assign(**{"Heating [kW]": 0.05 * frame[valve]}).drop(columns=valve)

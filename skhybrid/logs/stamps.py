@@ -49,7 +49,7 @@ def parse_stamps(
     stamps = pd.DatetimeIndex(parts[0].append(parts[1:]) if len(parts) > 1 else parts[0])
     if next_day is not None and next_day.any():
         stamps = pd.DatetimeIndex(stamps.where(~next_day, stamps + pd.Timedelta("1D")))
-    return stamps.tz_convert(pd.Timestamp(form).tz) if len(offsets) == 1 else stamps
+    return stamps.tz_convert(_zone_of_offset(*offsets)) if len(offsets) == 1 else stamps
 
 
 def refuse_blank_stamps(cells: pd.Series, where: str) -> None:
@@ -146,7 +146,12 @@ def as_written(stamp: pd.Timestamp, written: object) -> pd.Timestamp:
     found = re.search(_OFFSET, str(written))
     if found is None or stamp.tz is None:
         return stamp
-    return stamp.tz_convert(pd.Timestamp(f"2001-01-01 00:00{found[1]}").tz)
+    return stamp.tz_convert(_zone_of_offset(found[1]))
+
+
+def _zone_of_offset(offset: str) -> Any:
+    """The time zone of an offset such as ``+01:00`` or ``Z``; that of a stamp in another form has no name."""
+    return pd.Timestamp(f"2001-01-01 00:00{offset}").tz
 
 
 def _has_named_zone(stamp: str) -> bool:
