@@ -13,7 +13,7 @@ from .._warnings import several
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
 from .even_steps import own_steps
-from .fill_values import fill_remark, fill_values, sensor_failures, without_huge, zeros_left_blank
+from .fill_values import HUGE, fill_values, sensor_failures, zeros_left_blank
 from .naming import factor_in_name
 from .raw_log import RawLog
 from .setpoint_modes import in_force, shared_zones
@@ -121,7 +121,8 @@ def fill_remarks(raw: RawLog, channels: list[Channel]) -> dict[str, str]:
         series = raw.frame[channel.name]
         filled = fill_values(series, channel.role, counter_of(raw, channel) is not None) | failed[channel.role]
         if filled.any():
-            found[channel.name] = fill_remark(series, filled)
+            code = series[filled.to_numpy()].iloc[0]
+            found[channel.name] = f"{several(int(filled.sum()), 'value')} such as {code:.6g} taken as missing"
     for channel, zeros in _blank_zeros(raw, channels, frame):
         text = f"blank in {several(int(zeros.sum()), 'row')} and hardly ever 0: taken as 0 there"
         found[channel.name] = "; ".join(filter(None, (found.get(channel.name), text)))
@@ -176,7 +177,8 @@ def roles_without_label(raw: RawLog, channels: list[Channel]) -> list[str]:
 
 def counter_of(raw: RawLog, channel: Channel) -> pd.Series | None:
     """The readings of a channel that is a counter [kWh]; None for any other."""
-    series, unit = without_huge(raw.frame[channel.name]), channel.unit or ""
+    series, unit = raw.frame[channel.name], channel.unit or ""
+    series = series.where(series.abs() < HUGE)
     if not channel.role.startswith("Q_") or not (unit in COUNTERS or (unit in ENERGY and is_counter(series))):
         return None
     return (COUNTERS | ENERGY)[unit] * series

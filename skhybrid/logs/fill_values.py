@@ -7,7 +7,6 @@ import pandas as pd
 
 from .._ranges import range_of, single_leaps
 from .._table import SETPOINT_ROLES
-from .._warnings import several
 from .counters import usual_peak
 from .even_steps import typical_step
 
@@ -15,7 +14,7 @@ _CODES = (-999.0, -999.9, -9999.0, -9999.9, -99999.0, 999.0, 999.9, 9999.0, 9999
 _REGISTER = (65535.0, 32767.0, -32768.0)  # ends of the range of 16 bits, which meters show where they have no value
 _DECIMALS = (1.0, 10.0, 100.0, 1000.0)  # by which a register is divided; by the last of W in kW alone
 _ABOVE = 1.5  # times all but the few largest of the others, beyond which an end of a register is none of them
-_HUGE = 1e15  # beyond every quantity; NetCDF fills with 9.97e36
+HUGE = 1e15  # beyond every quantity; NetCDF fills with 9.97e36
 _FAR = 5.0  # times the range of all but the few largest and smallest of the others, from their middle
 _NEVER_NEGATIVE = ("q_sol", "u_")
 _FARTHEST = 30.0  # air does not leave nine tenths of its other temperatures by more [K]
@@ -35,7 +34,7 @@ _FEWEST = 20  # values
 def fill_values(series: pd.Series, role: str, is_counter: bool) -> pd.Series:
     """Whether each value of a column is a code that is far from all others; those of a counter may come by."""
     values = series.to_numpy(dtype=np.float64)
-    filled = np.abs(values) >= _HUGE
+    filled = np.abs(values) >= HUGE
     codes = np.isin(values, _CODES)
     registers = np.isin(values, np.divide.outer(_REGISTER, _DECIMALS if role.startswith("Q_") else _DECIMALS[:-1]))
     if (codes | registers).any() and not is_counter:
@@ -76,16 +75,6 @@ def _failed_temperatures(values: np.ndarray, known: np.ndarray, role: str) -> np
     others = values[known & ~failed & ~zero]
     failed |= zero & bool(len(others) and others.min() > _FAR_FROM_ZERO)
     return failed | (single_leaps(np.where(failed, np.nan, values)) if role.startswith("T_za") else False)
-
-
-def without_huge(series: pd.Series) -> pd.Series:
-    """The values without those beyond every quantity."""
-    return series.where(series.abs() < _HUGE)
-
-
-def fill_remark(series: pd.Series, filled: pd.Series) -> str:
-    """A remark on the values that are codes."""
-    return f"{several(int(filled.sum()), 'value')} such as {series[filled.to_numpy()].iloc[0]:.6g} taken as missing"
 
 
 def zeros_left_blank(frame: pd.DataFrame, role: str) -> np.ndarray:

@@ -106,11 +106,6 @@ def is_local(index: pd.DatetimeIndex) -> bool:
     return "/" in (zone := str(index.tz)) and not zone.startswith("Etc/")
 
 
-def guessed_label(first: pd.Timestamp, step: pd.Timedelta) -> str:
-    """Right where the first stamp is one step after midnight, as in files of whole days that are stamped at the end."""
-    return "right" if first - first.normalize() == step else "left"
-
-
 def stamps_going_back(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
     """Stamps that are earlier than the one before, but for those of a clock that was put back for the winter."""
     back = index[1:][np.diff(index.as_unit("ns").asi8) < 0]

@@ -27,7 +27,6 @@ from .log_findings import (
     electricity_finding,
     gap_findings,
     gaps_of,
-    guessed_label,
     partial_findings,
     sensor_findings,
     set_point_findings,
@@ -150,9 +149,12 @@ class LogReport:
 
     @property
     def assumed_label(self) -> str:
-        """Label of the stamps: as the log states it, or else as guessed."""
+        """Label of the stamps: as the log states it, or else as guessed.
+
+        Right where the first one is a step after midnight, as in files of whole days that are stamped at the end.
+        """
         first = self.raw.frame.index[0] if self.raw.first is None else self.raw.first
-        return self.label or guessed_label(first, self.step)
+        return self.label or ("right" if first - first.normalize() == self.step else "left")
 
     def electricity(self) -> list[str]:
         """Roles whose column seems to be electricity, not heat."""

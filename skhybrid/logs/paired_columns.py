@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import pandas as pd
 
-from .._table import listed
 from .stamp_cells import holds_stamps
 
 POINT, VALUE = "point", "value"
@@ -33,12 +32,6 @@ def paired_columns(sample: pd.DataFrame, stamps: Sequence[str]) -> dict[str, lis
     alike = len({len(channels) for channels in blocks.values()}) == 1 and all(blocks.values())
     several = len(blocks) > 1 and (len(bases) == 1 or len(blocks) >= _LEAST_BLOCKS)
     return blocks if tuple(stamps) == tuple(blocks)[:1] and alike and several else {}
-
-
-def note_of(blocks: dict[str, list[str]]) -> str:
-    """A remark on what was read."""
-    named = listed(name for channels in list(blocks.values())[:2] for name in channels)
-    return f"{len(blocks)} columns of stamps: each column, such as {named}, has those before it"
 
 
 def as_long(frames: Iterable[pd.DataFrame], blocks: dict[str, list[str]]) -> Iterator[pd.DataFrame]:

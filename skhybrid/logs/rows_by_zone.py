@@ -48,11 +48,6 @@ def zone_column(rows: pd.DataFrame, stamps: Sequence[str], among: Iterable[str],
     return None
 
 
-def note_on_zones(zone: str) -> str:
-    """A remark on what was read."""
-    return f"a row for each {zone!r} and stamp: read as a column for each quantity and {zone!r}"
-
-
 def long_of_zones(
     frames: Iterable[pd.DataFrame], stamps: Sequence[str], zone: str, units: dict[str, str]
 ) -> Iterator[pd.DataFrame]:
