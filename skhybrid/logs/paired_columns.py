@@ -9,7 +9,7 @@ import pandas as pd
 
 from .stamp_cells import holds_stamps
 
-POINT, VALUE = "point", "value"
+STAMP, POINT, VALUE = "time", "point", "value"  # columns of a long table that a reader makes
 ROW = "row of the file"  # the name of an index of numbers of rows, from 0 on, which may occur again
 _LEAST_BLOCKS = 3  # of stamps with names of their own
 _IS_VALUE = re.compile(
@@ -48,16 +48,17 @@ def as_long(frames: Iterable[pd.DataFrame], blocks: dict[str, list[str]]) -> Ite
         yield pd.concat(parts)
 
 
-def number_rows(frames: Iterable[pd.DataFrame], first: int = 0) -> Iterator[pd.DataFrame]:
+def number_rows(frames: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
     """Pieces of a table whose index numbers their rows in the file."""
+    first = 0
     for piece in frames:
         yield piece.set_axis(pd.RangeIndex(first, first + len(piece), name=ROW), axis=0)
         first += len(piece)
 
 
-def numbered_values(rows: Sequence[tuple[int, str, str, str]], stamp: str) -> pd.DataFrame:
+def numbered_values(rows: Sequence[tuple[int, str, str, str]]) -> pd.DataFrame:
     """Numbers of rows, their stamps, points and values as a piece of a long table."""
-    return pd.DataFrame(rows, columns=[ROW, stamp, POINT, VALUE]).astype({ROW: int}).set_index(ROW)
+    return pd.DataFrame(rows, columns=[ROW, STAMP, POINT, VALUE]).astype({ROW: int}).set_index(ROW)
 
 
 def is_value_name(name: str) -> bool:

@@ -11,13 +11,12 @@ import pandas as pd
 
 from ..._warnings import several
 from ..assembly import Choice, Pieces, assemble_long, rows_of_piece
-from ..paired_columns import POINT, VALUE, numbered_values
+from ..paired_columns import POINT, STAMP, VALUE, numbered_values
 from ..raw_log import RawLog
 from ..text_files import numbered_lines
 
 _LINE = re.compile(r"(\d{4}-\d{2}-\d{2})_(\d{2}:\d{2}:\d{2})(?:\.\d+)? (\S+) (.*?)\s*")
 _READING = re.compile(r"(\S+): +(.*?)(?=\s+\S+: |\Z)")  # of several on a line, as T: 21.3 H: 45
-_STAMP = "time"
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -28,7 +27,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 def read(path: Path, **options: Any) -> RawLog:
     """Read a file log into one column per device and reading; the options are those of ``Choice``."""
-    pieces = Pieces((), (_STAMP,), repr(path.name), "FHEM", first_line=1)
+    pieces = Pieces((), (STAMP,), repr(path.name), "FHEM", first_line=1)
     pieces.frames = _frames(path, pieces)
     return assemble_long(pieces, POINT, VALUE, Choice(**options))
 
@@ -40,7 +39,7 @@ def _frames(path: Path, pieces: Pieces) -> Iterator[pd.DataFrame]:
         known = [(row, found) for row, line in lines if (found := _LINE.fullmatch(line.rstrip("\r\n")))]
         n_others += len(lines) - len(known)
         rows = [(row, f"{one[1]} {one[2]}", *pair) for row, one in known for pair in _values(one[3], one[4])]
-        yield numbered_values(rows, _STAMP)
+        yield numbered_values(rows)
     if n_others:
         pieces.notes.append(f"{several(n_others, 'line')} that FHEM does not write so left out")
 

@@ -13,7 +13,7 @@ import pandas as pd
 from .. import rows_by_zone
 from ..assembly import Choice, Pieces
 from ..cell_numbers import decimal_sign
-from ..paired_columns import POINT, VALUE, is_value_name
+from ..paired_columns import POINT, STAMP, VALUE, is_value_name
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, holds_stamps, is_stamp_name
 from ..stamps import cell
@@ -22,7 +22,6 @@ from ..text_files import text_of
 from ..unit_names import unit_or_energy
 from .change_of_value import point_and_value
 
-_STAMP = "time"
 _BEGIN = re.compile(r'\s*[\[{]\s*(["{\[\]}]|null)')
 _BLANKS = re.compile(r"\s*")
 _ANSWERS = {"error", "hourly", "results"}  # what objects hold that are no table
@@ -122,7 +121,7 @@ def _is_series(rows: Any) -> bool:
 
 def _points(series: Iterable[_Series]) -> pd.DataFrame:
     """The rows of a long table."""
-    parts = [pd.DataFrame({_STAMP: list(at), POINT: name, VALUE: list(values)}) for name, at, values in series]
+    parts = [pd.DataFrame({STAMP: list(at), POINT: name, VALUE: list(values)}) for name, at, values in series]
     if not any(map(len, parts)):
         raise ValueError
     return pd.concat(parts)

@@ -11,13 +11,12 @@ from typing import Any
 import pandas as pd
 
 from ..assembly import Choice, Pieces, assemble_long, rows_of_piece
-from ..paired_columns import POINT, VALUE, numbered_values
+from ..paired_columns import POINT, STAMP, VALUE, numbered_values
 from ..raw_log import RawLog
 from ..text_files import numbered_lines
 
 _ELEMENT = re.compile(r"<(?:Statistics|S)\s([^>]*)>")
 _ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
-_STAMP = "T"
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -27,7 +26,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 def read(path: Path, **options: Any) -> RawLog:
     """Read statistics into a column for each block, or for each of its outputs; the options are those of ``Choice``."""
-    pieces = Pieces(_frames(path), (_STAMP,), repr(path.name), "Loxone", first_line=1)
+    pieces = Pieces(_frames(path), (STAMP,), repr(path.name), "Loxone", first_line=1)
     return assemble_long(pieces, POINT, VALUE, Choice(**options))
 
 
@@ -39,12 +38,12 @@ def _frames(path: Path) -> Iterator[pd.DataFrame]:
         for row, line in part:
             for element in _ELEMENT.findall(line):
                 found = {key: unescape(text) for key, text in _ATTRIBUTE.findall(element)}
-                if _STAMP in found:
-                    stamp = found.pop(_STAMP)
+                if "T" in found:
+                    stamp = found.pop("T")
                     rows += [(row, stamp, *pair) for pair in zip(points, found.values(), strict=False)]
                 else:
                     points = _points(found.get("Name", ""), found.get("Outputs", "").split(","))
-        yield numbered_values(rows, _STAMP)
+        yield numbered_values(rows)
 
 
 def _points(name: str, outputs: list[str]) -> list[str]:

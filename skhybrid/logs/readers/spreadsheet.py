@@ -14,7 +14,7 @@ import pandas as pd
 
 from ..assembly import Choice, Pieces, assemble_long, columns_beside
 from ..cell_numbers import decimal_sign
-from ..paired_columns import POINT, VALUE, is_value_name
+from ..paired_columns import POINT, STAMP, VALUE, is_value_name
 from ..raw_log import RawLog
 from ..stamp_cells import find_stamp_columns, is_stamp
 from ..table_layout import Layout, find_layout, table_of
@@ -23,7 +23,6 @@ from ..unit_names import unit_text
 from .change_of_value import long_columns
 
 _HEAD, _PIECE = 200, 20_000  # rows
-_TIME = "time"
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -123,12 +122,12 @@ def _read_points(
         layout = found[sheet][0]
         rows = islice(_rows(book[sheet]), layout.first, None)
         heads += (head := list(islice(rows, _HEAD)))
-        named = {layout.names[0]: _TIME, column: VALUE}
+        named = {layout.names[0]: STAMP, column: VALUE}
         pieces_of_sheet = _pieces(chain(head, rows), layout.names)
         frames += [piece.rename(columns=named).assign(**{POINT: point}) for piece in pieces_of_sheet]
         if unit := layout.units.get(column) or unit_text(column):
             units[point] = unit
-    pieces = Pieces(frames, (_TIME,), file, "Excel", units, _decimal_of(heads), found[next(iter(points))][0].first + 1)
+    pieces = Pieces(frames, (STAMP,), file, "Excel", units, _decimal_of(heads), found[next(iter(points))][0].first + 1)
     pieces.notes.append(f"read from sheets {', '.join(map(repr, points))}, one for each point")
     return assemble_long(pieces, POINT, VALUE, choice)
 
