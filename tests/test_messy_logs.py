@@ -409,6 +409,13 @@ def test_values_of_bad_quality_are_missing(write, header, rows, good, bad):
     assert any("6 cells such as" in note for note in log.notes)
 
 
+def test_each_of_two_columns_judges_the_values_of_a_long_table(write):
+    judged = {3: "bad,ok", 5: "good,fault", 7: "bad,fault"}
+    rows = [f"2024-01-15 {h:02d}:00,room temp,{20 + h / 10},{judged.get(h, 'good,ok')}" for h in range(24)]
+    log = read_log(write("\n".join(["time,point,value,quality,status", *rows])))
+    assert list(np.flatnonzero(log.frame["room temp"].isna())) == list(judged)
+
+
 def test_the_state_of_a_plant_is_no_quality(write):
     cells = [f"{stamp};{ROOM[k]};{'fault' if k < 5 else 'ok'};7" for k, stamp in enumerate(STAMPS)]
     log = read_log(write("time;Room;Boiler status;Status\n" + "\n".join(cells)))

@@ -204,11 +204,11 @@ def columns_judged(names: Iterable[Hashable]) -> dict[str, str]:
 
 def without_bad(piece: pd.DataFrame, judged: Mapping[str, str]) -> pd.DataFrame:
     """The rows of a table with the word for a bad quality in place of each value that has one."""
-    out = {}
+    out: dict[str, pd.Series] = {}
     for name, of in judged.items():
         words, numbers = piece[name].astype(str), pd.to_numeric(piece[name], errors="coerce")
         by_number = bool((numbers == _GOOD_CODE).mean() > _OFTEN)
         bad = numbers < _GOOD_CODE if by_number else piece[name].notna() & words.map(_is_error)
         if bad.any():
-            out[of] = piece[of].astype(object).where(~bad, "bad" if by_number else words)
+            out[of] = out.get(of, piece[of]).astype(object).where(~bad, "bad" if by_number else words)
     return piece.assign(**out)
