@@ -15,11 +15,13 @@ import pandas as pd
 from .. import __version__
 from .._files import named_in_errors
 from .._json import strict_json
+from ..inspection.zone_panels import weeks_and_days_figure
 from ..persistence import save_model
 from .compared_models import HYBRID
 from .identified_building import identified_only
-from .report import building_picture, study_picture, verdict, write_report
+from .report import study_picture, verdict, write_report
 from .report.building_page import write_building_report
+from .report.figures import SHOWN, save_png
 from .report.html import next_day_cards
 from .results import BuildingResult, StudyResult
 from .scores import side_by_side
@@ -137,7 +139,8 @@ def _draw_picture(result: StudyResult | BuildingResult, path: Path) -> None:
         zones = frames[HYBRID]["zone"].unique()
         parts = {zone: forecast_of(result.forecast, result.settings, zone) for zone in zones}
         power = "kW" if result.scaled else "relative"
-        building_picture(path, {HYBRID: frames[HYBRID]}, parts, result.settings.name, power)
+        shown = {HYBRID: frames[HYBRID]}
+        save_png(weeks_and_days_figure(shown, parts, SHOWN, power=power, title=result.settings.name), path)
     else:
         study_picture(path, frames, result.forecast, title=result.settings.name)
 

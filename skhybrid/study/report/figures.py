@@ -18,7 +18,7 @@ from ...inspection.unshown_figure import blank_axes, svg_text
 from ...inspection.zone_panels import days_figure as days_figure
 from ...inspection.zone_panels import errors_figure as errors_figure
 from ...inspection.zone_panels import map_figure as map_figure
-from ...inspection.zone_panels import measured_and_setpoint, title_parts, weeks_and_days_figure
+from ...inspection.zone_panels import measured_and_setpoint, title_parts
 from ...inspection.zone_panels import weeks_figure as weeks_figure
 from ..compared_models import HYBRID
 
@@ -150,14 +150,3 @@ def study_picture(
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     save_png(figure, path)
-
-
-def building_picture(
-    path: str | PathLike[str],
-    frames: Mapping[str, pd.DataFrame],
-    forecasts: Mapping[str, pd.DataFrame],
-    title: str | None = None,
-    power: str = "kW",
-) -> None:
-    """Write one PNG file of a study of several zones: a week of its back-tests, and the next day of each zone."""
-    save_png(weeks_and_days_figure(frames, forecasts, SHOWN, WIDE, power, title), path)
