@@ -5,7 +5,6 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES
@@ -190,8 +189,7 @@ def _complete(report: LogReport) -> pd.DatetimeIndex:
     if report.assumed_label == "right" and frame.index.is_unique:
         frame = to_left_label(frame)
     rooms = [f"T_za_{zone}" for zone in report.zones] or [role for role in ("T_za",) if role in frame]
-    known = np.flatnonzero(frame[rooms].notna().any(axis=1).to_numpy()) if rooms else np.arange(len(frame))
-    frame = frame.iloc[: known[-1] + 1 if len(known) else 0]
+    frame = frame[frame[rooms].bfill().notna().any(axis=1)] if rooms else frame
     inputs = frame[[role for role in frame if role not in rooms and not str(role).startswith(SETPOINT_ROLES)]]
     return pd.DatetimeIndex(frame.index[inputs.notna().all(axis=1)]).unique()
 

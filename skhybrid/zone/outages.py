@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-import numpy as np
 import pandas as pd
 
 from .._table import SETPOINT_ROLES, listed
@@ -38,8 +37,7 @@ def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame
     set_points = [role for role in frame if role in SETPOINT_ROLES or str(role).startswith(of_zones)]
     held = {str(role): frame[role].ffill().bfill() for role in set_points}
     frame = frame.assign(**{role: without_standstills(frame, role) for role in measured}, **held)
-    known = np.flatnonzero(frame[measured].notna().any(axis=1).to_numpy())
-    return frame.drop(columns=SETPOINT, errors="ignore").iloc[: known[-1] + 1 if len(known) else 0]
+    return frame.drop(columns=SETPOINT, errors="ignore")[frame[measured].bfill().notna().any(axis=1)]
 
 
 def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timestamp) -> None:
