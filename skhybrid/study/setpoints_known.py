@@ -80,12 +80,16 @@ class SetpointsKnown(NamedTuple):
         """A back-test of one zone beside the rules, which know its past rows; without a plant it has no load."""
         past, settings = study.past, study.settings
         roles = plant_roles(past)
-        load, weather = load_of(past, settings, roles), _weather_in(settings)
+        load, level = load_of(past, settings, roles), settings.weather_error
+        weather = "the weather" if level is None else f"a forecast of the weather ({level} errors)"
         if load is None:
             unknown = pd.Series(np.nan, frame.index)
             return cls._beside(yesterday, frame, unknown, {}, unit="kW", load_coverage=None, weather=weather)
         measured, own = (_load_in(frame, ending, settings, roles) for ending in ("_true", "_pred"))
-        coverage = _load_coverage(frame, measured) if roles == ["Q_hvac"] and has_intervals(frame) else None
+        coverage = None
+        if roles == ["Q_hvac"] and has_intervals(frame):
+            low, high = (frame[name] for name in LOAD_INTERVAL)
+            coverage = float(measured.between(low, high)[measured.notna()].mean())
         loads = {HYBRID: own, **past_loads(load.values, frame)}
         given: dict[str, Any] = {"unit": load.unit, "load_coverage": coverage, "weather": weather}
         return cls._beside(yesterday, frame, measured, loads, **given)
@@ -205,18 +209,6 @@ class SetpointsKnown(NamedTuple):
         if self.as_usual:
             known = f"{self.weather} was known ahead; no thermostat was learned, so the heat was forecast as usual"
         return [one._replace(reasons=(known, *one.reasons)) for one in found]
-
-
-def _weather_in(settings: Settings) -> str:
-    """The weather ahead as back-tests know it."""
-    level = settings.weather_error
-    return "the weather" if level is None else f"a forecast of the weather ({level} errors)"
-
-
-def _load_coverage(frame: pd.DataFrame, load: pd.Series) -> float:
-    """Share of the measured heat inside the intervals."""
-    low, high = (frame[name] for name in LOAD_INTERVAL)
-    return float(load.between(low, high)[load.notna()].mean())
 
 
 def _load_in(frame: pd.DataFrame, ending: str, settings: Settings, roles: Sequence[str]) -> pd.Series:
