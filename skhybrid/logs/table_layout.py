@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import pandas as pd
@@ -96,7 +96,8 @@ def find_layout(rows: Sequence[Sequence[str]]) -> Layout | None:
     stated = {name: text for name, text in zip(names, units, strict=False) if text and is_unit(text)}
     stated.pop(names[place], None)
     explained = _explained(rows[:first], names)
-    stated |= {explained[row[0].rstrip(":")]: row[2] for row in rows[:first] if _explains(row, explained)}
+    lists = (row for row in rows[:first] if len(row) > 2 and is_unit(row[2]))
+    stated |= {explained[name]: row[2] for row in lists if (name := row[0].rstrip(":")) in explained}
     return Layout(tuple(explained.get(name, name) for name in names), stated, first, not header, most)
 
 
@@ -106,11 +107,6 @@ def _explained(above: Sequence[Sequence[str]], names: Sequence[str]) -> dict[str
     found = {row[0].rstrip(":"): row[1] for row in lists if row[0].rstrip(":") in names}
     own = [*found.values(), *(name for name in names if name not in found)]
     return found if len(set(own)) == len(names) and len(found) > 1 else {}
-
-
-def _explains(row: Sequence[str], explained: Mapping[str, str]) -> bool:
-    """Whether a row of such a list gives the unit of its point."""
-    return len(row) > 2 and row[0].rstrip(":") in explained and is_unit(row[2])
 
 
 def _below_names(rows: Sequence[Sequence[str]], width: int) -> tuple[int, int, int] | None:
