@@ -323,4 +323,4 @@ def test_an_epa_file_that_cannot_be_read(tmp_path, change, says):
 
 def test_a_file_that_is_absent():
     with pytest.raises(FileNotFoundError, match=r"there is no file 'absent\.csv'"):
-        ecobee.read("absent.csv")
+        read_log("absent.csv", "ecobee")

@@ -13,8 +13,8 @@ import pandas as pd
 from ..raw_log import RawLog
 from ..stamp_parts import joined_cells
 from ..stamps import time_zone_named
-from ..text_files import damage_refused, existing, open_text
-from .known_table import numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
+from ..text_files import damage_refused, open_text
+from .known_table import header_names, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
 
 _STEP = 300.0  # seconds in a row: all of ecobee's records are of five minutes
@@ -65,7 +65,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 def _layout(head: str) -> _Layout | None:
     header = next((line for line in head.splitlines() if line.strip() and not line.startswith("#")), "")
-    names = [name.strip().strip('"').split(" [")[0] for name in header.split(",")]
+    names = [name.split(" [")[0] for name in header_names(header)]
     if names[:2] == ["Date", "Time"] and re.search(r"(Stage|Heat) \d \(sec\)|Current Temp \([FC]\)", header):
         return _PORTAL
     if "DateTime" in names and ("T_ctrl" in names or "T_stp_heat" in names):
@@ -76,7 +76,7 @@ def _layout(head: str) -> _Layout | None:
     return _API if head.lstrip().startswith("{") and '"rowList"' in head and '"reportList"' in head else None
 
 
-def read(path: Path | str, timezone: str | None = None, dayfirst: bool | None = None) -> RawLog:
+def read(path: Path, timezone: str | None = None, dayfirst: bool | None = None) -> RawLog:
     """Read the CSV of the portal, the API's runtime report (JSON, or CSV with its names), or Donate Your Data.
 
     Portal and API write the thermostat's local time without a zone, Donate Your Data is UTC.  Every stage stays a
@@ -86,8 +86,8 @@ def read(path: Path | str, timezone: str | None = None, dayfirst: bool | None = 
     heat pump is a plant of its own (``u_aux``), since its capacity differs and does not fall with the outdoor
     temperature; without a heat pump it is the furnace, ``u_heat``.
     """
-    file, where = existing(path)
-    table, layout, notes = _open(file, where)
+    where = repr(path.name)
+    table, layout, notes = _open(path, where)
     known = {role: _column_of(table, name) for role, name in layout.temperatures.items()}
     if known["T_za"] is None:
         refuse_absent([layout.temperatures["T_za"]], table, where, "include the zone's temperature in the export")

@@ -27,18 +27,18 @@ def looks_like(path: Path, head: str) -> bool:
     return bool(hourly or daily)
 
 
-def read(path: Path | str, metadata: Path | str | None = None, utc_offset: str | None = None) -> RawLog:
+def read(path: Path, metadata: Path | str | None = None, utc_offset: str | None = None) -> RawLog:
     """Read minutes of running and degF per hour of one thermostat, or the older format with a row per day.
 
     A plant of two stages has its full-load equivalent as its role, or else its running time at full load, for which the
     first stage counts as 0.65 (furnace) or 0.72 (compressor) of both, as in the EPA's software.  Auxiliary and
     emergency heat are a plant of their own (``u_aux``) beside the heat pump.
     """
-    file, where = existing(path)
-    table = read_text_cells(file, where)
+    where = repr(path.name)
+    table = read_text_cells(path, where)
     table.columns = [name.lower() for name in table.columns]
     table, notes = _one_thermostat(table, where)
-    offset = utc_offset or _offset_of(file, metadata)
+    offset = utc_offset or _offset_of(path, metadata)
     if offset is None:
         notes.append("the stamps have no zone; give utc_offset= or the metadata file.")
     if "temp_in_00" in table:

@@ -14,7 +14,7 @@ import pandas as pd
 from ..._table import listed
 from ..._time import positive_duration
 from ..raw_log import RawLog
-from ..text_files import damage_refused, existing, head_of, open_bytes
+from ..text_files import damage_refused, head_of, open_bytes
 from ..unit_names import unit_or_energy
 from .entity_states import on_even_rows, refuse_unknown, some_of, states_to_numbers
 from .json_log import json_items
@@ -33,7 +33,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def read(
-    path: Path | str,
+    path: Path,
     table: str | None = None,
     entities: Collection[str] | None = None,
     step: str = "1min",
@@ -49,15 +49,14 @@ def read(
     a table with a row per change of any of them would not fit in memory.  So no channel is left to be held later: only
     here is it known where an entity was unavailable, and where Home Assistant did not run.
     """
-    file, where = existing(path)
-    delta = positive_duration(step, "step")
+    where, delta = repr(path.name), positive_duration(step, "step")
     if isinstance(entities, str):
         raise ValueError(f"entities={entities!r} is one text; give a list of entities.")
-    if is_sqlite(file):
-        return read_recorder(file, where, table, entities, delta, timezone)
+    if is_sqlite(path):
+        return read_recorder(path, where, table, entities, delta, timezone)
     if table is not None:
         raise ValueError(f"table={table!r} is for a database, but {where} is a history; leave it out.")
-    return _read_history(file, where, entities, delta, timezone)
+    return _read_history(path, where, entities, delta, timezone)
 
 
 def _read_history(

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..raw_log import RawLog
 from ..stamps import time_zone_named
-from ..text_files import damage_refused, existing, open_text
+from ..text_files import damage_refused, open_text
 from ..unit_names import unit_or_energy
 from .entity_states import MOST_CELLS, ON_OFF, some_of
 from .known_table import to_numbers, utc_ticks
@@ -37,15 +37,15 @@ class _Header(NamedTuple):
     defaults: list[str]
 
 
-def read(path: Path | str, timezone: str | None = None) -> RawLog:
+def read(path: Path, timezone: str | None = None) -> RawLog:
     """Read the tables of an annotated CSV, with ``_field`` and ``_value`` or pivoted with a column per field.
 
     A channel is a field and set of tags: ``"<measurement> <field> <tag>=<value> ..."``.  InfluxDB writes UTC.
     """
-    file, where = existing(path)
+    where = repr(path.name)
     series: _Series = {}
     text: set[str] = set()
-    for header, rows, line in _tables(file, where):
+    for header, rows, line in _tables(path, where):
         _add_rows(series, text, header, rows, line, where)
     found = {name: joined for name, parts in series.items() if len(joined := _joined(parts))}
     if not found:
