@@ -32,7 +32,7 @@ _REPEATS, _OFTEN, _SKIPPED = 0.01, 10, 0.2  # equal neighbours; long intervals: 
 _DENSE = 0.8  # share of the rows of a wide table, from which on a channel is sampled with them
 _UNIT_COLUMN = re.compile(r"units?([ _]of[ _]measure(ment)?)?|uom|einheit|eenheid|unit[ée]", re.IGNORECASE)
 _ENDS = re.compile(r"(?i)(period|interval|hour|time|date)s?[ _-]?end(ing|s|ed)?|end[ _-]?(time|date)|bis|hasta|fin|tot")
-_LONG_BACK = pd.Timedelta("2h").value  # stamps go back by an hour in autumn
+_LONG_BACK = pd.Timedelta("2h")  # stamps go back by an hour in autumn
 _CLASHING = 0.1  # share of a channel's values that others at the same stamps replace
 _CELLS = 1 << 19  # cells of a piece
 
@@ -260,7 +260,7 @@ def _long_stamps(
 ) -> pd.DatetimeIndex:
     """Stamps of all rows of a long table, which may follow each other by time or by channel."""
     cells, stamps = _read(texts, pieces, choice)
-    by_channel = (np.diff(stamps.as_unit("ns").asi8) < -_LONG_BACK).any()
+    by_channel = (stamps[1:] - stamps[:-1] < -_LONG_BACK).any()
     if choice.timezone is None or stamps.tz is not None or not by_channel:
         return in_zone(stamps, choice.timezone, cells, pieces.where)
     ticks = np.empty(len(stamps), dtype=np.int64)

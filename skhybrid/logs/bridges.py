@@ -11,7 +11,7 @@ import pandas as pd
 
 def stretches(rows: pd.DataFrame, longest: pd.Timedelta) -> list[pd.DataFrame]:
     """The rows between distances of more than the ``longest``, in their order; a step is the least."""
-    breaks = np.flatnonzero(np.diff(pd.DatetimeIndex(rows.index).as_unit("ns").asi8) > longest.value) + 1
+    breaks = np.flatnonzero(rows.index.to_series().diff() > longest)
     return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
 
 

@@ -108,7 +108,7 @@ def is_local(index: pd.DatetimeIndex) -> bool:
 
 def stamps_going_back(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
     """Stamps that are earlier than the one before, but for those of a clock that was put back for the winter."""
-    back = index[1:][np.diff(index.as_unit("ns").asi8) < 0]
+    back = index[1:][index[1:] < index[:-1]]
     return back[~back.normalize().isin(daylight_changes(index).normalize())]
 
 
@@ -129,7 +129,7 @@ def daylight_changes(index: pd.DatetimeIndex) -> pd.DatetimeIndex:
 def gaps_of(index: pd.DatetimeIndex, step: pd.Timedelta) -> pd.DataFrame:
     """Gaps of the rows: last stamp before, first after, and hours."""
     ordered = index.sort_values().unique()
-    wide = np.flatnonzero(np.diff(ordered.as_unit("ns").asi8) > _LONG_GAP * step.value)
+    wide = np.flatnonzero(ordered[1:] - ordered[:-1] > _LONG_GAP * step)
     before, after = ordered[wide], ordered[wide + 1]
     return pd.DataFrame({"last": before, "next": after, "hours": (after - before) / pd.Timedelta("1h")})
 
@@ -247,7 +247,7 @@ def counter_findings(name: str, readings: pd.Series) -> Iterator[Finding]:
 
 def _jumping(name: str, known: pd.Series, least: float) -> Iterator[Finding]:
     """Values that leave those before and after them, or a step that no air makes."""
-    near = np.diff(pd.DatetimeIndex(known.index).as_unit("ns").asi8) <= pd.Timedelta("30min").value
+    near = known.index[1:] - known.index[:-1] <= pd.Timedelta("30min")
     change = np.where(near, np.diff(known.to_numpy(dtype=np.float64)), 0.0)
     back = np.append(change[1:], 0.0)
     spike = (np.minimum(np.abs(change), np.abs(back)) > least) & (change * back < 0.0)
