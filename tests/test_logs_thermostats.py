@@ -14,6 +14,8 @@ from skhybrid.logs import read_log
 from skhybrid.logs.readers import ecobee, epa_thermostat, home_assistant, influx
 from skhybrid.logs.readers.plant_stages import full_load
 from skhybrid.logs.text_files import head_of
+from skhybrid.study import propose_settings, read_settings
+from skhybrid.study import read_log as read_zone_log
 
 SAMPLES = Path(__file__).parent / "log_samples"
 PORTAL, DONATED, EPA = (SAMPLES / n for n in ("ecobee_portal.csv", "donate_your_data.csv", "epa_interval.csv"))
@@ -263,6 +265,23 @@ def test_epa_without_metadata_has_naive_stamps(tmp_path):
         epa_thermostat.read(tmp_path / "log.csv", utc_offset="CST")
 
 
+def test_the_epas_data_in_a_time_zone(tmp_path):
+    """A proposed configuration, which names the offset, could not be read with it."""
+    head, *rows = EPA.read_text().splitlines()
+    log = _written(tmp_path, "\n".join([f"{head},outdoor_temp", *(f"{row},40.5" for row in rows)]), EPA.name)
+    (tmp_path / "metadata.csv").write_text((SAMPLES / "metadata.csv").read_text())
+    proposed = propose_settings(log)
+    assert '\ntimezone = "-06:00"' in proposed
+    frame, _ = read_zone_log(log, read_settings(_written(tmp_path, proposed, "zone.toml")))
+    assert frame.index[0] == pd.Timestamp("2021-01-01 00:00-06:00")
+    assert str(read_log(log, timezone="America/Denver").frame.index[0]) == "2020-12-31 23:00:00-07:00"
+    local = read_log(_written(tmp_path, EPA.read_text()), timezone="America/Denver")
+    assert str(local.frame.index[0]) == "2021-01-01 00:00:00-07:00"
+    assert "the stamps have no zone" not in " ".join(local.notes)
+    with pytest.raises(ValueError, match="is '-0690'; write it as -0600"):
+        read_log(log, utc_offset="-0690")
+
+
 HEADER = "datetime,cool_runtime_stg1,cool_runtime_stg2,cool_runtime_equiv,heat_runtime_stg1,heat_runtime_stg2,temp_in"
 
 
@@ -298,6 +317,8 @@ def test_the_older_epa_format_of_days(tmp_path):
     assert log.frame.shape == (48, 4)
     assert log.frame["temp_in"].iloc[25] == 61.0
     assert log.frame.index[24] == pd.Timestamp("2014-01-02 05:00", tz="UTC")
+    local = epa_thermostat.read(path, timezone="America/Chicago").frame.index[24]
+    assert local == pd.Timestamp("2014-01-02 06:00", tz="UTC")
     assert (log.frame["heat_runtime"] == 20.0).all()
     assert "u_heat" not in log.roles
     assert "too coarse for a role" in " ".join(log.notes)

@@ -77,7 +77,7 @@ def read_log(source: str | PathLike[str], format: str | None = None, **options: 
         ``entities`` (by default all whose states are numbers, on or off), ``step`` (of the rows of states, by default
         1 min) and ``timezone``; ecobee ``timezone`` (that of the thermostat) and ``dayfirst``; the EPA's data
         ``metadata`` (the file with the offset from UTC, by default a ``metadata.csv`` in the same folder that names
-        the log) and ``utc_offset`` (such as ``"-0600"``, in place of it); InfluxDB ``timezone``.
+        the log), ``utc_offset`` (such as ``"-0600"``, in place of it) and ``timezone``; InfluxDB ``timezone``.
 
     Returns
     -------

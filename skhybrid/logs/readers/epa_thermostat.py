@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..raw_log import RawLog
+from ..stamps import in_zone
 from ..text_files import existing
 from .known_table import header_names, numeric_columns, read_text_cells, refuse_absent, sorted_frame, stamps_of
 from .plant_stages import COMPRESSOR_LOW, FURNACE_LOW, full_load
@@ -27,7 +28,9 @@ def looks_like(path: Path, head: str) -> bool:
     return bool(hourly or daily)
 
 
-def read(path: Path, metadata: Path | str | None = None, utc_offset: str | None = None) -> RawLog:
+def read(
+    path: Path, metadata: Path | str | None = None, utc_offset: str | None = None, timezone: str | None = None
+) -> RawLog:
     """Read minutes of running and degF per hour of one thermostat, or the older format with a row per day.
 
     A plant of two stages has its full-load equivalent as its role, or else its running time at full load, for which the
@@ -39,13 +42,13 @@ def read(path: Path, metadata: Path | str | None = None, utc_offset: str | None 
     table.columns = [name.lower() for name in table.columns]
     table, notes = _one_thermostat(table, where)
     offset = utc_offset or _offset_of(path, metadata)
-    if offset is None:
+    if offset is None and timezone is None:
         notes.append("the stamps have no zone; give utc_offset= or the metadata file.")
     if "temp_in_00" in table:
-        return _read_days(table, offset, notes, where)
+        return _read_days(table, offset, timezone, notes, where)
     stamp = "datetime" if "datetime" in table else "date"
     refuse_absent([stamp, "temp_in"], table, where, "export it again")
-    stamps = _with_offset(stamps_of(table[stamp], None, None, where), offset, where)
+    stamps = _in_zone(stamps_of(table[stamp], None, None, where), offset, timezone, table.index, where)
     known = [c for c in map(str, table) if "runtime" in c or c in (*_TEMPERATURES.values(), *_AUXILIARY, *_OUTDOOR)]
     columns, _ = numeric_columns(table[known], known, where)
     frame = sorted_frame({c: v for c, v in columns.items() if np.isfinite(v).any()}, stamps, where)
@@ -93,14 +96,17 @@ def _offset_of(file: Path, metadata: Path | str | None) -> str | None:
     return None if rows.empty else rows["utc_offset"].iloc[0].strip() or None
 
 
-def _with_offset(stamps: pd.DatetimeIndex, offset: str | None, where: str) -> pd.DatetimeIndex:
-    if offset is None or stamps.tz is not None:
-        return stamps
-    found = re.fullmatch(r"([+-]?)(\d{1,2}):?(\d{2})?", {"Z": "+0"}.get(offset, offset))
-    if not found or int(found[2]) > 14:
-        raise ValueError(f"the offset from UTC of {where} is {offset!r}; write it as -0600.")
-    zone = f"{found[1] or '+'}{int(found[2]):02d}:{found[3] or '00'}"
-    return stamps.tz_localize(pd.Timestamp(f"2001-01-01T00:00{zone}").tz)
+def _in_zone(
+    stamps: pd.DatetimeIndex, offset: str | None, timezone: str | None, lines: pd.Index, where: str
+) -> pd.DatetimeIndex:
+    """Stamps at an offset, where it is known, in a time zone, where one is given; ``lines`` (n,) of the file."""
+    if offset is not None and stamps.tz is None:
+        found = re.fullmatch(r"([+-]?)(\d{1,2}):?([0-5]\d)?", {"Z": "+0"}.get(offset, str(offset)))
+        if not found or int(found[2]) > 14:
+            raise ValueError(f"the offset from UTC of {where} is {offset!r}; write it as -0600.")
+        zone = f"{found[1] or '+'}{int(found[2]):02d}:{found[3] or '00'}"
+        stamps = stamps.tz_localize(pd.Timestamp(f"2001-01-01T00:00{zone}").tz)
+    return in_zone(stamps, timezone, pd.Series(stamps, lines - 2), where)
 
 
 def _temperatures(frame: pd.DataFrame) -> dict[str, str]:
@@ -141,7 +147,7 @@ def _plants(frame: pd.DataFrame, notes: list[str]) -> dict[str, str]:
     return roles
 
 
-def _read_days(table: pd.DataFrame, offset: str | None, notes: list[str], where: str) -> RawLog:
+def _read_days(table: pd.DataFrame, offset: str | None, timezone: str | None, notes: list[str], where: str) -> RawLog:
     """The format with a row per day: 24 columns of each hourly quantity, and the day's minutes of running."""
     refuse_absent(["date"], table, where, "export it again")
     days = stamps_of(table["date"], None, None, where)
@@ -154,7 +160,7 @@ def _read_days(table: pd.DataFrame, offset: str | None, notes: list[str], where:
     daily = [c for c in columns if not re.search(r"_\d{2}$", c)]
     hourly |= {c: np.repeat(columns[c] / 24.0, 24) for c in daily}
     stamps = (days.normalize().repeat(24) + pd.to_timedelta(np.tile(np.arange(24), len(days)), unit="h")).rename("time")
-    frame = sorted_frame(hourly, _with_offset(stamps, offset, where), where)
+    frame = sorted_frame(hourly, _in_zone(stamps, offset, timezone, table.index.repeat(24), where), where)
     if daily:
         notes.append(
             f"{', '.join(daily)} are minutes per day, spread evenly over its hours: too coarse for a role; assign it "
