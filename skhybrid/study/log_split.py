@@ -94,10 +94,9 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     doubts = tuple(doubts_on_log(frame, temperatures))
     frame = _usable(frame, settings)
     inputs = inputs_of(frame, temperatures)
-    known = np.flatnonzero(frame[temperatures].notna().any(axis=1).to_numpy())
-    if not len(known):
+    measured = frame[frame[temperatures].bfill().notna().any(axis=1)]
+    if measured.empty:
         raise ValueError(f"the log has no measured temperature ({', '.join(temperatures)}) at all.")
-    measured = frame.iloc[: known[-1] + 1]
     train, test = train_and_test(measured, settings)
     for role in temperatures:
         _refuse_constant(train[role], least=0)

@@ -119,7 +119,7 @@ def refuse_absent(names: Iterable[str], table: pd.DataFrame, where: str, remedy:
 def sorted_frame(columns: dict[str, np.ndarray], stamps: pd.DatetimeIndex, where: str) -> pd.DataFrame:
     """A frame with increasing stamps; rows without any value at its end are dropped."""
     frame = pd.DataFrame(columns, index=stamps.rename("time"), dtype=np.float64).sort_index(kind="stable")
-    filled = np.flatnonzero(frame.notna().any(axis=1).to_numpy())
-    if not len(filled):
+    frame = frame[frame.bfill().notna().any(axis=1)]
+    if frame.empty:
         raise ValueError(f"{where} has no row with a number.")
-    return frame.iloc[: filled[-1] + 1]
+    return frame
