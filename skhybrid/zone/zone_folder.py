@@ -161,8 +161,7 @@ class ZoneFolder:
             archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
             if _of_model(settings) == _of_model(zone.settings):
                 refuse_other_temperatures(frame, archive.measured(frame.index[0]), settings, "the archive")
-            corrected = corrected_since(finished, archive, settings)
-            zone, n_new, why, remarks = _learn(zone, settings, finished, refit_after, corrected)
+            zone, n_new, why, remarks = _learn(archive, zone, settings, finished, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
             if not n_new and zone.unread(frame) is None:
@@ -204,8 +203,7 @@ class ZoneFolder:
             if settings.timezone is not None:
                 archive.keep_clock(pd.DatetimeIndex(given.index).tz, zone.known_until.tz)
             frame, n_ahead = keep_posted(archive, given, settings, held)
-            corrected = corrected_since(frame, archive, settings)
-            zone, n_new, why, remarks = _learn(zone, settings, frame, refit_after, corrected)
+            zone, n_new, why, remarks = _learn(archive, zone, settings, frame, refit_after)
             origin, last = zone.history(frame).index[-1], archive.last_measured()
             # a kill between model and archive leaves rows that only the model has taken in
             not_archived = last is None or like_index(last, pd.DatetimeIndex([origin])) < origin
@@ -298,7 +296,7 @@ def _repeated(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestam
 
 
 def _take_in(
-    zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta, corrected: pd.Timestamp | None
+    archive: ForecastArchive, zone: ZoneModel, frame: pd.DataFrame, refit_after: pd.Timedelta
 ) -> tuple[int, str]:
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     dead = {z: r for z, r in dead_meters(frame, zone.settings).items() if z not in zone.not_learned}
@@ -310,7 +308,7 @@ def _take_in(
         zone.update(frame)
     if why:
         return len(new), why
-    if corrected is not None:
+    if (corrected := corrected_since(frame, archive, zone.settings)) is not None:
         return len(new), f"rows from {corrected} on were corrected in the log"
     age = zone.history(frame).index[-1] - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
@@ -320,12 +318,12 @@ def _take_in(
 
 
 def _learn(
-    zone: ZoneModel, settings: Settings, frame: pd.DataFrame, refit_after: pd.Timedelta, corrected: pd.Timestamp | None
+    archive: ForecastArchive, zone: ZoneModel, settings: Settings, frame: pd.DataFrame, refit_after: pd.Timedelta
 ) -> tuple[ZoneModel, int, str, list[str]]:
     """A model with the new rows, their number, why it was fitted again, and remarks."""
     changed, known = _of_model(settings) != _of_model(zone.settings), zone.known_until
     zone.settings = settings
-    n_new, why = (0, "zone.toml has changed") if changed else _take_in(zone, frame, refit_after, corrected)
+    n_new, why = (0, "zone.toml has changed") if changed else _take_in(archive, zone, frame, refit_after)
     if not why:
         return zone, n_new, "", []
     try:
