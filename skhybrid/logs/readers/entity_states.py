@@ -11,6 +11,7 @@ import pandas as pd
 from ..counters import is_counter
 from ..setpoint_modes import code_of
 from ..stamps import time_zone_named
+from .known_table import numbers_in
 
 #: states that are 1 or 0; any other state that is not a number is missing
 ON_OFF = {"on": 1.0, "off": 0.0, "open": 1.0, "closed": 0.0, "true": 1.0, "false": 0.0, "home": 1.0, "not_home": 0.0}
@@ -21,15 +22,11 @@ _LISTED, _DAY = 12, 86400.0
 
 def states_to_numbers(states: Iterable[object]) -> tuple[np.ndarray, int]:
     """States (n,) as float64, NaN where one is missing or no number, and how many were other text."""
-    series = pd.Series(list(states), dtype=object)
-    text = series.astype(str).str.strip()
-    numbers = pd.to_numeric(text, errors="coerce").to_numpy(np.float64, copy=True)
+    text = pd.Series(list(states), dtype=object).astype(str).str.strip()
+    numbers = numbers_in(text, ON_OFF)
     numbers[~np.isfinite(numbers)] = np.nan
-    left = np.isnan(numbers)
-    low = text[left].str.lower()
-    numbers[left] = low.map(ON_OFF).to_numpy(np.float64)
-    other = int((~low.isin(ON_OFF) & ~low.isin((*MISSING, "nan", "inf", "-inf"))).sum())
-    return numbers, other
+    left = text[np.isnan(numbers)].str.lower()
+    return numbers, int((~left.isin((*MISSING, "nan", "inf", "-inf"))).sum())
 
 
 def climate_values(attributes: Iterable[Mapping[str, Any] | None], states: Iterable[object]) -> dict[str, np.ndarray]:

@@ -56,12 +56,18 @@ def header_names(head: str) -> list[str]:
     return [name.strip().strip('"') for name in head.partition("\n")[0].split(",")]
 
 
+def numbers_in(text: pd.Series, words: Mapping[str, float]) -> np.ndarray:
+    """Numbers (n,) that texts without blanks around them spell, or that words stand for; NaN for any other."""
+    numbers = pd.to_numeric(text, errors="coerce").to_numpy(np.float64, copy=True)
+    left = np.isnan(numbers)
+    numbers[left] = text[left].str.lower().map(words).to_numpy(np.float64)
+    return numbers
+
+
 def to_numbers(cells: pd.Series, what: str, where: str, words: Mapping[str, float] | None = None) -> np.ndarray:
     """Cells as float64, NaN where nothing was logged; what is neither a number nor one of the words is refused."""
     text = cells.astype(str).str.strip()
-    numbers = pd.to_numeric(text, errors="coerce").to_numpy(np.float64, copy=True)
-    left = np.isnan(numbers)
-    numbers[left] = text[left].str.lower().map(words or {}).to_numpy(np.float64)
+    numbers = numbers_in(text, words or {})
     wrong = np.isnan(numbers) & ~text.str.lower().isin(_NO_VALUE).to_numpy()
     if wrong.any():
         row = int(np.argmax(wrong))
