@@ -303,6 +303,16 @@ def test_the_week_of_an_estimator_reads_its_gray_box(table):
         DisturbanceWeekDisplay.from_predictions(pd.Series(1.0, index=range(96)))
 
 
+def test_displays_are_drawn_into_a_part_of_a_figure(table):
+    left, right = plt.figure(layout="constrained", figsize=(12, 4)).subfigures(1, 2)
+    y = pd.DataFrame({"T_za_hall": 20.0, "T_za_study": 21.0}, index=table.index)
+    whole = ForecastDisplay.from_estimator(TwoRooms(), table, y, quantiles=(0.1, 0.9), ax=left.subplots(2))
+    assert len(left.legends) == 1
+    assert whole.figure_ is left
+    RoomMapDisplay.from_predictions({("a", "b"): 80.0}, {"a": 0.2, "b": 0.3}, ax=right.subplots())
+    left.figure.canvas.draw()
+
+
 # --------------------------------------------------------------------------------------------------------- the next day
 @pytest.mark.parametrize("load", [True, False])
 def test_the_next_day_has_temperature_and_load(load):

@@ -124,7 +124,7 @@ class RoomMapDisplay(Display):
         %(title)s
         """
         ax = axes_or_new(ax, self.size())
-        size = np.array(ax.figure.get_size_inches()) * ax.get_position().size  # of the axes [inch]
+        size = ax.bbox.size / ax.figure.dpi  # of the axes [inch]
         places = self._places(size[0])
         at = dict(zip(self.errors, places, strict=True))
         couplings, errors = _nan_as_none(self.couplings), _nan_as_none(self.errors)

@@ -69,6 +69,11 @@ def _columns(ax: Any) -> int:
     return max(1, min(len(labels), 5, int(_PER_INCH * ax.bbox.width / ax.figure.dpi / longest)))
 
 
+def _width(figure: Any) -> float:
+    """Width of a figure, or of a part of one [inch]."""
+    return float(figure.bbox.width / figure.dpi)
+
+
 def time_axis(ax: Any, time: pd.Index) -> None:
     """Format dates in the time zone of the stamps; row numbers stay numbers."""
     if not isinstance(time, pd.DatetimeIndex):
@@ -77,7 +82,7 @@ def time_axis(ax: Any, time: pd.Index) -> None:
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
     # a narrow axis has room for 2 to 5 ticks: fewer than 3 days are 2 ticks by day and too many by hour
-    few, many = (3, 9) if ax.figure.get_figwidth() > NARROW else (2, 5)
+    few, many = (3, 9) if _width(ax.figure) > NARROW else (2, 5)
     locator = AutoDateLocator(minticks=few, maxticks=many, tz=time.tz)
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=time.tz))
@@ -117,7 +122,7 @@ def shared_legend(axes: np.ndarray, title: str | None = None) -> None:
             entries.setdefault(label, handle)
     if len({ax.figure for ax in axes}) == 1 and entries:
         heading_style = {"title": title, "title_fontproperties": {"weight": "bold"}, "alignment": "left"}
-        fitting = int(_PER_INCH * axes[0].figure.get_figwidth() / (max(map(len, entries)) + _HANDLE))
+        fitting = int(_PER_INCH * _width(axes[0].figure) / (max(map(len, entries)) + _HANDLE))
         place = {"loc": "outside upper left", "ncols": max(1, min(len(entries), 6, fitting))}
         axes[0].figure.legend(entries.values(), entries.keys(), **heading_style, **place, **_LEGEND)
 
