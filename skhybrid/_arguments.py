@@ -1,4 +1,4 @@
-"""Arguments of constructors, stored and checked: integers, numbers, mappings, seeds, estimators of one kind."""
+"""Arguments of constructors, stored and checked: integers, numbers, mappings, rows, seeds, estimators of one kind."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
@@ -92,6 +93,11 @@ def as_mapping(name: str, given: Any, content: str) -> dict[Any, Any]:
     if given is not None and not isinstance(given, Mapping):
         raise ValueError(f"{name}={given!r} must be a mapping of {content}.")
     return dict(given or {})
+
+
+def row_of(given: Any) -> Any:
+    """The row of a frame that has only one, as a Series; anything else as it is."""
+    return given.iloc[0] if isinstance(given, pd.DataFrame) and len(given) == 1 else given
 
 
 def random_numbers(random_state: Any) -> np.random.RandomState:

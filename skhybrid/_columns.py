@@ -12,7 +12,7 @@ from scipy import sparse
 from sklearn.utils import check_array, column_or_1d
 from sklearn.utils.validation import _num_samples
 
-from ._arguments import as_mapping, is_integer
+from ._arguments import as_mapping, is_integer, row_of
 from ._warnings import several, warn_user
 from .exceptions import RoleWarning
 
@@ -357,8 +357,7 @@ def fill_ahead(X: Any, names: Iterable[Any]) -> tuple[Any, float]:
 
 def by_name(given: Any, names: Sequence[str], what: str) -> Any:
     """Values of a mapping, a Series or a row of a frame, which have these names, in their order; others as they are."""
-    if isinstance(given, pd.DataFrame) and len(given) == 1:
-        given = given.iloc[0]
+    given = row_of(given)
     here = list(given.keys()) if isinstance(given, Mapping | pd.Series) else []
     if not any(isinstance(name, str) for name in here):
         return given

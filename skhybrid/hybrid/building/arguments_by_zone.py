@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..._arguments import row_of
 from ..._table import as_numbers, listed
 from ..._warnings import several
 from .zone_columns import MEASURED, setpoints_by_zone
@@ -25,8 +26,7 @@ class ArgumentsByZone:
         """Temperatures that are measured now, given by zone or in the order of zones; empty where there are none."""
         if T_za is None:
             return {}
-        if isinstance(T_za, pd.DataFrame) and len(T_za) == 1:  # a row of a log
-            T_za = T_za.iloc[0]
+        T_za = row_of(T_za)  # of a log
         if isinstance(T_za, Mapping | pd.Series):
             by_zone = self._by_zone(T_za, "T_za")
         else:
