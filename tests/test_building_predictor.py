@@ -265,15 +265,32 @@ def test_what_is_measured_now_starts_the_forecast(building, tomorrow):
     row = pd.DataFrame(now, tomorrow.index[:1]).add_prefix("T_za_")
     pd.testing.assert_frame_equal(building.forecast(None, tomorrow, T_za=row), frame)
     for wrong, said in (
-        ({"kitchen": 20.5}, "T_za lacks the zone 'hall'; the zones are"),
-        ({**now, "hall": np.nan}, "T_za lacks the zone 'hall'.* or leave T_za out"),
-        ([20.0, None, 18.0], "T_za lacks the zone 'hall'.* or leave T_za out"),
+        ({}, "T_za has no temperature of any zone; the zones are 'kitchen', 'hall', 'study'"),
+        ([np.nan, None, np.nan], "T_za has no temperature of any zone.* or leave T_za out"),
         (20.0, "T_za has 1 value; give one for each of 'kitchen'"),
         ([20.0, 19.0, 18.0, 17.0], "T_za has 4 values; give one for each of 'kitchen'"),
         ({**now, "attic": 3.0}, "T_za names 'attic', which is not a zone; the zones are"),
     ):
         with pytest.raises(ValueError, match=said):
             building.forecast(None, tomorrow, T_za=wrong)
+
+
+@pytest.mark.parametrize("now", [{"kitchen": 20.5, "study": 19.5}, [20.5, np.nan, 19.5]])
+def test_a_room_without_a_temperature_now_goes_on_from_its_last_one_among_others_that_have_one(
+    building, rooms, tomorrow, now
+):
+    alone = building.without_neighbours()
+    for history in (None, rooms[0][N_TRAIN - 4 * DAY : N_TRAIN]):
+        found, measured, free = (alone.forecast(history, tomorrow, T) for T in (now, [20.5, 18.5, 19.5], None))
+        pd.testing.assert_frame_equal(found, measured.assign(**free.filter(like="_hall")))
+        hall, usual = (building.forecast(history, tomorrow, T)["T_za_hall"].to_numpy() for T in (now, None))
+        assert hall[0] == pytest.approx(usual[0])  # on which the rooms beside it act later
+        assert np.abs(hall - usual).max() > 0.01
+        T = building.affine_forecast(history, tomorrow, T_za=now)
+        planned = T.temperature(tomorrow[list(T.inputs)].to_numpy())
+        np.testing.assert_allclose(planned, temperatures(building.forecast(history, tomorrow, now)), atol=1e-9)
+    first = building.sample(None, tomorrow, 5, now, random_state=0).xs(tomorrow.index[0], level="time")
+    assert (first.nunique() == [1, 5, 1]).all()
 
 
 def test_affine_forecast_is_the_forecast(building, tomorrow):

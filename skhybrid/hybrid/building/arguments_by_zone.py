@@ -23,7 +23,7 @@ class ArgumentsByZone:
     heated: Sequence[str]  # that were heated or cooled in training
 
     def now(self, T_za: Any) -> dict[str, float]:
-        """Temperatures that are measured now, given by zone or in the order of zones; empty where there are none."""
+        """Temperatures that are measured now, given by zone or in the order of zones, without zones that have none."""
         if T_za is None:
             return {}
         T_za = row_of(T_za)  # of a log
@@ -35,13 +35,13 @@ class ArgumentsByZone:
                 found = several(len(values), "value")
                 raise ValueError(f"T_za has {found}; give one for each of {listed(self.zones)}.")
             by_zone = dict(zip(self.zones, values, strict=True))
-        absent = [zone for zone in self.zones if isinstance(T := by_zone.get(zone), float | None) and pd.isna(T)]
-        if absent:
+        known = {zone: T for zone, T in by_zone.items() if not (isinstance(T, float | None) and pd.isna(T))}
+        if not known:
             raise ValueError(
-                f"T_za lacks the zone {absent[0]!r}; the zones are {listed(self.zones)}: give the temperature of each, "
-                "or leave T_za out, so that the forecast begins at the last known row."
+                f"T_za has no temperature of any zone; the zones are {listed(self.zones)}: give those that are "
+                "measured, or leave T_za out, so that the forecast begins at the last known row."
             )
-        return by_zone
+        return known
 
     def setpoints(self, setpoint: Any) -> dict[str, Any]:
         """The set-points of each zone, where some are given; a zone that they leave out is free."""

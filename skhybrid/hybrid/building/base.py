@@ -173,7 +173,8 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         future : DataFrame
             The rows to forecast, with the known future inputs.
         T_za : mapping of zone to float, Series, row of a frame or sequence, optional
-            Temperatures measured at the first row of ``future``, which then is *now* [degC].
+            Temperatures measured at the first row of ``future``, which then is *now* [degC].  A zone that they leave
+            out, or of which they are NaN, is forecast there as in later rows.
         setpoint : mapping or DataFrame of zone to set-point, or one for all zones, optional
             As in :meth:`HybridPredictor.forecast`; a zone that a mapping leaves out is free, and one without a plant is
             so always.  Columns of a frame may also be ``T_heat_set_<zone>`` and ``T_cool_set_<zone>``.  Without it, or
@@ -223,7 +224,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
             of = by_frames(zones, known, ahead, now, wanted if setpoints else None, within, *asked)
         else:
             of = under_heat(tables, ahead.index, now, *asked)
-        found = zones.joined(of, first_lead=0 if now else 1)
+        found = zones.joined(of, now)
         if known is not None:
             zones.warn_of_silent(zones.columns.known(known), len(known))
         return pd.DataFrame(found, future.index)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -136,8 +136,8 @@ class FittedZones:
             out[..., j] = (1.0 - share) * own[zone] + share * coupled
         return own, out
 
-    def joined(self, of: _Columns, first_lead: int) -> dict[str, np.ndarray]:
-        """Columns of all zones; those with neighbours under what was forecast of these."""
+    def joined(self, of: _Columns, now: Collection[str] = ()) -> dict[str, np.ndarray]:
+        """Columns of all zones, some measured ``now``; those with neighbours under what was forecast of these."""
         own = {}
         for zone, model in self.own.items():
             with of_zone(zone):
@@ -146,7 +146,7 @@ class FittedZones:
         for zone, one in self.coupled.items():
             T = {other: own[other]["T_za"] for other in one.neighbours}
             with of_zone(zone), warnings_to(ignore):  # the zones by themselves have told it
-                found[zone] = one.blended(own[zone], of(one.model, zone, T), first_lead)
+                found[zone] = one.blended(own[zone], of(one.model, zone, T), 0 if zone in now else 1)
         return {f"{name}_{zone}": values for zone, columns in found.items() for name, values in columns.items()}
 
 

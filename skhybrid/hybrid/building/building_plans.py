@@ -88,7 +88,7 @@ def _loads(
         heat[key] = load[heat_column(load)]
         return load
 
-    return pd.DataFrame(zones.joined(of, first_lead=1), getattr(rows, "index", None)), heat
+    return pd.DataFrame(zones.joined(of), getattr(rows, "index", None)), heat
 
 
 def _shared_out(zones: FittedZones, rows: pd.DataFrame, wanted: Mapping[str, Any], shared: Limits) -> pd.DataFrame:
@@ -214,7 +214,7 @@ def affine_of_zones(
         rows = with_next(ahead, {other: own[other].path for other in one.neighbours})
         with warnings_dropped(PlanWarning, UnitWarning):  # the zones by themselves have told of the user's columns
             with_others = _Affine.of(one.model, before, rows, chosen[zone], now.get(zone), plan, zone, one.roles)
-        found[zone] = own[zone].blended(with_others.through(own, one), one, 0 if now else 1)
+        found[zone] = own[zone].blended(with_others.through(own, one), one, 0 if zone in now else 1)
     free = np.column_stack([f.path - np.tensordot(f.gain, plan, axes=2) for f in found.values()])
     gain = np.stack([f.gain for f in found.values()], axis=-1)
     return free, gain, np.column_stack([f.zeta for f in found.values()])
