@@ -802,11 +802,14 @@ def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
     with pytest.raises(ValueError, match=r"zone 'study': .*T_za_study"):
         copy.deepcopy(building).update(later[:5].assign(T_za_study=1e30))
     in_watts = tomorrow.assign(q_sol=400.0)
-    for call in (lambda: building.forecast(None, in_watts), lambda: building.predict(later.assign(q_sol=400.0))):
+    for call, names in (
+        (lambda: building.forecast(None, in_watts), {f"zones {', '.join(map(repr, ZONES))}"}),
+        (lambda: building.predict(later.assign(q_sol=400.0)), {f"zone '{zone}'" for zone in ZONES}),
+    ):
         with pytest.warns(UnitWarning) as given:
             call()
         messages = [str(one.message) for one in given if issubclass(one.category, UnitWarning)]
-        assert {text.partition(":")[0] for text in messages} == {f"zone '{zone}'" for zone in ZONES}
+        assert {text.partition(":")[0] for text in messages} == names
     meters = [f"Q_hvac_{zone}" for zone in ZONES]
     plan, measured = (rows.assign(**{name: 1000.0 * rows[name] for name in meters}) for rows in (tomorrow, later[:DAY]))
     for call in (lambda: building.forecast(None, plan), lambda: copy.deepcopy(building).update(measured)):
@@ -950,6 +953,16 @@ def test_limits_that_zones_share_hold_a_plant_that_is_off(building, later):
         building.predict_load(rows, wanted, (0.0, np.ones(5)))
     with pytest.raises(ValueError, match="zone 'kitchen': setpoint"):
         building.predict_load(rows, None)
+
+
+@pytest.mark.parametrize("call", ["predict_load", "forecast"])
+def test_limits_that_may_be_watts_are_warned_of_once_for_all_zones(two_stages, later, tomorrow, call):
+    rows = (later[:DAY],) if call == "predict_load" else (None, tomorrow)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", UnitWarning)
+        getattr(two_stages, call)(*rows, setpoint=(20.5, None), limits=(0.0, 6000.0))
+    (said,) = [str(w.message) for w in told if issubclass(w.category, UnitWarning)]
+    assert "the upper limit is 6000: likely W" in said
 
 
 def test_a_zone_without_limits_loads_as_if_none_had_any(two_stages, later):

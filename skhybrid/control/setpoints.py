@@ -93,7 +93,12 @@ def read_setpoint(setpoint: Any, table: ZoneTable) -> Band:
 
 
 def read_limits(limits: Any, table: ZoneTable) -> Limits:
-    """Least and most heat of a plant [kW] by row, from a pair of numbers or series; None is no limit."""
+    """Least and most heat of a plant [kW] by row, from a pair of numbers or series; None is no limit.
+
+    Those that have been read are taken as they are, so that a user is warned of them once.
+    """
+    if isinstance(limits, Limits):
+        return limits
     given = (None, None) if limits is None else limits
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise ValueError("limits is a pair (lowest, highest) [kW], each a number or one value per row.")

@@ -14,6 +14,7 @@ from ..._joining import refuse_no_frames
 from ..._summary import SummaryMixin
 from ..._table import as_pandas, checked_columns, read_array, refuse_shape
 from ..._threads import one_blas_thread
+from ..._warnings import warnings_joined
 from ...control import AffineForecast, read_inputs
 from ...forecasting.quantiles import DEFAULT_QUANTILES, load_quantile_columns, quantile_columns
 from ...forecasting.weather_error import read_weather_error, weather_of_quantiles
@@ -152,6 +153,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         """
         return self._zones.paths(self._prepared(self._read(X)), np.asarray(origins), horizon)[1]
 
+    @warnings_joined()
     @one_blas_thread
     def forecast(
         self,
