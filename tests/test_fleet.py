@@ -727,6 +727,15 @@ def test_a_folder_of_a_fleet_works_from_day_to_day(tmp_path, capsys):
     assert (folder / "status.html").exists()
 
 
+@pytest.mark.parametrize("inside", ["data", "data/room=a", "data/zone="])
+def test_a_folder_without_zones_is_left_as_it_is(tmp_path, capsys, inside):
+    (tmp_path / inside).mkdir(parents=True)
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["fleet", "fit", str(tmp_path)]) == 1
+    assert "data has no folder zone=...; give a Parquet dataset partitioned by 'zone'" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 def test_columns_with_names_of_their_own_are_named_in_the_configuration(tmp_path, capsys):
     rows = ZONES["a"][TRAIN].rename(columns={"T_za": "room"})
     folder = tmp_path / "data" / "zone=a"

@@ -15,6 +15,7 @@ from ..hybrid import HybridPredictor
 from ..study.keys import check_keys
 from ..study.spans import TRAINING_DAYS
 from .zone_fleet import ZoneFleet
+from .zone_rows import zone_files
 
 _KEYS = ("key", "days", "fallback", "estimator")
 _MOST_DAYS = 36_500  # a century
@@ -74,7 +75,8 @@ class FleetFolder:
                 "data/zone=kitchen."
             )
         if not self.config.exists():
-            write_text(self.config, EXAMPLE)
+            with zone_files(self.data, None, "zone"):  # a folder without zones is left as it is
+                write_text(self.config, EXAMPLE)
         fleet, days = self.read()
         return fleet.fit(self.data, last=days)
 
