@@ -136,6 +136,7 @@ def test_a_tick_of_some_zones_keeps_why_others_failed_and_forgets_zones_that_wer
     fleet.tick({"a": fine["a"]})
     reasons = ZoneFleet(ARXRegressor(), store=fleet.store).status().set_index("zone")["reasons"]
     assert reasons.str.startswith("its last tick failed (").to_dict() == {"a": False, "b": True, "c": True}
+    assert not reasons.str.contains(r"\.[;)]").any(), "a sentence ends within another"
     for file in Path(fleet.store_).glob("c.*"):
         file.unlink()
     fleet.tick({"b": fine["b"]})

@@ -31,7 +31,8 @@ def zone_status(zone: str, store: str) -> ZoneStatus:
     """The status of a zone."""
     model, journal = ModelStore(store).load(zone)
     facts, days = journal.facts, pd.DataFrame(journal.facts["days"])
-    fallback = [] if facts["fallback"] is None else [f"the fallback forecasts it, because {facts['fallback']}"]
+    why = facts["fallback"]
+    fallback = [] if why is None else [f"the fallback forecasts it, because {why.removesuffix('.')}"]
     watched = drift_days(model) if hasattr(model, "drift") else pd.DataFrame()
     doubts = [
         *fallback,
@@ -97,8 +98,8 @@ def status_table(found: Mapping[str, ZoneStatus], failed: Mapping[str, Mapping[s
             span = several(round(hours / 24), "day") if hours > 36 else f"{hours:.0f} h"
             _doubt(rows[zone], f"its last row is {span} older than the newest of the fleet")
     for of, zone, why in ((of, zone, why) for of, whys in failed.items() for zone, why in whys.items()):
-        if zone in rows and why not in rows[zone]["reasons"]:
-            _doubt(rows[zone], f"its last {of} failed ({why})")
+        if zone in rows and (cause := why.removesuffix(".")) not in rows[zone]["reasons"]:
+            _doubt(rows[zone], f"its last {of} failed ({cause})")
         elif zone not in rows:
             rows[zone] = {"verdict": NOT, "last_row": pd.NaT, "drift": False, "reasons": why}
     table = pd.DataFrame([{key: zone, **row} for zone, row in rows.items()], columns=[key, *COLUMNS])
