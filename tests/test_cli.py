@@ -1199,6 +1199,26 @@ def test_the_building_is_told_with_its_units(files, capsys):
     assert "std. error" in out.splitlines()[0]
 
 
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("export emhass log --hours -3", "a plan of -3 h in steps of 0.5 h is too short; give two steps or more"),
+        ("export emhass log --step inf", "a plan of 6 h in steps of inf h is too short; give two steps or more"),
+        ("export emhass log --hours 1e9", "a plan of 1e+09 h is longer than a year"),
+        ("search log --config config --store out --models foo", "framework 'foo' is not known"),
+        ("forecast --model model --log log --weather rain.csv", "there is no file 'rain.csv'"),
+        ("zone tick folder --log log --weather rain.csv", "there is no file 'rain.csv'"),
+        ("zone tick folder --log log --weather .", "'.' is a folder; give a file in it"),
+        ("serve folder --weather rain.csv", "there is no file 'rain.csv'"),
+    ],
+)
+def test_what_is_wrong_from_the_start_is_said_before_a_file_is_read(files, monkeypatch, capsys, command, said):
+    monkeypatch.chdir(files)
+    names = {"config": "zone.toml", "log": "none.csv", "model": "none.skops"}  # of which only the first one exists
+    assert main([names.get(word, word) for word in command.split()]) == 1
+    assert capsys.readouterr().err.startswith(f"skhybrid: error: {said}")
+
+
 def test_a_store_of_a_search_that_is_a_file_is_refused(files, capsys):
     log = files / "log.csv"
     place = [str(log), "--config", str(files / "zone.toml"), "--models", "ridge", "-q"]

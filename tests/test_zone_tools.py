@@ -12,6 +12,7 @@ import pytest
 from skhybrid import GrayBoxRC
 from skhybrid.cli.zone import _errors
 from skhybrid.datasets import make_office
+from skhybrid.model_selection import design_matrix
 from skhybrid.study import identified_building, run, scores
 from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import settings_from
@@ -162,7 +163,9 @@ def test_a_search_trains_on_the_training_rows_and_keeps_its_results(monkeypatch,
     monkeypatch.setattr(zone_search, "DesignMatrixSearchCV", Search)
     store = tmp_path / "of one" / "zone"
     for _ in range(2):
-        found = zone_search.search_zone(SETTINGS, _data(), store, ["ridge"], "small", 1)
+        found = zone_search.search_zone(
+            SETTINGS, _data(), store, design_matrix(["ridge"], size="small", disturbance="input"), 1
+        )
     assert found["name"].tolist() == ["a", "b"]
     assert found.index.tolist() == [0, 1]
     ((training, scored),) = made[0]["cv"]
@@ -174,4 +177,6 @@ def test_a_search_trains_on_the_training_rows_and_keeps_its_results(monkeypatch,
 @pytest.mark.skipif(os.name != "posix", reason="it has no device that is a file")
 def test_a_search_whose_folder_cannot_be_made_says_what_to_do():
     with pytest.raises(OSError, match=r"store /dev/null/zone/search.sqlite cannot be created .* give the path of anot"):
-        zone_search.search_zone(SETTINGS, _data(), "/dev/null/zone", ["ridge"], "small", 1)
+        zone_search.search_zone(
+            SETTINGS, _data(), "/dev/null/zone", design_matrix(["ridge"], size="small", disturbance="input"), 1
+        )

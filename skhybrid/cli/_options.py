@@ -70,6 +70,10 @@ def as_command(name: str, example: str) -> Callable[[Callable[..., None]], click
         def run(*, as_json: bool, strict: bool, quiet: bool, **options: Any) -> int:
             say = Progress(quiet)
             _refuse_one_file_twice(options)
+            if options.get("weather") is not None:  # which is read after minutes of work, or at the first post
+                from ..logs.text_files import existing
+
+                existing(options["weather"])
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 try:

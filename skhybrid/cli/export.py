@@ -48,10 +48,11 @@ def emhass(
     Each value has its standard error.  The source is a log with --config, a model file or a zone's folder with --log,
     or a two-stage model alone.  What the data do not determine is left out, with the reason.
     """
-    from ..zone import emhass_parameters
+    from ..zone.emhass import check_plan, emhass_parameters
     from ._study import refuse_unwritable
 
     refuse_unwritable(out, "file")
+    check_plan(step / 60.0, hours)
     gray_box, settings, rows = _identified(source, config, log)
     found = emhass_parameters(gray_box, settings, rows, sense=sense, step=step / 60.0, hours=hours)
     for name in ("heating_rate", "cooling_constant") if block == "thermal_config" else ("volume", "u_value"):

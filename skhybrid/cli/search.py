@@ -30,12 +30,13 @@ def command(
     Its cases are trained on [train] and scored on [test]; a stopped search goes on.
     """
     settings = settings_at(config)
+    from ..model_selection import design_matrix
     from ..zone.zone_search import search_zone
     from ._study import read_study, refuse_unwritable
 
     refuse_unwritable(store, option="--store")
-    data = read_study(log, settings, say)
-    table = search_zone(settings, data, store, models.split(","), size, jobs, verbose=not say.quiet)
+    matrix = design_matrix([name.strip() for name in models.split(",")], size=size, disturbance="input")
+    table = search_zone(settings, read_study(log, settings, say), store, matrix, jobs, verbose=not say.quiet)
     if as_json:
         print_json(table.to_dict(orient="records"))
     else:

@@ -85,6 +85,14 @@ class EmhassExport(NamedTuple):
         return {"def_load_config": [{block: self.load[block]}], **power}
 
 
+def check_plan(step: float, hours: float) -> None:
+    """Refuse a plan [h] of less than two steps, or of more than a year."""
+    if not (step > 0 and hours >= 2 * step):
+        raise ValueError(f"a plan of {hours:g} h in steps of {step:g} h is too short; give two steps or more.")
+    if hours > _LONGEST:
+        raise ValueError(f"a plan of {hours:g} h is longer than a year; give hours that the load stays on at a time.")
+
+
 def emhass_parameters(
     gray_box: Any,
     settings: Settings,
@@ -117,10 +125,7 @@ def emhass_parameters(
     feedback (docs/thermal_battery.md), ``T[k+1] = T[k] + (COP P dt - demand[k]) / C``; its C is the one that warms as
     the network does over the hours, by least squares.  Standard errors are those of the parameters by the delta method.
     """
-    if not (step > 0 and hours >= 2 * step):
-        raise ValueError(f"a plan of {hours:g} h in steps of {step:g} h is too short; give two steps or more.")
-    if hours > _LONGEST:
-        raise ValueError(f"a plan of {hours:g} h is longer than a year; give hours that the load stays on at a time.")
+    check_plan(step, hours)
     plant = _plant(gray_box, settings, rows, sense)
     time = step * np.arange(1, round(hours / step) + 1)
     found = with_errors(gray_box, lambda theta: _values(gray_box, theta, plant, time))

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..forecasting import DisturbanceForecaster
 from ..hybrid import HybridPredictor
-from ..model_selection import DesignMatrixSearchCV, design_matrix
+from ..model_selection import DesignMatrix, DesignMatrixSearchCV
 from ..study.compared_models import common_settings, make_gray_box
 from ..study.log_split import StudyData
 from ..study.settings import Settings
@@ -20,14 +20,13 @@ def search_zone(
     settings: Settings,
     data: StudyData,
     store: str | PathLike[str],
-    models: list[str],
-    size: str,
+    matrix: DesignMatrix,
     n_jobs: int,
     verbose: int = 1,
 ) -> pd.DataFrame:
-    """Train the cases of some disturbance models on the training rows and score them on the test rows; the best first.
+    """Train the candidates of a design matrix on the training rows and score them on the test rows; the best first.
 
-    The candidates share the identification of the settings.  Their results are in the folder ``store``, where a search
+    They share the identification of the settings.  Their results are in the folder ``store``, where a search
     that was stopped goes on.
     """
     whole = pd.concat([data.train, data.later])
@@ -36,7 +35,7 @@ def search_zone(
     estimator = HybridPredictor(make_gray_box(settings), DisturbanceForecaster("ridge"), **common_settings(settings))
     search = DesignMatrixSearchCV(
         estimator,
-        design_matrix([name.strip() for name in models], size=size, disturbance="input"),
+        matrix,
         cv=rows,
         store=Path(store) / "search.sqlite",
         n_jobs=n_jobs,
