@@ -399,7 +399,7 @@ def test_a_temperature_that_no_model_reads_may_end(frame, zone, tmp_path):
     assert model.update(frame[: N + DAY].assign(T_attic=attic)) == DAY
     network = {"capacitances": {"za": "C_za"}, "resistors": {"R_zo": ["za", "T_oa"], "R_zc": ["za", "T_attic"]}}
     reads = replace(settings, network={**network, "measured": "za"})
-    assert list(without_unread(frame[:N].assign(T_attic=attic), reads)) == [*frame, "T_attic"]
+    assert list(without_unread(frame[:N].assign(T_attic=attic, T_oa_roof=attic), reads)) == [*frame, "T_attic"]
 
 
 def test_an_update_goes_on_after_a_short_outage(frame, earlier):

@@ -15,6 +15,7 @@ from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import INTERVAL, quantile_columns
+from ..hybrid.parts import is_read
 from ..model_selection import backtest
 from ..preprocessing import GapFiller
 from ..study.likely_units import refuse_likely_units
@@ -308,13 +309,12 @@ def _inputs(rows: pd.DataFrame, model: Any) -> dict[Any, str]:
 
 
 def _reads(model: Any, role: str) -> bool:
-    """Whether a model reads an input: what it was fitted on, else of further temperatures those of its network."""
+    """Whether a model reads an input: what it was fitted on, else what one of its networks lets it read."""
     if record := getattr(model, "training_", None):
         return role in record.ranges
-    if not role.startswith("T_") or role == "T_oa" or getattr(model, "preprocess", None) is not None:
-        return True
     networks = [given for name, given in model.get_params().items() if name.endswith("network")]
-    return not networks or any(role in getattr(network, "boundaries", ()) for network in networks)
+    unknown = not networks or getattr(model, "preprocess", None) is not None
+    return unknown or any(is_read(role, network) for network in networks)
 
 
 def _restored(rows: pd.DataFrame, longest: pd.Timedelta) -> pd.DataFrame:

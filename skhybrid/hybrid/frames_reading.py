@@ -35,7 +35,7 @@ from ..forecasting.intervals import DAYS_BACK
 from ..forecasting.quantiles import QuantileForecastMixin
 from ..thermal import RCNetwork
 from .joint_errors import JointErrors
-from .parts import preprocessed
+from .parts import is_read, preprocessed
 from .plausible_range import PlausibleRange
 from .scheme import Scheme
 from .setpoint_columns import check_setpoints, setpoints_in
@@ -79,8 +79,7 @@ class FramesReadingMixin(QuantileForecastMixin):
             self,
             preprocessed(self.preprocess_, X, [self._column_of("T_za")]),
             required=network.required_roles,
-            # weather and plant, and of further boundary temperatures those that the network names
-            needed=lambda role: not role.startswith("T_") or role == "T_oa" or network.reads(role),
+            needed=lambda role: is_read(role, network),
             reset=reset,
             min_rows=2 if reset else 1,
             expected_step=None if reset else self.sampling_time_,

@@ -1,4 +1,4 @@
-"""Parts that a user gives a predictor: cloned, and refused if unsuitable; among them the transformer of its tables."""
+"""Parts that a user gives a predictor: cloned, and refused if unsuitable; the transformer and columns of its tables."""
 
 from __future__ import annotations
 
@@ -27,6 +27,11 @@ def fit_preprocess(given: Any, X: Any, y: Any) -> Any:
     if isinstance(X, pd.DataFrame) and hasattr(step, "set_output"):
         step.set_output(transform="pandas")
     return step.fit(X, y)
+
+
+def is_read(role: str, network: Any) -> bool:
+    """Whether a predictor reads a column: of further temperatures only those that its network names."""
+    return not role.startswith("T_") or role == "T_oa" or role in getattr(network, "boundaries", ())
 
 
 def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:

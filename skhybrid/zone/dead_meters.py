@@ -10,6 +10,7 @@ import pandas as pd
 from .._table import is_instant, is_plant, listed
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
+from ..hybrid.parts import is_read
 from ..study.compared_models import make_network
 from ..study.settings import Settings
 from ..study.unread_rows import BRIDGED
@@ -39,8 +40,9 @@ def part_without_dead_meters(frame: pd.DataFrame, settings: Settings) -> tuple[p
 
 def without_unread(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """A log without further temperatures than those that the network of the settings names."""
-    read = ("T_za", "T_oa", *getattr(make_network(settings.network), "boundaries", ()))
-    return frame.drop(columns=[role for role in frame if is_instant(role) and not str(role).startswith(read)])
+    network, measured = make_network(settings.network), settings.roles_of("T_za")
+    further = [role for role in map(str, frame) if is_instant(role) and role not in measured]
+    return frame.drop(columns=[role for role in further if not is_read(role, network)])
 
 
 def without_roles(frame: pd.DataFrame, by_zone: Mapping[str, Sequence[str]]) -> pd.DataFrame:
