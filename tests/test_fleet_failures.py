@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skhybrid import ARXRegressor
+from skhybrid import ARXRegressor, HybridPredictor
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import FleetWarning, SkhybridWarning
@@ -70,6 +70,15 @@ def test_each_call_warns_once_of_the_zones_that_failed(call, fleet):
     (said,) = [str(w.message) for w in told if issubclass(w.category, FleetWarning)]
     assert said == f"2 of 3 zones failed, see errors_; 2 zones, the first b: {fleet.errors_['b']}"
     assert set(fleet.errors_) == {"b", "c"}
+
+
+@pytest.mark.filterwarnings("ignore::skhybrid.exceptions.FleetWarning")
+def test_weather_ahead_without_a_value_is_no_column_that_is_absent(tmp_path):
+    fleet = ZoneFleet(HybridPredictor(network="1R1C", intervals=False), store=tmp_path).fit(everywhere(TRAIN))
+    rows = unmeasured(slice(7 * DAY, 9 * DAY))
+    rows["b"].loc[rows["b"].index[-DAY:], "T_oa"] = np.nan
+    assert set(fleet.tick(rows)["zone"]) == {"a", "c"}
+    assert fleet.errors_["b"].startswith("column 'T_oa' is empty: it contains NaN in all 24 rows")
 
 
 def test_a_zone_that_is_left_out_of_the_table_for_its_clock_is_told_of(fleet):

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._clock import in_time_zone, refuse_one_zone
-from .._table import is_set_point, listed, numeric, role_of
+from .._table import is_plant, is_set_point, listed, numeric, role_of
 from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
@@ -142,7 +142,9 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     if not ahead.any():
         warn_user(f"there is no forecast, since no rows follow {now}; give the weather to come.", SkhybridWarning)
     else:
-        future = X[ahead].drop(columns=_measured_column(model), errors="ignore").dropna(axis=1, how="all")
+        rows = X[ahead].drop(columns=_measured_column(model), errors="ignore")
+        weather = {c for c, role in _inputs(rows, model).items() if not is_plant(role)}  # which has to be known
+        future = rows[[c for c in rows if c in weather or rows[c].notna().any()]]
         found = _forecast(model, journal, None, future, {"quantiles": INTERVAL})
         journal.ahead = _first_forecasts(journal.ahead, found, now)
     if new.any() or ahead.any():
