@@ -267,15 +267,15 @@ def test_epa_without_metadata_has_naive_stamps(tmp_path):
 
 def test_the_epas_data_in_a_time_zone(tmp_path):
     """A proposed configuration, which names the offset, could not be read with it."""
-    head, *rows = EPA.read_text().splitlines()
+    head, *rows = EPA.read_text(encoding="utf-8").splitlines()
     log = _written(tmp_path, "\n".join([f"{head},outdoor_temp", *(f"{row},40.5" for row in rows)]), EPA.name)
-    (tmp_path / "metadata.csv").write_text((SAMPLES / "metadata.csv").read_text())
+    (tmp_path / "metadata.csv").write_text((SAMPLES / "metadata.csv").read_text(encoding="utf-8"), encoding="utf-8")
     proposed = propose_settings(log)
     assert '\ntimezone = "-06:00"' in proposed
     frame, _ = read_zone_log(log, read_settings(_written(tmp_path, proposed, "zone.toml")))
     assert frame.index[0] == pd.Timestamp("2021-01-01 00:00-06:00")
     assert str(read_log(log, timezone="America/Denver").frame.index[0]) == "2020-12-31 23:00:00-07:00"
-    local = read_log(_written(tmp_path, EPA.read_text()), timezone="America/Denver")
+    local = read_log(_written(tmp_path, EPA.read_text(encoding="utf-8")), timezone="America/Denver")
     assert str(local.frame.index[0]) == "2021-01-01 00:00:00-07:00"
     assert "the stamps have no zone" not in " ".join(local.notes)
     with pytest.raises(ValueError, match="is '-0690'; write it as -0600"):
