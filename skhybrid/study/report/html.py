@@ -114,7 +114,7 @@ def verdict_boxes(verdicts: Sequence[Verdict]) -> str:
 
 def energy_cards(loads: pd.DataFrame, paths: pd.DataFrame | None = None) -> list[tuple[str, str]]:
     """Heating and cooling of the day by the loads of all zones together [kW], where there is any."""
-    if loads.empty:
+    if loads.empty or len(loads) < 2:
         return []
     found = day_energy(loads.sum(axis=1), None if paths is None else paths[list(loads)].sum(axis=1))
     return [one.card() for one in found if one.value >= 0.5]
