@@ -367,7 +367,7 @@ def test_posted_changes_hold_from_the_log_on_and_right_labelled_ones_are_refused
     before = rows.index.isin(index[known])
     rows[before].to_csv(tmp_path / "past.csv")
     settings = settings_from({"columns": {"T_za": "room", "T_oa": "out", "u_heat": "stage"}, "step": "15min"})
-    past, _, held, _ = read_even_log(tmp_path / "past.csv", settings)
+    past, _, held, *_ = read_even_log(tmp_path / "past.csv", settings)
     posted = rows[~before]
     with open_archive(tmp_path / "archive.sqlite") as archive, archive.transaction():
         keep_log(archive, past, past.index[-1], held if hours < 36 else None)
@@ -394,7 +394,7 @@ def test_blank_set_points_of_posted_rows_are_those_of_a_plant_that_is_off(tmp_pa
     paths = {name: tmp_path / f"{name}.csv" for name in ("whole", "past", "posted")}
     log.to_csv(paths["whole"])
     log[:-60].to_csv(paths["past"])
-    past, _, held, _ = read_even_log(paths["past"], settings)
+    past, _, held, *_ = read_even_log(paths["past"], settings)
     with open_archive(tmp_path / "archive.sqlite") as archive, archive.transaction():
         keep_log(archive, past, past.index[-1], held)
         for first in range(len(log) - 60, len(log), 12):

@@ -640,7 +640,7 @@ def test_a_blank_set_point_of_a_plant_that_is_off(plant, filled, zone):
     held = np.where(np.isin(np.arange(len(day)), [*range(6), 166, 167]), np.nan, 21.0)  # neither before nor after
     np.testing.assert_array_equal(found[f"T_heat_set{zone}"], np.where(day, 21.0, 14.0) if filled else held)
     rows = "56 rows in which the plant is off: 14 degC" if filled else "48 rows, first 2024-03-04 22:00:00: that of the"
-    assert remarks[0].startswith(f"T_heat_set{zone} is missing in {rows}")
+    assert remarks[0].remark.startswith(f"T_heat_set{zone} is missing in {rows}")
     assert len(remarks) == 1
     assert found.drop(columns=f"T_heat_set{zone}").equals(frame.drop(columns=f"T_heat_set{zone}"))
 
@@ -664,7 +664,7 @@ def test_a_blank_set_point_is_that_of_the_plants_of_its_room():
     found = filled_setpoints(frame.assign(T_za_big_hall=frame["T_za_hall"]))[0]
     np.testing.assert_array_equal(found["T_heat_set_hall"], np.where(day, 21.0, 14.0))
     unheated = frame.assign(T_za_attic=10.0, T_heat_set_attic=frame["T_heat_set_hall"])
-    assert "T_heat_set_attic is missing in 48 rows, first" in filled_setpoints(unheated)[1][-1]
+    assert "T_heat_set_attic is missing in 48 rows, first" in filled_setpoints(unheated)[1][-1].remark
     # heat that is named by the room alone is negative where it cools
     frame, day = blank_at_night({"Q_hall": lambda day, t: np.where(day, 2.0, -1.0)}, "_hall")
     np.testing.assert_array_equal(filled_setpoints(frame)[0]["T_heat_set_hall"], np.where(day, 21.0, 14.0))
@@ -711,7 +711,7 @@ def test_set_points_that_are_not_logged_for_a_week_are_those_of_another_week():
     true[15 * 24 :] += 1.0  # so that the week after is not the one before
     log = pd.DataFrame({"T_za_hall": 20.0, "Q_hvac_hall": 1.0, "T_heat_set_hall": true}, stamps)
     log.iloc[8 * 24 : 15 * 24, 2] = np.nan
-    found, (remark,) = filled_setpoints(log)
+    found, ((remark, _),) = filled_setpoints(log)
     np.testing.assert_array_equal(found["T_heat_set_hall"], true)
     assert remark.startswith("T_heat_set_hall is missing in 168 rows, first 2024-03-12 00:00:00: that of the week")
 

@@ -309,6 +309,19 @@ def test_one_of_two_set_points_is_refused(frame, zone, tmp_path):
         day_ahead(zone, frame[:N], path)
 
 
+@pytest.mark.parametrize(("begin", "told"), [(N + 5, True), (30, False)])  # the log's report tells those of the past
+def test_blank_set_points_of_a_plan_are_told(frame, zone, tmp_path, begin, told):
+    names = {role: name for role, name in SETTINGS["columns"].items() if role in frame}
+    log = frame[: N + DAY].assign(T_oa=32.0 + 1.8 * frame["T_oa"])
+    log.loc[log.index[N:], ["T_za", "Q_hvac"]] = np.nan
+    log.loc[log.index[begin : begin + 5], "T_heat_set"] = np.nan
+    log.rename(columns=names).rename_axis("time").to_csv(tmp_path / "log.csv")
+    found = day_ahead(zone, tmp_path / "log.csv")
+    text = f"T_heat_set is missing in 5 rows, first {log.index[begin]}: that of the week before or after is taken"
+    assert len(found.frame) == DAY
+    assert any(remark.startswith(text) for remark in found.remarks) == told
+
+
 def test_a_log_with_one_set_point_is_forecast_with_it(frame, tmp_path):
     log, path = frame.drop(columns="T_cool_set"), tomorrow(frame, tmp_path / "w.csv")
     columns = {role: name for role, name in SETTINGS["columns"].items() if role != "T_cool_set"}

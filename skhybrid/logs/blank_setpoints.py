@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 
@@ -18,21 +20,29 @@ _ONE_SIDED = ("u_", "Q_heat", "Q_cool")  # other heat is negative where it cools
 _OTHER_SIDE = {1.0: ("u_cool", "Q_cool"), -1.0: ("u_heat", "Q_heat")}
 
 
-def filled_setpoints(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The rows with set-points where these are blank, and remarks.
+class BlankRows(NamedTuple):
+    """Rows in which a set-point was blank."""
+
+    remark: str  # what was taken in its place
+    last: pd.Timestamp
+
+
+def filled_setpoints(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[BlankRows]]:
+    """The rows with set-points where these are blank, and what was blank.
 
     Where the plant is off it is a temperature that the room never reaches: held at the set-point of the day before, a
     room that cools at night would look like one whose plant has failed.  Elsewhere it is that of another week.
     """
-    frame, remarks = _where_off(frame)
+    frame, found = _where_off(frame)
     filled = {}
     for role in (name for name in map(str, frame) if name.startswith(SETPOINT_ROLES) and frame[name].isna().any()):
         blank = _lasting(frame[role].isna()) & frame[role].bfill().notna() & frame[role].ffill().notna()
         if blank.any():
             filled[role] = frame[role].mask(blank, _of_another_week(frame[role]))
             text = f"{role} is missing in {several(int(blank.sum()), 'row')}, first {blank.idxmax()}"
-            remarks.append(f"{text}: that of the week before or after is taken, or the last one")
-    return frame.assign(**filled), remarks
+            remark = f"{text}: that of the week before or after is taken, or the last one"
+            found.append(BlankRows(remark, frame.index[blank][-1]))
+    return frame.assign(**filled), found
 
 
 def _of_another_week(values: pd.Series) -> pd.Series:
@@ -42,9 +52,9 @@ def _of_another_week(values: pd.Series) -> pd.Series:
     return values.ffill()
 
 
-def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The rows with a temperature that the room never reaches where a set-point is blank and its plant off; remarks."""
-    filled, remarks = {}, []
+def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[BlankRows]]:
+    """The rows with a temperature that the room never reaches where a set-point is blank and its plant off."""
+    filled, found = {}, []
     for role in map(str, frame):
         side = next((name for name in SETPOINT_ROLES if role.startswith(name)), None)
         if side is None or not frame[role].isna().any() or frame[role].isna().all():
@@ -59,8 +69,8 @@ def _where_off(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
         if off.any():
             filled[role] = frame[role].mask(off, beyond)
             text = f"{role} is missing in {several(int(off.sum()), 'row')} in which the plant is off: {beyond:g} degC"
-            remarks.append(f"{text}, which the room does not reach, is taken there")
-    return frame.assign(**filled), remarks
+            found.append(BlankRows(f"{text}, which the room does not reach, is taken there", frame.index[off][-1]))
+    return frame.assign(**filled), found
 
 
 def _runs(frame: pd.DataFrame, zone: str, sign: float) -> pd.Series | None:

@@ -281,7 +281,7 @@ class LogReport:
         factors = factor_remarks(channels, self._given["scale"])
         yield from (Finding("warning", name, f"{text}.") for name, text in factors.items())
         yield from (Finding("note", name, f"{text}.") for name, text in fill_remarks(raw, channels).items())
-        yield from (Finding("note", "set-points", f"{text}.") for text in filled_setpoints(self.even)[1])
+        yield from (Finding("note", "set-points", f"{one.remark}.") for one in filled_setpoints(self.even)[1])
 
 
 def _log_of(frame: pd.DataFrame) -> RawLog:

@@ -16,7 +16,7 @@ from ..exceptions import UnitWarning
 from ..logs import RawLog, regularize
 from ..logs import read_log as read_any_log
 from ..logs.assumed_units import outdoor_as_room
-from ..logs.blank_setpoints import filled_setpoints
+from ..logs.blank_setpoints import BlankRows, filled_setpoints
 from ..logs.conversion import Channel, channels_of, factor_remarks, fill_remarks, roles_without_label, to_roles
 from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import clash, has_both_signs, unit_switch
@@ -57,6 +57,11 @@ class EvenLog(NamedTuple):
     report: str
     held: list[str]  # roles that were logged by change
     finished: pd.DataFrame  # its steps that are over by the last measured row; all where none is
+    blank: list[BlankRows]  # of set-points, that were filled
+
+    def filled_after(self, origin: pd.Timestamp) -> list[str]:
+        """Remarks on set-points of a plan after some row that were blank."""
+        return [one.remark for one in self.blank if one.last > origin]
 
 
 def read_even_log(path: str | PathLike[str], settings: Settings) -> EvenLog:
@@ -73,9 +78,9 @@ def read_even_log(path: str | PathLike[str], settings: Settings) -> EvenLog:
         raise ValueError(
             f"step = {given!r} is finer than the log, which has a row every {logged}; give step = {logged!r}."
         )
-    frame, remarks = filled_setpoints(metered_heat(frame, settings))
-    text = "\n".join([str(report), *log.remarks, *remarks])
-    return EvenLog(frame, text, log.held, _finished(frame, raw, settings, log.held, report))
+    frame, blank = filled_setpoints(metered_heat(frame, settings))
+    text = "\n".join([str(report), *log.remarks, *(one.remark for one in blank)])
+    return EvenLog(frame, text, log.held, _finished(frame, raw, settings, log.held, report), blank)
 
 
 def _finished(

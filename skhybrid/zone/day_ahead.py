@@ -88,7 +88,8 @@ def day_ahead(
         If an input ends more than twelve hours before the temperatures, or weather or set-points are missing.
     """
     settings = zone.settings
-    frame = log if isinstance(log, pd.DataFrame) else read_even_log(log, settings).frame
+    read = log if isinstance(log, pd.DataFrame) else read_even_log(log, settings)
+    frame = read if isinstance(read, pd.DataFrame) else read.frame
     history = zone.history(frame)
     origin, unread = history.index[-1], zone.unread(frame)
     if unread is not None:
@@ -114,6 +115,7 @@ def day_ahead(
     out = with_electricity(found.join(shown), settings).rename_axis("time")
     remarks = [
         *half_written,
+        *([] if isinstance(read, pd.DataFrame) else read.filled_after(origin)),
         *_unused(later, settings, schedule, {role: idle[role] for role in held if role in idle}),
         *([] if unread is None or unread.is_step else [str(unread)]),
         *zone.remarks_on_outages(frame, history),

@@ -98,17 +98,17 @@ class ZoneFolder:
         if config is None and not folder.config.exists():
             write_text(folder.config, propose_settings(log))
         settings = read_settings(folder.config if config is None else config)
-        frame, _, held, finished = _read_past(log, settings)
+        read = _read_past(log, settings)
         folder.path.mkdir(parents=True, exist_ok=True)
         with open_archive(folder.archive) as archive, archive.transaction():
             folder._refuse_model()  # another process may have made one meanwhile
             folder._remove_leftovers()
             if config is not None:
                 write_text(folder.config, Path(config).read_text(encoding="utf-8"))
-            zone = ZoneModel.fit(settings, finished)
-            origin = zone.history(frame).index[-1]
-            archive.add_measured(measured_rows(finished, settings, origin), settings.zones)
-            keep_log(archive, frame, origin, held)
+            zone = ZoneModel.fit(settings, read.finished)
+            origin = zone.history(read.frame).index[-1]
+            archive.add_measured(measured_rows(read.finished, settings, origin), settings.zones)
+            keep_log(archive, read.frame, origin, read.held)
             zone.save(folder.model)
         return folder
 
@@ -157,17 +157,19 @@ class ZoneFolder:
             If there is no model, or the log or the weather cannot be used.
         """
         with self._at_work() as (archive, zone, settings):
-            frame, _, held, finished = _read_past(log, settings)
+            read = _read_past(log, settings)
+            frame = read.frame
             archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
             if _of_model(settings) == _of_model(zone.settings):
                 refuse_other_temperatures(frame, archive.measured(frame.index[0]), settings, "the archive")
-            zone, n_new, why, remarks = _learn(archive, zone, settings, finished, refit_after)
+            zone, n_new, why, remarks = _learn(archive, zone, settings, read.finished, refit_after)
             found = day_ahead(zone, frame, weather, schedule)
             origin = zone.history(frame).index[-1]
             if not n_new and zone.unread(frame) is None:
                 remarks += _repeated(archive, frame, origin)
-            keep_log(archive, frame, origin, held)
-            self._keep(archive, zone, finished, origin, found, changed=bool(n_new or why))
+            remarks += read.filled_after(origin)
+            keep_log(archive, frame, origin, read.held)
+            self._keep(archive, zone, read.finished, origin, found, changed=bool(n_new or why))
         return Tick(found, n_new, why, (*remarks, *found.remarks))
 
     def post(
