@@ -18,6 +18,7 @@ from skhybrid.cli import _group
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+CONSTRAINTS = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
 
 
 def test_versions_agree():
@@ -53,9 +54,7 @@ def test_classifiers_name_every_tested_python():
 
 
 def test_constraints_name_every_requirement():
-    pinned = {
-        line.partition("==")[0].lower().replace("_", "-") for line in (ROOT / "constraints.txt").open(encoding="utf-8")
-    }
+    pinned = {line.partition("==")[0].lower().replace("_", "-") for line in CONSTRAINTS}
     lines = [*PROJECT["dependencies"], *chain.from_iterable(PROJECT["optional-dependencies"].values())]
     needed = {re.split(r"[^\w-]", line)[0].lower() for line in lines} - {"skhybrid"}
     assert needed <= pinned
@@ -65,9 +64,7 @@ def test_constraints_install_on_the_oldest_python_of_the_package():
     """A pin that needs a later patch release of Python stops every installation of it."""
     oldest = PROJECT["requires-python"].removeprefix(">=") + ".0"
     wanted = {}
-    for name, _, pin in (
-        line.strip().partition("==") for line in (ROOT / "constraints.txt").open(encoding="utf-8") if "==" in line
-    ):
+    for name, _, pin in (line.partition("==") for line in CONSTRAINTS if "==" in line):
         with contextlib.suppress(PackageNotFoundError):
             wanted[name] = metadata(name).get("Requires-Python", "") if version(name) == pin else ""
     assert len(wanted) > 20
