@@ -316,15 +316,15 @@ def test_a_zone_is_warned_of_once(building, later, tomorrow):
     """Predictors with neighbours repeated what was said, or named columns that nobody had given."""
     hot, far = later.assign(T_oa=57.0), tomorrow.assign(Q_hvac_hall=20.0)
     calls = {
-        UnitWarning: (3, lambda: building.predict_from(hot, [5])),  # each zone reads the outdoor temperature
-        PlanWarning: (1, lambda: building.affine_forecast(None, far)),
+        UnitWarning: ("zones 'kitchen', 'hall', 'study': ", lambda: building.predict_from(hot, [5])),  # of T_oa
+        PlanWarning: ("zone 'hall': ", lambda: building.affine_forecast(None, far)),
     }
-    for category, (n_told, call) in calls.items():
+    for category, (beginning, call) in calls.items():
         with pytest.warns(category) as told:
             call()
-        said = [str(one.message) for one in told if issubclass(one.category, PlanWarning | UnitWarning)]
-        assert len(said) == len(set(said)) == n_told
-        assert not any("T_next" in message for message in said)
+        (said,) = [str(one.message) for one in told if issubclass(one.category, PlanWarning | UnitWarning)]
+        assert said.startswith(beginning)
+        assert "T_next" not in said
 
 
 def test_a_plan_in_words_is_refused_by_its_column(building, tomorrow):
@@ -802,14 +802,11 @@ def test_errors_and_warnings_name_the_zone(building, later, tomorrow):
     with pytest.raises(ValueError, match=r"zone 'study': .*T_za_study"):
         copy.deepcopy(building).update(later[:5].assign(T_za_study=1e30))
     in_watts = tomorrow.assign(q_sol=400.0)
-    for call, names in (
-        (lambda: building.forecast(None, in_watts), {f"zones {', '.join(map(repr, ZONES))}"}),
-        (lambda: building.predict(later.assign(q_sol=400.0)), {f"zone '{zone}'" for zone in ZONES}),
-    ):
+    for call in (lambda: building.forecast(None, in_watts), lambda: building.predict(later.assign(q_sol=400.0))):
         with pytest.warns(UnitWarning) as given:
             call()
-        messages = [str(one.message) for one in given if issubclass(one.category, UnitWarning)]
-        assert {text.partition(":")[0] for text in messages} == names
+        (said,) = [str(one.message) for one in given if issubclass(one.category, UnitWarning)]
+        assert said.startswith(f"zones {', '.join(map(repr, ZONES))}: ")
     meters = [f"Q_hvac_{zone}" for zone in ZONES]
     plan, measured = (rows.assign(**{name: 1000.0 * rows[name] for name in meters}) for rows in (tomorrow, later[:DAY]))
     for call in (lambda: building.forecast(None, plan), lambda: copy.deepcopy(building).update(measured)):

@@ -16,14 +16,13 @@ from skhybrid.hybrid.thermostat_law import law_refits
 from skhybrid.model_selection import backtest
 from skhybrid.preprocessing import GapFiller
 from skhybrid.schedule import schedule_loads
-from skhybrid.study import Settings, StudyData, run_study, split_log, write_outputs
+from skhybrid.study import Settings, StudyData, outputs, run_study, split_log, write_outputs
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
 from skhybrid.study.judgement import Doubts
 from skhybrid.study.load_rules import LAST_WEEK, USUAL
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.study.next_day import unusable_setpoints
 from skhybrid.study.outputs import format_result
-from skhybrid.study.report import figures
 from skhybrid.study.report.building_page import _setpoints_known as report_on
 from skhybrid.study.report.words import percent_or_dash
 from skhybrid.study.setpoints_known import SetpointsKnown
@@ -157,7 +156,8 @@ def test_plants_whose_thermostat_was_not_learned_run_as_usual(as_usual):
     """Beside thermostats: the kitchen has no set-points, and the bedroom was never heated in training."""
     model, later = as_usual
     assert model.thermostat_learned_ == {"living": True, "kitchen": False, "bedroom": False}
-    with pytest.warns(SkhybridWarning, match="'kitchen': no thermostat was learned, as the training had no set-points"):
+    told = "'kitchen', 'bedroom': no thermostat was learned, as the training had no set-points"
+    with pytest.warns(SkhybridWarning, match=told):
         frame = backtest(model, later, later[T_OF], start=later.index[2 * DAY], quantiles=LEVELS, heat_known=False)
     assert frame.notna().all(axis=None)
     missed = (frame["Q_hvac_pred"] - frame["Q_hvac_true"]).groupby(frame["zone"]).std()
@@ -395,7 +395,7 @@ def test_a_study_of_zones_with_set_points_judges_them_by_that_task(log, tmp_path
     assert "setpoint_living" not in result.forecast
     np.testing.assert_array_equal(result.forecast["T_heat_set_living"], day["T_heat_set_living"])
     pictures = []
-    monkeypatch.setattr(figures, "save_png", lambda figure, path: pictures.append((figure, path.touch())))
+    monkeypatch.setattr(outputs, "save_png", lambda figure, path: pictures.append((figure, path.touch())))
     write_outputs(result, tmp_path / "out")
     assert [ax.get_title(loc="right") for ax in pictures[0][0].axes[:3]] == ["back-test", "the next day", ""]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -67,6 +67,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         role_of = {column: role for role, column in checked_columns(getattr(self.estimator, "columns", None)).items()}
         return preprocessed(self.preprocess_, X, [n for n in names if str(role_of.get(n, n)).startswith("T_za")])
 
+    @warnings_joined()
     def predict(self, X: Any) -> Any:
         """Forecast every row from the last origin before it.
 
@@ -86,6 +87,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
             return out[:, 0]
         return pd.DataFrame(out, X.index, self.zones_) if isinstance(X, pd.DataFrame) else out
 
+    @warnings_joined()
     def predict_quantiles(
         self, X: Any, quantiles: Sequence[float] = DEFAULT_QUANTILES, *, weather_error: Any = None
     ) -> np.ndarray:
@@ -108,6 +110,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         given = quantiles, read_weather_error(weather_error)
         return zones.rolled(X, lambda origins, span: zones.bands(X, origins, span, *given))
 
+    @warnings_joined()
     def predict_quantiles_from(
         self,
         X: Any,
@@ -136,6 +139,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         zones, weather = self._zones, read_weather_error(weather_error)
         return zones.bands(self._prepared(self._read(X)), np.asarray(origins), horizon, quantiles, weather)
 
+    @warnings_joined()
     def predict_from(self, X: Any, origins: Sequence[int] | np.ndarray, horizon: Any = None) -> np.ndarray:
         """Forecast the rows after each of the given origins.
 
@@ -231,6 +235,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
             zones.warn_of_silent(zones.columns.known(known), len(known))
         return pd.DataFrame(found, future.index)
 
+    @warnings_joined()
     def closed_loop_from(
         self,
         X: pd.DataFrame,
