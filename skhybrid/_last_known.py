@@ -1,6 +1,8 @@
-"""Series in which values are missing: the last known one up to each row."""
+"""Series and tables in which values are missing: the last known ones."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -14,6 +16,11 @@ def last_known_row(known: np.ndarray, before: int = -1) -> np.ndarray:
 def carried_forward(values: np.ndarray) -> np.ndarray:
     """Values (n,) in which the last known one stands where one is missing; NaN before the first."""
     return values[last_known_row(np.isfinite(values), before=0)]
+
+
+def up_to_last_known(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+    """The rows of a table up to the last in which one of some columns is known; none where all are missing."""
+    return rows[rows[list(columns)].bfill().notna().any(axis=1)]
 
 
 def held_paths(paths: np.ndarray) -> np.ndarray:

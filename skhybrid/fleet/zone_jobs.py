@@ -311,7 +311,7 @@ def _inputs(rows: pd.DataFrame, model: Any) -> dict[Any, str]:
 
 
 def _reads(model: Any, role: str) -> bool:
-    """Whether a model reads an input: what it was fitted on, else what one of its networks lets it read."""
+    """True for an input that a model reads: one that it was fitted on, else one that a network of it lets it read."""
     if record := getattr(model, "training_", None):
         return role in record.ranges
     networks = [given for name, given in model.get_params().items() if name.endswith("network")]

@@ -9,6 +9,7 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._table import as_pandas
+from ..thermal import RCNetwork
 
 
 def clone_part(name: str, given: Any, needed: Iterable[str], wanted: str) -> Any:
@@ -30,8 +31,9 @@ def fit_preprocess(given: Any, X: Any, y: Any) -> Any:
 
 
 def is_read(role: str, network: Any) -> bool:
-    """Whether a predictor reads a column: of further temperatures only those that its network names."""
-    return not role.startswith("T_") or role == "T_oa" or role in getattr(network, "boundaries", ())
+    """True for a column that a predictor reads; of further temperatures, those that a declared network reads."""
+    further = role.startswith("T_") and role != "T_oa"
+    return not further or (isinstance(network, RCNetwork) and network.reads(role))
 
 
 def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:

@@ -66,12 +66,12 @@ def _columns(ax: Any) -> int:
     """Columns of a legend that is no wider than the axes: a wider one would squeeze them."""
     labels = ax.get_legend_handles_labels()[1]
     longest = max(map(len, labels), default=0) + _HANDLE
-    return max(1, min(len(labels), 5, int(_PER_INCH * ax.bbox.width / ax.figure.dpi / longest)))
+    return max(1, min(len(labels), 5, int(_PER_INCH * _width(ax) / longest)))
 
 
-def _width(figure: Any) -> float:
-    """Width of a figure, or of a part of one [inch]."""
-    return float(figure.bbox.width / figure.dpi)
+def _width(part: Any) -> float:
+    """Width of a figure, or of axes or another part of one [inch]."""
+    return float(part.bbox.width / part.figure.dpi)
 
 
 def time_axis(ax: Any, time: pd.Index) -> None:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._last_known import up_to_last_known
 from .._table import (
     HISTORY_ROLES,
     SETPOINT_ROLES,
@@ -94,7 +95,7 @@ def split_log(frame: pd.DataFrame, settings: Settings) -> StudyData:
     doubts = tuple(doubts_on_log(frame, temperatures))
     frame = _usable(frame, settings)
     inputs = inputs_of(frame, temperatures)
-    measured = frame[frame[temperatures].bfill().notna().any(axis=1)]
+    measured = up_to_last_known(frame, temperatures)
     if measured.empty:
         raise ValueError(f"the log has no measured temperature ({', '.join(temperatures)}) at all.")
     train, test = train_and_test(measured, settings)

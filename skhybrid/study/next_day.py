@@ -88,7 +88,7 @@ def forecast_next_day(
         if of_day:
             plant = plant_roles(ahead)
             out = in_kilowatts(model.forecast(data.history, ahead.drop(columns=plant), **asked), gray_box, ahead)
-            if gray_box is not None and plant != ["Q_hvac"]:  # intervals are in the scale of the model
+            if not _has_own_kilowatts(gray_box, plant):
                 out = out.drop(columns=list(LOAD_INTERVAL), errors="ignore")
         else:
             whole, *parts = _read_day(study)
@@ -113,10 +113,15 @@ def paths_of_next_day(model: Any, study: Study, gray_box: Any = None) -> pd.Data
     """
     settings, future = study.settings, study.data.future
     plant = plant_roles(future)
-    if gray_box is not None and plant != ["Q_hvac"]:  # in the scale of the model
+    if not _has_own_kilowatts(gray_box, plant):
         return None
     ahead = future.drop(columns=[*settings.roles_of("T_za"), *plant])
     return paths_of_load(model, study.data.history, ahead, weather_error=settings.weather_error)
+
+
+def _has_own_kilowatts(gray_box: Any, plant: list[str]) -> bool:
+    """True where intervals and paths are in kW; beside an identification, those of stages have the model's scale."""
+    return gray_box is None or plant == ["Q_hvac"]
 
 
 def _read_day(study: Study) -> tuple[Any, Any, Any]:

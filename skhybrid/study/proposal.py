@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from .._last_known import up_to_last_known
 from .._table import SETPOINT_ROLES
 from .._time import LONGEST_BRIDGE, SHORTEST_GAP, wall_clock
 from ..logs import LogReport, read_log, to_left_label
@@ -189,7 +190,7 @@ def _complete(report: LogReport) -> pd.DatetimeIndex:
     if report.assumed_label == "right" and frame.index.is_unique:
         frame = to_left_label(frame)
     rooms = [f"T_za_{zone}" for zone in report.zones] or [role for role in ("T_za",) if role in frame]
-    frame = frame[frame[rooms].bfill().notna().any(axis=1)] if rooms else frame
+    frame = up_to_last_known(frame, rooms) if rooms else frame
     inputs = frame[[role for role in frame if role not in rooms and not str(role).startswith(SETPOINT_ROLES)]]
     return pd.DatetimeIndex(frame.index[inputs.notna().all(axis=1)]).unique()
 

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import pandas as pd
 
+from .._last_known import up_to_last_known
 from .._table import SETPOINT_ROLES, listed
 from ..logs.standstills import room_standstills, without_standstills
 from ..study.log_reading import SETPOINT
@@ -37,7 +38,7 @@ def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame
     set_points = [role for role in frame if role in SETPOINT_ROLES or str(role).startswith(of_zones)]
     held = {str(role): frame[role].ffill().bfill() for role in set_points}
     frame = frame.assign(**{role: without_standstills(frame, role) for role in measured}, **held)
-    return frame.drop(columns=SETPOINT, errors="ignore")[frame[measured].bfill().notna().any(axis=1)]
+    return up_to_last_known(frame.drop(columns=SETPOINT, errors="ignore"), measured)
 
 
 def refuse_stuck(frame: pd.DataFrame, measured: Sequence[str], origin: pd.Timestamp) -> None:

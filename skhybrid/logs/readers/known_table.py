@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..._last_known import up_to_last_known
 from ..._table import listed
 from ..stamps import YEARS, cell, in_zone, parse_stamps, refuse_blank_stamps
 from ..text_files import damage_refused, open_text
@@ -125,7 +126,7 @@ def refuse_absent(names: Iterable[str], table: pd.DataFrame, where: str, remedy:
 def sorted_frame(columns: dict[str, np.ndarray], stamps: pd.DatetimeIndex, where: str) -> pd.DataFrame:
     """A frame with increasing stamps; rows without any value at its end are dropped."""
     frame = pd.DataFrame(columns, index=stamps.rename("time"), dtype=np.float64).sort_index(kind="stable")
-    frame = frame[frame.bfill().notna().any(axis=1)]
+    frame = up_to_last_known(frame, list(columns))
     if frame.empty:
         raise ValueError(f"{where} has no row with a number.")
     return frame
