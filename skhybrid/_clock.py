@@ -58,6 +58,10 @@ class Stamps(NamedTuple):
         utc = None if self.utc is None else _between(self.utc, *between)
         return Stamps(_between(self.shown, *between), _between(self.time, *between), utc)
 
+    def n_until(self, last: pd.Timestamp | None) -> int:
+        """Number of rows up to the stamp ``last``; 0 where there are no stamps."""
+        return 0 if self.utc is None or last is None else int((self.utc <= last).sum())
+
 
 @kept_by_stamps
 def _between(stamps: pd.Index, begin: int | None, end: int | None) -> Any:

@@ -276,14 +276,9 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         self._check_adapt()  # which may have been set since ``fit``
         view = self.design_.view(table, table.measured())
-        coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, self._n_learned(table))
+        n_learned = table.stamps.n_until(None if self._tail.utc is None else self._tail.utc[-1])
+        coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, n_learned)
         return self.design_.iterate(view, origins, n_leads, coefs)
-
-    def _n_learned(self, table: ZoneTable) -> int:
-        """Number of rows of a table that are not later than the training table."""
-        if self._tail.utc is None or table.utc is None:
-            return 0
-        return int((table.utc <= self._tail.utc[-1]).sum())
 
     def recursive(self, begin: int = 0) -> RecursiveARX | RecursiveMultiStep:
         """The regression, ready to be updated by later rows.

@@ -240,4 +240,4 @@ class FramesReadingMixin(QuantileForecastMixin):
     def _first_past(self, table: ZoneTable) -> int:
         if table.utc is None or self._learned_to is None:
             return table.n_history
-        return min(int((table.utc <= self._learned_to).sum()), table.n_history)  # rows taken in since count too
+        return min(table.stamps.n_until(self._learned_to), table.n_history)  # rows taken in since count too

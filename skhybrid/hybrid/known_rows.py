@@ -96,7 +96,7 @@ class KnownRows:
 
     def n_known_of(self, history: ZoneTable) -> int:
         """Number of rows of a history that are known already, where it goes on from them or ends with the last one."""
-        n, end = self._n_known(history), self.end()
+        n, end = history.stamps.n_until(self.last_stamp), self.end()
         if not n or utc_of(history)[-1] < utc_of(self.latest)[-1]:
             return 0
         n_alike = min(n, end.n_rows)
@@ -129,18 +129,12 @@ class KnownRows:
 
     def without_known(self, table: ZoneTable) -> ZoneTable:
         """The rows of a table that come after the last known one."""
-        n = self._n_known(table)
+        n = table.stamps.n_until(self.last_stamp)
         return table.rows(slice(n, None)) if n else table
-
-    def _n_known(self, table: ZoneTable) -> int:
-        """Rows of a table up to the last known one; 0 without stamps."""
-        if table.utc is None or self.last_stamp is None:
-            return 0
-        return int((table.utc <= self.last_stamp).sum())
 
     def refuse_other_values(self, table: ZoneTable, name: Any) -> None:
         """Raise a ValueError if a known row has another temperature in a table; ``name`` is the column of it."""
-        if not (n := self._n_known(table)):
+        if not (n := table.stamps.n_until(self.last_stamp)):
             return
         past = self.whole()
         at = utc_of(past).get_indexer(utc_of(table)[:n])

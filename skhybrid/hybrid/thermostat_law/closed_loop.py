@@ -245,7 +245,7 @@ class ClosedLoop:
         zero = begin = table.n_history
         if table.utc is not None and self._learned_to is not None:
             zero = round((self._learned_to - table.utc[0]) / table.step) + 1
-            begin = int((table.utc <= self._learned_to).sum()) if table.n_history else 0
+            begin = table.stamps.n_until(self._learned_to) if table.n_history else 0
         return Weeks(zero, begin, rows.per_day)
 
     def _blended(self, scheme: Scheme, wanted: _Wanted, errors: LawErrors, weeks: Weeks) -> ClosedLoopPaths:
