@@ -21,11 +21,11 @@ from skhybrid.exceptions import SkhybridWarning
 from skhybrid.logs import LogReport
 from skhybrid.persistence import load_model, save_model
 from skhybrid.study import propose_settings, read_log, read_settings, split_log
-from skhybrid.study.judgement import of_whole_plant
 from skhybrid.study.log_reading import metered_heat
 from skhybrid.study.log_split import with_facades
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
+from skhybrid.study.zone_loads import of_whole_plant
 from skhybrid.study.zone_part import rows_of_zone, settings_of_zone
 from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
 from skhybrid.zone.building import describe_rooms

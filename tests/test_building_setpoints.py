@@ -18,7 +18,7 @@ from skhybrid.preprocessing import GapFiller
 from skhybrid.schedule import schedule_loads
 from skhybrid.study import Settings, StudyData, outputs, run_study, split_log, write_outputs
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, Yesterday
-from skhybrid.study.judgement import Doubts
+from skhybrid.study.doubts import Doubts
 from skhybrid.study.load_rules import LAST_WEEK, USUAL
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
 from skhybrid.study.next_day import unusable_setpoints

@@ -13,13 +13,13 @@ from skhybrid.datasets import make_office
 from skhybrid.identification import OutputDisturbanceID
 from skhybrid.study import Settings, split_log
 from skhybrid.study.compared_models import HYBRID
-from skhybrid.study.doubts import at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
+from skhybrid.study.doubts import Doubts, at_ends, day_beyond, drift_days, drifted, in_words, ranges_of
 from skhybrid.study.identified_building import describe, identified_only, parameter_table
-from skhybrid.study.judgement import Doubts, Load, ZoneLoads, load_of, of_whole_plant
 from skhybrid.study.load_rules import RIDGE, YESTERDAY, rule_loads
 from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import is_scaled
 from skhybrid.study.verdict import CARE, NOT, USABLE, compare_errors, judge
+from skhybrid.study.zone_loads import Load, ZoneLoads, load_of, of_whole_plant
 from skhybrid.zone.zone_backtest import backtest_zone
 
 pytestmark = pytest.mark.usefixtures("quick_fits")
@@ -153,7 +153,7 @@ def test_a_day_beyond_what_training_covered_is_told_with_its_columns():
 def test_a_measured_day_beyond_training_is_named(held_out, named, monkeypatch):
     """Nobody takes it for tomorrow."""
     for name in ("drift_days", "drifted", "at_ends"):
-        monkeypatch.setattr(f"skhybrid.study.judgement.{name}", lambda *_: [])
+        monkeypatch.setattr(f"skhybrid.study.doubts.{name}", lambda *_: [])
     stamps = pd.date_range("2024-01-01", periods=24 * 11, freq="1h")
     rows = pd.DataFrame({"T_za": 20.0, "T_oa": np.arange(len(stamps)) % 24.0, "Q_hvac": 2.0}, stamps)
     day = rows[-24:].assign(T_oa=-20.0)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from .._table import plant_roles
 from .._warnings import percent
 from ..exceptions import TooFewDaysError
 from ..logs.conversion import contract_unit
+from .log_split import StudyData, inputs_of, without_setpoints
 
 _MARGIN = 0.05  # of a range, beyond which a value lies outside of it
 OUTSIDE = 0.1  # of a day beyond what training covered, from which on it is a reason to doubt
+_HELD = "the temperature to hold"
 _END = 1e-3  # distance from the end of a parameter's range, as a share of the range [of the logarithm]
 _DRIFTS = {
     "level": "at all hours, as after a change of season or plant",
@@ -36,6 +39,39 @@ _QUANTITIES = (
     (r"share of (.+) to (\S+)", "share of {} to {}"),
     (r"effective window area for \S+", "solar aperture"),
 )
+
+
+class Doubts(NamedTuple):
+    """Reasons to take care, apart from errors and intervals."""
+
+    temperature: list[str]
+    load: list[str]
+
+    @classmethod
+    def of(
+        cls, model: Any, later: Any, data: StudyData, identification: Any = None, *, setpoints_known: bool = False
+    ) -> Doubts:
+        """Reasons to doubt a fitted predictor over the rows ``later`` than its training, and the day to come.
+
+        ``identification`` gives the capacities of stages, where it is another model.  With ``setpoints_known`` the day
+        to come is known by weather and set-points; else by its heat, or for the load by the temperature to hold.
+        """
+        days = drift_days(model, later)
+        ends = at_ends(model.gray_box_)
+        of_capacities = [] if identification is None or identification is model.gray_box_ else at_ends(identification)
+        ranges, ahead = ranges_of(inputs_of(data.train)), inputs_of(data.future)
+        of_load = ahead.drop(columns=plant_roles(ahead))
+        if setpoints_known:
+            ahead = of_load
+        else:
+            ahead, of_load = without_setpoints(ahead), without_setpoints(of_load)
+            of_load = of_load.assign(**{_HELD: data.setpoint.loc[ahead.index]})
+            ranges |= ranges_of(data.train[["T_za"]].set_axis([_HELD], axis=1))
+        day = f"the last complete day, {ahead.index[0]:%Y-%m-%d}," if data.held_out else "the day to come"
+        return cls(
+            [*drifted(days), *day_beyond(ahead, ranges, day), *ends],
+            [*drifted(days, "its temperature errors"), *day_beyond(of_load, ranges, day), *ends, *of_capacities],
+        )
 
 
 def ranges_of(rows: pd.DataFrame) -> dict[str, tuple[float, float]]:

@@ -13,10 +13,10 @@ from .._warnings import warnings_dropped
 from ..exceptions import PlanWarning
 from ..model_selection.single_reading import read_once
 from .day_energy import paths_of_load
-from .judgement import delivered_in_kw, of_whole_plant
 from .log_split import StudyData, inputs_of, setpoints_of
 from .setpoints_known import LOAD_INTERVAL
 from .settings import Settings
+from .zone_loads import delivered_in_kw, of_whole_plant
 from .zone_part import Study, each_zone, rows_of_zone
 
 _NOT_LEARNED = "no thermostat was learned"

@@ -11,13 +11,13 @@ import pandas as pd
 
 from .compared_models import HYBRID
 from .identified_rooms import IdentifiedRooms
-from .judgement import ZoneLoads
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .log_split import StudyData
 from .scores import coverage_of, rmse_by_zone
 from .setpoints_known import SetpointsKnown
 from .settings import Settings, is_scaled
 from .verdict import Verdict, named_by_zone, worst, worst_first
+from .zone_loads import ZoneLoads
 
 
 @dataclass(kw_only=True)

@@ -13,9 +13,9 @@ import pandas as pd
 from .._table import plant_roles
 from .._warnings import recorded_warnings, without_python
 from .compared_models import HYBRID, YESTERDAY, identified_by, make_models
+from .doubts import Doubts
 from .identified_building import describe, parameter_table
 from .identified_rooms import identify_zones
-from .judgement import Doubts, Load, ZoneLoads, judge_temperature, load_errors, loads_by_zone
 from .log_split import StudyData
 from .next_day import (
     delivered_heat,
@@ -30,7 +30,8 @@ from .scores import coverage_of, error_table, errors_by_model, interval_asked
 from .setpoints_known import SetpointsKnown
 from .settings import Settings, is_scaled
 from .tested_models import Progress, TestedModel, counted, needed_loads, tested_models
-from .verdict import Verdict
+from .verdict import Verdict, judge_temperature
+from .zone_loads import Load, ZoneLoads, load_errors, loads_by_zone
 from .zone_part import Study, predictors_of, zone_of
 
 

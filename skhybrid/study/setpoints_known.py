@@ -12,13 +12,14 @@ import pandas as pd
 from .._table import plant_roles
 from ..forecasting.quantiles import INTERVAL, load_quantile_columns, quantile_columns
 from .compared_models import HYBRID, YESTERDAY
-from .judgement import Doubts, judge_load_errors, judge_temperature, load_of
+from .doubts import Doubts
 from .load_rules import LAST_WEEK, USUAL, past_loads
 from .load_rules import YESTERDAY as YESTERDAYS_LOAD
 from .log_split import setpoints_of
 from .scores import backtest_with_intervals, coverage_of, error_table, errors_by_model, has_intervals
 from .settings import Settings
-from .verdict import Verdict
+from .verdict import Verdict, judge_load_errors, judge_temperature
+from .zone_loads import load_of
 from .zone_part import Study, log_columns, predictors_of, zone_of
 
 #: rows of the table that are rules, with a note on each

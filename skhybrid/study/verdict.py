@@ -10,6 +10,7 @@ import pandas as pd
 
 from .._warnings import percent
 
+NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
 USABLE, CARE, NOT = "usable", "use with care", "not usable"
 WORST_FIRST = (NOT, CARE, USABLE)
 _BLOCK = 2  # origins that are drawn together, since neighbours err alike
@@ -102,6 +103,31 @@ def judge(
         reasons.append(f"its 80 % intervals contained {percent(coverage)} of the measurements")
     reasons += doubts
     return Verdict(quantity, NOT if failed and not few else CARE if care or doubts else USABLE, tuple(reasons))
+
+
+def judge_temperature(
+    own: pd.DataFrame, yesterday: pd.DataFrame, coverage: float | None = None, doubts: Sequence[str] = ()
+) -> Verdict:
+    """The verdict on a back-test beside that of the day before, at the same origins."""
+    error, rule = ((frame["y_pred"] - frame["y_true"]).reset_index(drop=True) for frame in (own, yesterday))
+    compared = compare_errors(error, rule, own["origin"].reset_index(drop=True), "yesterday's temperature")
+    n_origins = own.loc[own["y_true"].notna(), "origin"].nunique()
+    return judge("temperature", [compared], n_origins=n_origins, coverage=coverage, doubts=doubts)
+
+
+def judge_load_errors(
+    own: pd.Series,
+    rules: Mapping[str, pd.Series],
+    blocks: pd.Series,
+    *,
+    scaled: bool,
+    coverage: float | None = None,
+    doubts: Sequence[str] = (),
+) -> Verdict:
+    """The verdict on loads by errors at the same rows, of which ``blocks`` are the days or the origins."""
+    compared = [compare_errors(own, error, blocks, name) for name, error in rules.items()]
+    reasons = [*([] if scaled else [NO_SCALE]), *doubts]
+    return judge("load", compared, n_origins=blocks.nunique(), coverage=coverage, doubts=reasons)
 
 
 def worst_first(levels: Mapping[str, list[str]]) -> list[str]:

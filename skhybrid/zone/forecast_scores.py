@@ -11,8 +11,8 @@ import pandas as pd
 from .._table import SETPOINT_ROLES, plant_roles
 from .._warnings import percent
 from ..study.doubts import OUTSIDE, at_ends, drifted
-from ..study.judgement import NO_SCALE, load_of
-from ..study.verdict import Verdict, compare_errors, judge
+from ..study.verdict import NO_SCALE, Verdict, compare_errors, judge
+from ..study.zone_loads import load_of
 from .forecast_archive import BEYOND
 from .outages import like_index
 from .zone_model import ZoneModel

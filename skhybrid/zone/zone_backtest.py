@@ -7,7 +7,6 @@ from typing import NamedTuple
 import pandas as pd
 
 from ..study.compared_models import HYBRID, YESTERDAY, make_models
-from ..study.judgement import load_errors, loads_by_zone
 from ..study.log_split import StudyData
 from ..study.run import verdicts_by_zone
 from ..study.scores import coverage_of, error_table, errors_by_model, rmse_by_zone
@@ -15,6 +14,7 @@ from ..study.setpoints_known import SetpointsKnown
 from ..study.settings import Settings
 from ..study.tested_models import Progress, counted, needed_loads, tested_models
 from ..study.verdict import Verdict, named_by_zone
+from ..study.zone_loads import load_errors, loads_by_zone
 from ..study.zone_part import Study
 
 #: what the predictor of one zone is compared with, apart from the rules for the load

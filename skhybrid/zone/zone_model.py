@@ -19,11 +19,11 @@ from ..forecasting.quantiles import INTERVAL, quantile_columns
 from ..logs.bridges import bridged, stretches
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
-from ..study.judgement import of_whole_plant
 from ..study.log_split import with_facades
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
 from ..study.unread_rows import BRIDGED, Unread
+from ..study.zone_loads import of_whole_plant
 from ..study.zone_part import log_columns, measured_of, predictors_of, read_roles, roles_of, settings_of_zone
 from .dead_meters import not_learned, without_roles, without_unread
 from .other_units import refuse_other_temperatures, refuse_other_units

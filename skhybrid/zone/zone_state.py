@@ -10,9 +10,9 @@ from .._table import SETPOINT_ROLES
 from .._warnings import several
 from ..logs.standstills import without_standstills
 from ..study.doubts import drift_days
-from ..study.judgement import delivered_in_kw
 from ..study.settings import Settings
 from ..study.verdict import CARE, Verdict, worst_first
+from ..study.zone_loads import delivered_in_kw
 from ..study.zone_part import each_zone, forecast_of, rows_of_zone, settings_of_zone
 from .forecast_archive import BEYOND, ForecastArchive
 from .forecast_scores import errors_of, verdicts_of

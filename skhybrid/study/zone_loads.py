@@ -1,9 +1,9 @@
-"""The verdicts of a study: on its temperatures, and on its loads."""
+"""The loads of the zones of a study: what was delivered, and what models and rules say was needed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -11,15 +11,11 @@ import pandas as pd
 from .._table import plant_roles
 from ..thermal.declaration import capacity_name
 from .compared_models import HYBRID
-from .doubts import at_ends, day_beyond, drift_days, drifted, ranges_of
 from .load_rules import rule_loads
-from .log_split import StudyData, inputs_of, without_setpoints
+from .log_split import StudyData
 from .settings import Settings
-from .verdict import Verdict, compare_errors, judge
+from .verdict import Verdict, judge_load_errors
 from .zone_part import Study, forecast_of
-
-_HELD = "the temperature to hold"
-NO_SCALE = "its kW have no certain scale, since no capacity of the plant is known"
 
 
 class Load(NamedTuple):
@@ -59,64 +55,6 @@ class ZoneLoads(NamedTuple):
         days = pd.Series(pd.DatetimeIndex(errors.index).normalize(), index=errors.index)
         rules = {name: errors[name] for name in self.rules}
         return judge_load_errors(errors[HYBRID], rules, days, scaled=scaled, doubts=doubts)
-
-
-class Doubts(NamedTuple):
-    """Reasons to take care, apart from errors and intervals."""
-
-    temperature: list[str]
-    load: list[str]
-
-    @classmethod
-    def of(
-        cls, model: Any, later: Any, data: StudyData, identification: Any = None, *, setpoints_known: bool = False
-    ) -> Doubts:
-        """Reasons to doubt a fitted predictor over the rows ``later`` than its training, and the day to come.
-
-        ``identification`` gives the capacities of stages, where it is another model.  With ``setpoints_known`` the day
-        to come is known by weather and set-points; else by its heat, or for the load by the temperature to hold.
-        """
-        days = drift_days(model, later)
-        ends = at_ends(model.gray_box_)
-        of_capacities = [] if identification is None or identification is model.gray_box_ else at_ends(identification)
-        ranges, ahead = ranges_of(inputs_of(data.train)), inputs_of(data.future)
-        of_load = ahead.drop(columns=plant_roles(ahead))
-        if setpoints_known:
-            ahead = of_load
-        else:
-            ahead, of_load = without_setpoints(ahead), without_setpoints(of_load)
-            of_load = of_load.assign(**{_HELD: data.setpoint.loc[ahead.index]})
-            ranges |= ranges_of(data.train[["T_za"]].set_axis([_HELD], axis=1))
-        day = f"the last complete day, {ahead.index[0]:%Y-%m-%d}," if data.held_out else "the day to come"
-        return cls(
-            [*drifted(days), *day_beyond(ahead, ranges, day), *ends],
-            [*drifted(days, "its temperature errors"), *day_beyond(of_load, ranges, day), *ends, *of_capacities],
-        )
-
-
-def judge_temperature(
-    own: pd.DataFrame, yesterday: pd.DataFrame, coverage: float | None = None, doubts: Sequence[str] = ()
-) -> Verdict:
-    """The verdict on a back-test beside that of the day before, at the same origins."""
-    error, rule = ((frame["y_pred"] - frame["y_true"]).reset_index(drop=True) for frame in (own, yesterday))
-    compared = compare_errors(error, rule, own["origin"].reset_index(drop=True), "yesterday's temperature")
-    n_origins = own.loc[own["y_true"].notna(), "origin"].nunique()
-    return judge("temperature", [compared], n_origins=n_origins, coverage=coverage, doubts=doubts)
-
-
-def judge_load_errors(
-    own: pd.Series,
-    rules: Mapping[str, pd.Series],
-    blocks: pd.Series,
-    *,
-    scaled: bool,
-    coverage: float | None = None,
-    doubts: Sequence[str] = (),
-) -> Verdict:
-    """The verdict on loads by errors at the same rows, of which ``blocks`` are the days or the origins."""
-    compared = [compare_errors(own, error, blocks, name) for name, error in rules.items()]
-    reasons = [*([] if scaled else [NO_SCALE]), *doubts]
-    return judge("load", compared, n_origins=blocks.nunique(), coverage=coverage, doubts=reasons)
 
 
 def loads_by_zone(needed: Mapping[str, pd.DataFrame], study: Study) -> dict[str, ZoneLoads]:
