@@ -19,7 +19,7 @@ from skhybrid.exceptions import SkhybridWarning
 from skhybrid.logs.bridges import stretches
 from skhybrid.model_selection import backtest, score_backtest
 from skhybrid.study.settings import settings_from
-from skhybrid.zone.outages import complete_rows
+from skhybrid.zone.complete_rows import complete_rows
 from skhybrid.zone.training_rows import training_rows
 
 DAYS, TEST_DAYS = 42, 21

@@ -14,6 +14,7 @@ from ._time import per_hour, wall_clock
 
 _FEW_ROWS, _MOST_KEPT = 10_000, 16  # of stamps for which results are kept
 _T = TypeVar("_T")
+_Stamps = TypeVar("_Stamps", pd.Timestamp, pd.DatetimeIndex)
 
 
 def kept_by_stamps(function: Callable[..., _T]) -> Callable[..., _T]:
@@ -111,6 +112,14 @@ def in_time_zone(shown: Any, zone: Any) -> pd.Index:
     """Stamps in a time zone; those without a zone of their own stay as they are."""
     own = getattr(shown, "tz", None)
     return shown if zone is None or own is None or own == zone else shown.tz_convert(zone)
+
+
+def on_clock_of(stamp: _Stamps, other: Any) -> _Stamps:
+    """A stamp, or several, by the clock of others: in their time zone, or as local time where they have none."""
+    tz = getattr(other, "tz", None)
+    if tz is None:
+        return stamp.tz_localize(None)
+    return stamp.tz_localize(tz) if stamp.tz is None else stamp.tz_convert(tz)
 
 
 def _joined_index(parts: Sequence[Any]) -> Any:

@@ -19,10 +19,10 @@ from skhybrid.study.thermostat import Schedule
 from skhybrid.study.unread_rows import Unread
 from skhybrid.study.zone_part import log_columns
 from skhybrid.zone import ZoneModel, day_ahead
+from skhybrid.zone.complete_rows import complete_rows
 from skhybrid.zone.day_ahead import _unused
 from skhybrid.zone.dead_meters import without_unread
 from skhybrid.zone.other_units import refuse_other_units
-from skhybrid.zone.outages import complete_rows
 from skhybrid.zone.training_rows import training_rows
 from skhybrid.zone.wanted_setpoints import idle_setpoints
 

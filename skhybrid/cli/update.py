@@ -16,9 +16,9 @@ from ._output import Progress
 @click.option("--relearn", is_flag=True, help="Also learn from them: the model is fitted on the last eight weeks.")
 def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) -> None:
     """Add the new rows of a log to a saved model."""
+    from .._clock import on_clock_of
     from ..study.log_reading import read_even_log
     from ..zone import ZoneModel
-    from ..zone.outages import like_index
 
     zone = ZoneModel.load(model)
     known = zone.known_until
@@ -28,7 +28,7 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
         zone.save(model)
     if (unread := zone.unread(frame)) and not unread.is_step:
         say.warn(str(unread))
-    elif not (n_new or unread) and frame.index[-1] > like_index(known, frame.index):
+    elif not (n_new or unread) and frame.index[-1] > on_clock_of(known, frame.index):
         say.warn(f"no row is new: the log goes on to {frame.index[-1]}, but has no temperature after {known}")
     until = {"known until": str(zone.known_until), "learned until": str(zone.learned_until)}
     print_values({"new rows": n_new, **until}, as_json)

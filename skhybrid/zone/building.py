@@ -11,8 +11,8 @@ from ..study.identified_rooms import IdentifiedRooms, identify_zones
 from ..study.log_split import FACADES
 from ..study.settings import Settings
 from ..study.spans import NO_ROWS, TRAINING_DAYS
+from .complete_rows import complete_rows
 from .dead_meters import without_dead_meters, without_unread
-from .outages import complete_rows
 
 
 def describe_rooms(settings: Settings, frame: pd.DataFrame) -> IdentifiedRooms:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from .._clock import on_clock_of
 from ..study.settings import Settings
 from .forecast_archive import ForecastArchive
-from .outages import like_index
 from .zone_state import measured_rows
 
 _ENOUGH = pd.Timedelta("3h")  # corrected rows that are worth a new fit
@@ -23,7 +23,7 @@ def corrected_since(frame: pd.DataFrame, archive: ForecastArchive, settings: Set
     last = archive.last_measured()
     if last is None:
         return None
-    rows = measured_rows(frame, settings, like_index(last, pd.DatetimeIndex(frame.index)), last)
+    rows = measured_rows(frame, settings, on_clock_of(last, frame.index), last)
     if rows.empty:
         return None
     known = archive.measured(rows.index[0])
@@ -36,4 +36,4 @@ def corrected_since(frame: pd.DataFrame, archive: ForecastArchive, settings: Set
     differs = ((before - now).abs() > wide) | (before.isna() & now.notna() & is_T)
     found = before.index[differs.any(axis=1)]
     enough = len(found) * pd.Timedelta(settings.step) >= _ENOUGH
-    return like_index(found[0], rows.index) if enough else None
+    return on_clock_of(found[0], rows.index) if enough else None

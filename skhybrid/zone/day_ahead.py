@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._clock import on_clock_of
 from .._table import is_plant, listed
 from .._warnings import percent
 from ..datasets import read_weather
@@ -27,7 +28,7 @@ from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from ..study.unread_rows import BRIDGED
 from ..study.zone_part import each_zone, log_columns
-from .outages import like_index, refuse_cut_value, refuse_stuck
+from .complete_rows import refuse_cut_value, refuse_stuck
 from .rows_ahead import Schedules, rows_ahead
 from .wanted_setpoints import idle_setpoints
 from .zone_model import ZoneModel
@@ -177,7 +178,7 @@ def _without_half_rows(later: pd.DataFrame, ahead: pd.DataFrame, settings: Setti
     early = later.index[: max(1, min(BRIDGED, horizon - step) // step)]
     known = later[[role for role in map(str, later) if is_plant(role) or role in settings.setpoints]]
     ends: dict[str, Any] = {str(role): values.last_valid_index() for role, values in known.items()}
-    if not like_index(ahead.index[-1], later.index) > early[-1]:
+    if not on_clock_of(ahead.index[-1], later.index) > early[-1]:
         early = early[:1]
     alone = [role for role, end in ends.items() if end in early]
     if not alone:
@@ -325,7 +326,7 @@ def _remarks(zone: ZoneModel, history: pd.DataFrame, ahead: pd.DataFrame, planne
     if not planned and (ideal := zone.ideal_zones(ahead)):
         of = f" of {', '.join(ideal)}" if any(ideal) else ""
         out.append(f"the thermostat{of} is an ideal one and the load has no interval: {zone.why_ideal}")
-    known = like_index(zone.known_until, history.index)
+    known = on_clock_of(zone.known_until, history.index)
     if history.index[-1] < known:
         out.append(
             f"the last complete row of the log is {history.index[-1]}, and the model has seen rows to {known}: it has "

@@ -15,7 +15,7 @@ from ..study.compared_models import make_network
 from ..study.settings import Settings
 from ..study.unread_rows import BRIDGED
 from ..study.zone_part import log_columns, read_roles, roles_of
-from .outages import up_to_measured
+from .complete_rows import up_to_measured
 
 
 def without_dead_meters(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:

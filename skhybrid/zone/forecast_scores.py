@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._clock import on_clock_of
 from .._table import SETPOINT_ROLES, plant_roles
 from .._warnings import percent
 from ..study.doubts import OUTSIDE, at_ends, drifted
 from ..study.verdict import NO_SCALE, Verdict, compare_errors, judge
 from ..study.zone_loads import load_of
 from .forecast_archive import BEYOND
-from .outages import like_index
 from .zone_model import ZoneModel
 
 _MOVED = 0.25  # of a set-point, from which on it is another one [K]
@@ -97,7 +97,7 @@ def _other_setpoints(rows: pd.DataFrame, learned_until: pd.Timestamp) -> list[st
     role = next(str(role) for role in other if other[role].any())
     last = rows[other[role]].iloc[-1]
     text = f"in {percent(share)} of the hours forecast other set-points were in force than forecast with"
-    at = like_index(pd.Timestamp(last["time"]), pd.DatetimeIndex([learned_until]))
+    at = on_clock_of(pd.Timestamp(last["time"]), learned_until)
     return [f"{text}, such as {role} {last[f'{role}_measured']:.3g} for {last[role]:.3g} degC at {at}"]
 
 

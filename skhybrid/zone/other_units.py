@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from .._clock import on_clock_of
 from .._table import listed
 from ..study.likely_units import refuse_likely_units
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
-from .outages import like_index
 
 _OTHER = 5.0  # median difference of the same temperatures, beyond what a sensor is corrected by [K]
 _SAME, _FEWEST = 0.01, 12  # difference of equal temperatures [K]; rows that tell a clock
@@ -19,7 +19,7 @@ _SHIFTS = [pd.Timedelta(minutes=30 * k) for k in range(-28, 29) if k]  # that ti
 
 def refuse_other_temperatures(frame: pd.DataFrame, known: pd.DataFrame, settings: Settings, whose: str) -> None:
     """Refuse a log whose temperatures are others than those ``known`` of the same rows, or those of other hours."""
-    known = known.set_axis(like_index(pd.DatetimeIndex(known.index), frame.index))
+    known = known.set_axis(on_clock_of(pd.DatetimeIndex(known.index), frame.index))
     for role in (role for role in (*settings.roles_of("T_za"), "T_oa") if role in frame and role in known):
         away = (frame[role] - known[role]).abs()
         if away.median() > _OTHER:

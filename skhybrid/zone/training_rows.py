@@ -13,8 +13,8 @@ from ..logs.log_findings import doubts_on_log
 from ..study.log_split import with_facades
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
+from .complete_rows import complete_rows
 from .dead_meters import without_dead_meters
-from .outages import complete_rows
 
 _LEAST_DAYS = 3
 

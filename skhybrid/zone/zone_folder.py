@@ -11,6 +11,7 @@ from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import pandas as pd
 
+from .._clock import on_clock_of
 from .._files import remove_leftovers, write_text
 from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
@@ -21,12 +22,12 @@ from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.log_reading import EvenLog, read_even_log
 from ..study.settings import Settings
 from ..study.unread_rows import BRIDGED
+from .complete_rows import complete_rows, up_to_measured
 from .corrected_rows import corrected_since
 from .day_ahead import DayAhead, day_ahead
 from .dead_meters import dead_meters, part_without_dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .other_units import refuse_other_temperatures
-from .outages import complete_rows, like_index, up_to_measured
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
 from .rows_ahead import Schedules
 from .zone_model import ZoneModel
@@ -208,7 +209,7 @@ class ZoneFolder:
             zone, n_new, why, remarks = _learn(archive, zone, settings, frame, refit_after)
             origin, last = zone.history(frame).index[-1], archive.last_measured()
             # a kill between model and archive leaves rows that only the model has taken in
-            not_archived = last is None or like_index(last, pd.DatetimeIndex([origin])) < origin
+            not_archived = last is None or on_clock_of(last, origin) < origin
             found = None
             try:
                 if n_new or n_ahead or why or not_archived:
@@ -260,7 +261,7 @@ class ZoneFolder:
         A forecast from a log that ends before what the model has seen is not archived: it knows what it forecasts.
         """
         archive.add_measured(measured_rows(frame, zone.settings, origin, archive.last_measured()), zone.zones)
-        seen = like_index(zone.known_until, pd.DatetimeIndex([origin]))
+        seen = on_clock_of(zone.known_until, origin)
         if found is not None and origin >= seen:
             weather = found.frame.drop(columns=list(filter(is_plant, found.frame)))
             beyond = beyond_training(weather, zone.covered()).any(axis=1).astype(float)
@@ -291,7 +292,7 @@ def _repeated(archive: ForecastArchive, frame: pd.DataFrame, origin: pd.Timestam
     """A remark where the last forecast began at the same row: the logger or the room's sensor may be dead."""
     last = archive.last_origin()
     late = pd.Timestamp.now(origin.tz) - origin > _DEAD
-    if not late or last is None or like_index(last, pd.DatetimeIndex([origin])) != origin:
+    if not late or last is None or on_clock_of(last, origin) != origin:
         return []
     end = f", although the log goes on to {frame.index[-1]}" if frame.index[-1] > origin else ""
     return [f"no room temperature was measured after {origin}{end}: the last forecast, from there, is made again"]
@@ -336,7 +337,7 @@ def _learn(
         return zone, n_new, "", [f"the model should be fitted again, because {why}, but {error}"]
     if changed:
         rows = fitted.complete(frame).index
-        n_new = int((rows > like_index(known, rows)).sum())
+        n_new = int((rows > on_clock_of(known, rows)).sum())
     return fitted, n_new, why, []
 
 

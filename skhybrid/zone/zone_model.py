@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
+from .._clock import on_clock_of
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
 from ..exceptions import TooFewDaysError
@@ -25,9 +26,9 @@ from ..study.spans import NO_ROWS, TRAINING_DAYS
 from ..study.unread_rows import BRIDGED, Unread
 from ..study.zone_loads import of_whole_plant
 from ..study.zone_part import log_columns, measured_of, predictors_of, read_roles, roles_of, settings_of_zone
+from .complete_rows import complete_rows, refuse_cut_value, up_to_measured
 from .dead_meters import not_learned, without_roles, without_unread
 from .other_units import refuse_other_temperatures, refuse_other_units
-from .outages import complete_rows, like_index, refuse_cut_value, up_to_measured
 from .training_rows import training_rows
 from .wanted_setpoints import has_plant, wanted_setpoints
 
@@ -207,7 +208,7 @@ class ZoneModel:
         longest : Timedelta
         """
         rows = self.new_rows(frame).index
-        stamps = pd.DatetimeIndex([like_index(self.known_until, rows), *rows])
+        stamps = pd.DatetimeIndex([on_clock_of(self.known_until, rows), *rows])
         wide = np.diff(stamps) > longest
         return f"rows are missing after {stamps[int(np.argmax(wide))]}" if wide.any() else ""
 
@@ -215,7 +216,7 @@ class ZoneModel:
         """The new rows of a log, with those of short outages, also of one after the last of the ``known`` rows."""
         rows = self.new_rows(frame)
         last = known.iloc[-1:].reindex(columns=rows.columns)
-        last.index = pd.DatetimeIndex([like_index(self.known_until, rows.index)])
+        last.index = pd.DatetimeIndex([on_clock_of(self.known_until, rows.index)])
         step = pd.Timedelta(self.settings.step)
         if (rows.index[0] - last.index[0]) % step:
             return rows  # the predictor refuses them
@@ -237,7 +238,7 @@ class ZoneModel:
         if len(missing):
             return [f"no complete rows from {missing[0]} to {missing[-1]}: their inputs are interpolated"]
         span = len(history) * pd.Timedelta(self.settings.step)
-        is_known = like_index(self.known_until, history.index) == history.index[-1]  # with the rows before
+        is_known = on_clock_of(self.known_until, history.index) == history.index[-1]  # with the rows before
         if history.index[0] == complete[0] or span >= _ENOUGH or is_known:
             return []
         hours = span / pd.Timedelta("1h")
@@ -280,7 +281,7 @@ class ZoneModel:
         frame : DataFrame, one column per role
         """
         rows = self.complete(frame)
-        return rows[rows.index > like_index(self.known_until, rows.index)]
+        return rows[rows.index > on_clock_of(self.known_until, rows.index)]
 
     def history(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The rows of a log that a forecast starts from: the last unbroken ones, a day or more if outages are short.

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from .._clock import on_clock_of
 from .._table import SETPOINT_ROLES
 from .._warnings import several
 from ..logs.standstills import without_standstills
@@ -16,7 +17,6 @@ from ..study.zone_loads import delivered_in_kw
 from ..study.zone_part import each_zone, forecast_of, rows_of_zone, settings_of_zone
 from .forecast_archive import BEYOND, ForecastArchive
 from .forecast_scores import errors_of, verdicts_of
-from .outages import like_index
 from .zone_model import ZoneModel
 
 _CORRECTED = pd.Timedelta(days=7)  # age up to which rows of the log may still change
@@ -130,9 +130,9 @@ def measured_rows(
         for zone, role in zip(each_zone(settings), settings.roles_of("Q_hvac"), strict=True)
     }
     rows = rows.assign(**{role: values for role, values in heat.items() if values is not None})
-    return rows if last is None else rows[rows.index > like_index(last, rows.index) - _CORRECTED]
+    return rows if last is None else rows[rows.index > on_clock_of(last, rows.index) - _CORRECTED]
 
 
 def _shown(stamp: pd.Timestamp | None, zone: ZoneModel) -> str | None:
     """A stamp of the archive as the log shows it."""
-    return None if stamp is None else str(like_index(stamp, pd.DatetimeIndex([zone.learned_until])))
+    return None if stamp is None else str(on_clock_of(stamp, zone.learned_until))

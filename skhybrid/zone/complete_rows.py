@@ -1,9 +1,8 @@
-"""Rows of a log that a model can read: complete ones between outages, and the bridges over short outages."""
+"""Rows of a log that a model can read: those with every input, up to a last temperature that can be right."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import pandas as pd
 
@@ -13,8 +12,6 @@ from ..logs.standstills import room_standstills, without_standstills
 from ..study.log_reading import SETPOINT
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
-
-_Stamps = TypeVar("_Stamps", pd.Timestamp, pd.DatetimeIndex)
 
 _LEAP, _USUAL = 8.0, 2.0  # between two rows: what no room does [K], also where it often moves; times its largest move
 
@@ -65,11 +62,3 @@ def refuse_cut_value(frame: pd.DataFrame, settings: Settings, origin: pd.Timesta
                 f"degC in the last row, {origin}, which no room does: is the log still being written? Try again when "
                 "it is complete, or leave that value out."
             )
-
-
-def like_index(stamp: _Stamps, index: pd.Index) -> _Stamps:
-    """A stamp, or several, in the time zone of an index, or without one."""
-    tz = pd.DatetimeIndex(index).tz
-    if tz is None:
-        return stamp.tz_localize(None)
-    return stamp.tz_localize(tz) if stamp.tz is None else stamp.tz_convert(tz)
