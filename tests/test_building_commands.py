@@ -28,10 +28,10 @@ from skhybrid.study.thermostat import Schedule
 from skhybrid.study.zone_loads import of_whole_plant
 from skhybrid.study.zone_part import rows_of_zone, settings_of_zone
 from skhybrid.zone import ZoneFolder, ZoneModel, day_ahead
-from skhybrid.zone.building import describe_rooms
 from skhybrid.zone.day_ahead import _summary
 from skhybrid.zone.rows_ahead import rows_ahead, schedules_of
 from skhybrid.zone.training_rows import refuse_empty
+from skhybrid.zone.zone_identification import describe_rooms
 from skhybrid.zone.zone_state import measured_rows
 
 sys.path.insert(0, str(Path(__file__).parent / "rooms"))

@@ -57,7 +57,7 @@ from skhybrid.study.report import verdict
 from skhybrid.study.results import StudyResult
 from skhybrid.study.settings import as_toml, settings_from
 from skhybrid.study.spans import TRAINING_DAYS
-from skhybrid.zone.building import describe_rooms, identify_building
+from skhybrid.zone.zone_identification import describe_rooms, identify_building
 
 pytestmark = pytest.mark.usefixtures("quick_fits")
 FILES = {

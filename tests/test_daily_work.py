@@ -17,7 +17,7 @@ from skhybrid.persistence import load_metadata, load_model, save_model
 from skhybrid.study import read_log, read_settings, run_study, split_log
 from skhybrid.study.log_reading import metered_heat, read_even_log
 from skhybrid.study.next_day import refuse_unplanned
-from skhybrid.study.plant import Performance
+from skhybrid.study.plant_performance import Performance
 from skhybrid.study.settings import Settings, settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import ZoneModel, day_ahead

@@ -81,7 +81,7 @@ def _identified(source: str, config: Path | None, log: str | None) -> tuple[Any,
     """A gray box with standard errors, its settings, and the log that it was identified on."""
     from ..study import read_log
     from ..zone import ZoneFolder, ZoneModel
-    from ..zone.building import identify_building
+    from ..zone.zone_identification import identify_building
 
     path = Path(source)
     if not path.is_dir() and path.suffix != ".skops":

@@ -21,7 +21,7 @@ def command(log: str, config: Path | None, say: Progress, as_json: bool) -> None
     settings = settings_at(config, several=True)
     from ..study import read_log
     from ..study.identified_building import describe, identified_only
-    from ..zone.building import describe_rooms, identify_building
+    from ..zone.zone_identification import describe_rooms, identify_building
 
     say(1, 2, "reading the log")
     frame, _ = read_log(log, settings)

@@ -18,7 +18,7 @@ from ..forecasting.quantiles import INTERVAL, quantile_columns
 from ..hybrid.parts import is_read
 from ..model_selection import backtest
 from ..preprocessing import GapFiller
-from ..study.likely_units import refuse_likely_units
+from ..study.changed_units import refuse_changed_units
 from ..study.unread_rows import Unread
 from .day_errors import forecasts_from_midnight, scored_days
 from .journal import Journal
@@ -166,7 +166,7 @@ def _refuse_known(journal: Journal, X: pd.DataFrame) -> None:
 
 def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: str) -> None:
     """Score the forecasts of new rows, and let the model know the rows; those in another unit are refused."""
-    _refuse_likely_units(model, journal, X, y)
+    _refuse_changed_units(model, journal, X, y)
     scored = None
     if isinstance(X.index, pd.DatetimeIndex):
         ahead = journal.ahead
@@ -186,7 +186,7 @@ def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: 
         journal.scored, journal.facts["days"] = scored_days(journal.scored, scored, journal.facts["days"])
 
 
-def _refuse_likely_units(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series) -> None:
+def _refuse_changed_units(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series) -> None:
     """Refuse new rows in another unit than what the model learned from, as one zone by itself does."""
     record = getattr(model, "training_", None)
     if record is None:  # of a Pipeline, which may convert its columns
@@ -195,7 +195,7 @@ def _refuse_likely_units(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Se
     new = X.drop(columns=names["T_za"], errors="ignore").rename(columns={name: role for role, name in names.items()})
     known = journal.scored[["y_true"]].rename(columns={"y_true": "T_za"})
     named = {str(role): repr(names.get(role, role)) for role in (*new, "T_za")}
-    refuse_likely_units(new.assign(T_za=y), known, record.ranges, named, "convert them as those before")
+    refuse_changed_units(new.assign(T_za=y), known, record.ranges, named, "convert them as those before")
 
 
 def _forecast(

@@ -22,7 +22,7 @@ from ..logs.even_steps import RegularizeReport
 from ..logs.log_findings import clash, has_both_signs, unit_switch
 from ..logs.setpoint_modes import with_actions
 from ..logs.zone_csv import to_left_label
-from .plant import Performance
+from .plant_performance import Performance
 from .settings import Settings
 
 SETPOINT = "setpoint"  # column of the set-point in a log, which has no role

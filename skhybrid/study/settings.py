@@ -25,7 +25,7 @@ from ..logs.stamps import time_zone_named
 from ..logs.zone_names import zones_of
 from ..thermal.declaration import capacity_name
 from .keys import check_keys
-from .plant import Performance
+from .plant_performance import Performance
 from .tariff import Tariff
 from .thermostat import Schedule
 

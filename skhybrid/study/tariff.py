@@ -10,7 +10,7 @@ import pandas as pd
 
 from .day_energy import interval_of
 from .keys import check_keys
-from .plant import Performance
+from .plant_performance import Performance
 from .thermostat import at_minute, by_clock, free_days, minutes
 
 _KINDS = ("price", "weekend", "currency")

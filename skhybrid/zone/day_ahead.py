@@ -23,7 +23,7 @@ from ..study.day_energy import day_energy, paths_of_load
 from ..study.doubts import day_beyond
 from ..study.log_reading import read_even_log
 from ..study.log_split import inputs_of
-from ..study.plant import Performance
+from ..study.plant_performance import Performance
 from ..study.settings import Settings
 from ..study.tariff import energy_cost
 from ..study.unread_rows import BRIDGED

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from scipy.signal import dlsim
 
 from ..study.identified_building import UNSURE, discrete, quantities, with_errors
-from ..study.plant import Performance
+from ..study.plant_performance import Performance
 from ..study.settings import Settings, is_scaled
 
 _DENSITY, _HEAT_CAPACITY = 2400.0, 0.88  # of EMHASS's concrete [kg/m3], [kJ/(kg K)]

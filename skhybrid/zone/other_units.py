@@ -7,7 +7,7 @@ import pandas as pd
 
 from .._clock import on_clock_of
 from .._table import listed
-from ..study.likely_units import refuse_likely_units
+from ..study.changed_units import refuse_changed_units
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
 
@@ -50,4 +50,4 @@ def refuse_other_units(
 ) -> None:
     """Refuse new rows in degF, W/m2 or W beside what the model learned from, usually and not at a single spike."""
     named = {str(role): listed(log_columns([str(role)], settings)) for role in new}
-    refuse_likely_units(new, known, covered, named, "give the unit under [units] of the configuration")
+    refuse_changed_units(new, known, covered, named, "give the unit under [units] of the configuration")

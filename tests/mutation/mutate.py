@@ -1,7 +1,7 @@
 """Mutation testing: changes one operator or number of a module at a time and sees whether a test fails.
 
     pip install cosmic-ray                                              # anywhere; it makes the mutants
-    python tests/mutation/mutate.py --sample 20 identification/load.py  # 20 places of one module
+    python tests/mutation/mutate.py --sample 20 identification/loads.py  # 20 places of one module
     nice python tests/mutation/mutate.py --sample 4 --jobs 2            # of every module
     python tests/mutation/mutate.py --report                            # the table from what has been run
 

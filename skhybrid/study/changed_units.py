@@ -14,7 +14,7 @@ _BRIGHTER = 20.0  # times the highest sun that is known, which sun in W/m2 usual
 _BEYOND = 20.0  # by which degF exceed the highest temperature that is known in degC [K]
 
 
-def refuse_likely_units(
+def refuse_changed_units(
     new: pd.DataFrame,
     known: pd.DataFrame,
     covered: Mapping[str, tuple[float, float]],
