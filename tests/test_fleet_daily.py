@@ -14,7 +14,7 @@ from skhybrid._time import SHORTEST_GAP
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import FleetWarning, SkhybridWarning
-from skhybrid.fleet import ZoneFleet, model_store, zone_jobs
+from skhybrid.fleet import ZoneFleet, model_rows, model_store
 from skhybrid.fleet.fleet_status import status_table, zone_status
 from skhybrid.fleet.journal import Journal
 from skhybrid.fleet.model_store import ModelStore
@@ -118,7 +118,7 @@ def test_a_short_gap_of_an_input_is_filled_as_readers_of_logs_do(tmp_path):
         found.append(made.tick({"a": given}))
         assert made.errors_ == {}
     pd.testing.assert_frame_equal(*found)
-    pd.testing.assert_frame_equal(zone_jobs._filled(holed, made.estimator, SHORTEST_GAP), filled)
+    pd.testing.assert_frame_equal(model_rows._filled(holed, made.estimator, SHORTEST_GAP), filled)
 
 
 def test_set_points_ahead_stand_for_the_heat(tmp_path):
@@ -197,16 +197,16 @@ def test_a_zone_learns_over_outages_of_days(tmp_path):
     wanted.iloc[unmeasured, [list(X).index("q_sol"), list(X).index("T_za")]] = np.nan
     inputs = wanted.drop(columns=["T_za", "T_heat_set"]).interpolate("time")
     wanted = wanted.assign(**inputs, T_heat_set=wanted["T_heat_set"].ffill())
-    found = zone_jobs._bridged(holed, ARX)
+    found = model_rows._bridged(holed, ARX)
     pd.testing.assert_frame_equal(found, wanted, check_freq=False)
     fleet = ZoneFleet(ARX, store=tmp_path / "store").fit({"a": holed})
     assert fleet.errors_ == {}
     alone = clone(ARX).fit(wanted, wanted["T_za"])
     np.testing.assert_array_equal(fleet.predict({"a": X})["T_za"], alone.predict(X))
     long = X.drop(X.index[DAY : 6 * DAY])
-    assert zone_jobs._bridged(long, ARX).index.equals(long.index)
+    assert model_rows._bridged(long, ARX).index.equals(long.index)
     unread = X.assign(humidity=np.where(np.arange(8 * DAY) % 40 < 20, np.nan, 50.0), T_attic=np.nan)
-    pd.testing.assert_series_equal(zone_jobs._bridged(unread, ARX)["T_za"], X["T_za"], check_freq=False)
+    pd.testing.assert_series_equal(model_rows._bridged(unread, ARX)["T_za"], X["T_za"], check_freq=False)
 
 
 @pytest.mark.parametrize("clock", [None, "Europe/Amsterdam"])

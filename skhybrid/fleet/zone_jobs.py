@@ -10,20 +10,25 @@ import pandas as pd
 from sklearn.base import clone
 
 from .._clock import in_time_zone, refuse_one_zone
-from .._table import is_plant, is_set_point, listed, numeric, role_of
-from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
+from .._table import is_plant
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning, TooFewDaysError
 from ..forecasting.quantiles import INTERVAL, quantile_columns
-from ..hybrid.parts import is_read
 from ..model_selection import backtest
-from ..preprocessing import GapFiller
 from ..study.changed_units import refuse_changed_units
-from ..study.unread_rows import Unread
 from .day_errors import forecasts_from_midnight, scored_days
 from .journal import Journal
+from .model_rows import (
+    input_roles,
+    read_filled,
+    row_after_outage,
+    rows_over_outages,
+    rows_to_fit,
+    split_target,
+    target_column,
+)
 from .model_store import ModelStore
-from .zone_rows import TARGET, fingerprint, read_rows
+from .zone_rows import fingerprint, read_rows
 
 _LEAST = pd.Timedelta("3D")  # of rows after a long outage, to learn from them alone
 
@@ -32,8 +37,8 @@ def fit_zone(
     zone: str, store: str, paths: Sequence[str], estimator: Any, fallback: Any, last: Any = None
 ) -> str | None:
     """Fit a clone, unless the store has one of the same rows; why the fallback took over, None where it did not."""
-    X, y = _training_rows(_over_outages(read_rows(paths[0]), estimator), estimator, last)
-    if begin := _row_after_outage(X.index, _LEAST):
+    X, y = rows_to_fit(rows_over_outages(read_rows(paths[0]), estimator), estimator, last)
+    if begin := row_after_outage(X.index, _LEAST):
         warn_user(f"learned from {X.index[begin]} on, after an outage of more than four days.", SkhybridWarning)
         X, y = X[begin:], y[begin:]
     mark, models = fingerprint(X, y), ModelStore(store)
@@ -68,7 +73,7 @@ def fit_zone(
 def predict_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
     """The forecast of ``predict``, as a table with the column ``T_za`` [degC]."""
     model, journal = ModelStore(store).load(zone)
-    X = _rows(paths[0], model)
+    X = read_filled(paths[0], model)
     table = _after_known(model, journal, X)
     return pd.DataFrame({"T_za": np.asarray(model.predict(table))[len(table) - len(X) :]}, index=X.index)
 
@@ -76,21 +81,21 @@ def predict_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
 def forecast_zone(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
     """The table of ``forecast``; ``paths`` are those of the rows ahead and, where it is given, of the history."""
     model, journal = ModelStore(store).load(zone)
-    future, *history = (_rows(path, model) for path in paths)
+    future, *history = (read_filled(path, model) for path in paths)
     return _forecast(model, journal, history[0] if history else None, future, given)
 
 
 def score_zone(zone: str, store: str, paths: Sequence[str]) -> pd.DataFrame:
     """The score of a zone, in one row."""
     model, _ = ModelStore(store).load(zone)
-    X, y = _with_target(_rows(paths[0], model), model)
+    X, y = split_target(read_filled(paths[0], model), model)
     return pd.DataFrame({"score": [model.score(X, y)]})
 
 
 def backtest_stored(zone: str, store: str, paths: Sequence[str], given: Mapping[str, Any]) -> pd.DataFrame:
     """The table of a back-test."""
     model, _ = ModelStore(store).load(zone)
-    X, y = _with_target(_rows(paths[0], model), model)
+    X, y = split_target(read_filled(paths[0], model), model)
     return backtest(model, X, y, **given)
 
 
@@ -102,7 +107,7 @@ def update_zone(zone: str, store: str, paths: Sequence[str]) -> None:
     if models.journal(zone).facts["updated"] == mark:
         return
     model, journal = models.load(zone)
-    X, y = _with_target(_in_clock(_over_outages(rows, model), journal.scored.index), model)
+    X, y = split_target(_in_clock(rows_over_outages(rows, model), journal.scored.index), model)
     if not hasattr(model, "update"):  # which would refuse them itself
         _refuse_known(journal, X)
     _take_in(model, journal, X, y, mark)
@@ -121,8 +126,8 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     """Take in the rows after the known ones, up to the last measurement, and forecast those after it."""
     models = ModelStore(store)
     model, journal = models.load(zone)
-    rows = _over_outages(read_rows(paths[0]), model, forecasts=True)
-    X, y = _with_target(_in_clock(rows, journal.scored.index), model)
+    rows = rows_over_outages(read_rows(paths[0]), model, forecasts=True)
+    X, y = split_target(_in_clock(rows, journal.scored.index), model)
     if not isinstance(X.index, pd.DatetimeIndex) or journal.facts["until"] is None:
         raise ValueError("the rows have no time stamps, which a tick needs; use update and forecast.")
     known = _in_clock_of(journal.facts["until"], X.index)
@@ -132,7 +137,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     silent = None if new.any() else f"nothing was measured after {known}, the last known row."
     first = silent is not None and journal.facts["updated"] is None and not len(journal.ahead)
     if silent is None:
-        _row_after_outage(X.index[new].insert(0, known), pd.Timedelta.max)
+        row_after_outage(X.index[new].insert(0, known), pd.Timedelta.max)
         if X.index[0] > known + pd.Timedelta(model.sampling_time_):
             raise ValueError(
                 f"the rows begin at {X.index[0]}, but the last known one is {known}; give it and all later."
@@ -142,8 +147,8 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
     if not ahead.any():
         warn_user(f"there is no forecast, since no rows follow {now}; give the weather to come.", SkhybridWarning)
     else:
-        rows = X[ahead].drop(columns=_measured_column(model), errors="ignore")
-        weather = {c for c, role in _inputs(rows, model).items() if not is_plant(role)}  # which has to be known
+        rows = X[ahead].drop(columns=target_column(model), errors="ignore")
+        weather = {c for c, role in input_roles(rows, model).items() if not is_plant(role)}  # which has to be known
         future = rows[[c for c in rows if c in weather or rows[c].notna().any()]]
         found = _forecast(model, journal, None, future, {"quantiles": INTERVAL})
         journal.ahead = _first_forecasts(journal.ahead, found, now)
@@ -176,7 +181,7 @@ def _take_in(model: Any, journal: Journal, X: pd.DataFrame, y: pd.Series, mark: 
             found = forecasts_from_midnight(model, table).iloc[len(table) - len(X) :]
             ahead = ahead if covered else found
         scored = ahead.reindex(X.index).assign(y_true=y)
-    rows = X.assign(**{_measured_column(model): y})
+    rows = X.assign(**{target_column(model): y})
     if hasattr(model, "update"):
         model.update(rows)
     journal.rows = pd.concat([journal.rows, rows]) if len(journal.rows) else rows
@@ -236,146 +241,6 @@ def _after_known(model: Any, journal: Journal, X: pd.DataFrame) -> pd.DataFrame:
     if hasattr(model, "update") or not len(rows) or not len(X) or not X.index[0] > rows.index[-1]:
         return X
     return pd.concat([rows, X])
-
-
-def _rows(path: str, model: Any) -> pd.DataFrame:
-    return _filled(read_rows(path), model, SHORTEST_GAP)
-
-
-def _over_outages(rows: pd.DataFrame, model: Any, *, forecasts: bool = False) -> pd.DataFrame:
-    """Rows with bridges over outages before the last measurement, and without short gaps of any kind.
-
-    Where one ``forecasts``, inputs that end long before the temperatures are refused.
-    """
-    whole, unread = _without_unread(_filled(_restored(rows, SHORTEST_GAP), model, SHORTEST_GAP), model)
-    if unread is not None and not unread.is_step:
-        if forecasts:
-            unread.refuse_long()
-        warn_user(f"{unread}.", SkhybridWarning)
-    n_past = _n_past(whole, model)
-    return pd.concat([_bridged(whole[:n_past], model), whole[n_past:]])
-
-
-def _without_unread(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, Unread | None]:
-    """Rows without the temperatures after the last row with all inputs, as in the folder of one zone; and these."""
-    n_past = _n_past(rows, model)
-    unread = None if TARGET in rows else Unread.of(rows[list(_inputs(rows, model))].iloc[:n_past])
-    if unread is None:
-        return rows, None
-    n_known = n_past - unread.n_rows
-    if n_past == len(rows):
-        return rows.iloc[:n_known], unread
-    known = np.arange(len(rows))[:, None] < n_known  # after that the temperature is not, nor is heat without a plan
-    return rows.where(known | rows.iloc[n_past:].notna().any().to_numpy()), unread
-
-
-def _n_past(rows: pd.DataFrame, model: Any) -> int:
-    """Number of the rows up to the last measurement of the target."""
-    measured = np.flatnonzero(_with_target(rows, model)[1].notna().to_numpy())
-    return int(measured[-1]) + 1 if len(measured) else 0
-
-
-def _row_after_outage(stamps: pd.Index, least: pd.Timedelta) -> int:
-    """The row after the last outage that is too long for a bridge, 0 where there is none.
-
-    Refused where the rows after it span less than the ``least``.
-    """
-    if not isinstance(stamps, pd.DatetimeIndex) or not ((steps := np.diff(stamps)) > LONGEST_BRIDGE).any():
-        return 0
-    row = int(np.flatnonzero(steps > LONGEST_BRIDGE)[-1]) + 1
-    if stamps[-1] - stamps[row] + steps.min() < least:
-        raise ValueError(
-            f"there are no rows between {stamps[row - 1]} and {stamps[row]}, and an outage of more than four days is "
-            "not bridged; fit the zone again once rows of three days follow it."
-        )
-    return row
-
-
-def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
-    """Rows with bridges over outages: inputs are interpolated there, and no temperature is known."""
-    whole = _restored(rows, LONGEST_BRIDGE)
-    filled = _filled(whole, model, LONGEST_BRIDGE)
-    measured = [column for column in (TARGET, _measured_column(model)) if column in whole]
-    inputs = list(_inputs(whole, model))
-    out = (whole[inputs].isna() & filled[inputs].notna()).any(axis=1)
-    filled.loc[out, measured] = np.nan
-    return filled
-
-
-def _inputs(rows: pd.DataFrame, model: Any) -> dict[Any, str]:
-    """Columns of weather and plants that a model reads, and their roles."""
-    roles = {column: role for role, column in (getattr(model, "columns", None) or {}).items()}
-    named = {c: str(roles.get(c, c)) for c in rows if c not in (TARGET, _measured_column(model))}
-    inputs = {column: role for column, role in named.items() if role_of(role) and not is_set_point(role)}
-    return {column: role for column, role in inputs.items() if _reads(model, role)}
-
-
-def _reads(model: Any, role: str) -> bool:
-    """True for an input that a model reads: one that it was fitted on, else one that a network of it lets it read."""
-    if record := getattr(model, "training_", None):
-        return role in record.ranges
-    networks = [given for name, given in model.get_params().items() if name.endswith("network")]
-    unknown = not networks or getattr(model, "preprocess", None) is not None
-    return unknown or any(is_read(role, network) for network in networks)
-
-
-def _restored(rows: pd.DataFrame, longest: pd.Timedelta) -> pd.DataFrame:
-    """Rows with those that are absent for up to the longest gap, as missing ones."""
-    index = rows.index
-    if not isinstance(index, pd.DatetimeIndex) or len(index) < 3 or not index.is_monotonic_increasing:
-        return rows
-    ticks = index.as_unit("ns").asi8
-    jumps = np.diff(ticks)
-    step = int(np.median(jumps))
-    if not (jumps > 0).all():  # for the model to refuse
-        return rows
-    short = (jumps > step) & (jumps <= step + longest.value) & (jumps % step == 0)
-    absent = [np.arange(t + step, t + jump, step) for t, jump in zip(ticks[:-1][short], jumps[short], strict=True)]
-    if not absent:
-        return rows
-    stamps = pd.DatetimeIndex(np.concatenate(absent).astype("datetime64[ns]"), tz="UTC").tz_convert(index.tz)
-    return rows.reindex(index.union(stamps.as_unit(index.unit)).rename(index.name))
-
-
-def _filled(rows: pd.DataFrame, model: Any, longest: pd.Timedelta) -> pd.DataFrame:
-    """Rows with gaps of inputs filled up to the longest, as readers of logs do; others are for the model to refuse."""
-    gaps = [column for column in rows.columns[rows.isna().any()] if column != TARGET]
-    if not gaps or not isinstance(rows.index, pd.DatetimeIndex) or not rows.columns.is_unique:
-        return rows
-    named = {role: column for role, column in (getattr(model, "columns", None) or {}).items() if column in gaps}
-    filled = rows.copy()
-    filled[gaps] = GapFiller(longest, columns=named).fit_transform(rows[gaps])
-    return filled
-
-
-def _with_target(rows: pd.DataFrame, model: Any) -> tuple[pd.DataFrame, pd.Series]:
-    if TARGET in rows:
-        return rows.drop(columns=TARGET), rows[TARGET].rename("T_za")
-    column = _measured_column(model)
-    if column not in rows:
-        raise ValueError(
-            f"the rows have no column {column!r}, the measured temperature, among {listed(rows.columns)}; name it by "
-            "the estimator's columns={'T_za': ...}, or give y."
-        )
-    return rows, pd.Series(numeric(rows[column]), rows.index, name=column)
-
-
-def _measured_column(model: Any) -> Any:
-    return (getattr(model, "columns", None) or {}).get("T_za", "T_za")
-
-
-def _training_rows(rows: pd.DataFrame, estimator: Any, last: Any) -> tuple[pd.DataFrame, pd.Series]:
-    """X and y of a fit: without the rows after the last measurement, which are plans, and from the last span only."""
-    X, y = _with_target(rows, estimator)
-    known = np.flatnonzero(y.notna().to_numpy())
-    if TARGET not in rows and len(known):
-        X, y = X.iloc[: known[-1] + 1], y.iloc[: known[-1] + 1]
-    if X.empty:
-        raise ValueError("there are no rows; write those of the zone, or leave it out.")
-    if last is not None and isinstance(X.index, pd.DatetimeIndex):
-        chosen = X.index > X.index[-1] - positive_duration(last, "last")
-        X, y = X[chosen], y[chosen]
-    return X, y
 
 
 def _training_error(model: Any, X: pd.DataFrame, y: pd.Series) -> float | None:
