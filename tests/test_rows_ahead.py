@@ -21,7 +21,7 @@ from skhybrid.study.zone_part import log_columns
 from skhybrid.zone import ZoneModel, day_ahead
 from skhybrid.zone.complete_rows import complete_rows
 from skhybrid.zone.day_ahead import _unused
-from skhybrid.zone.dead_meters import without_unread
+from skhybrid.zone.dead_meters import without_further_temperatures
 from skhybrid.zone.other_units import refuse_other_units
 from skhybrid.zone.training_rows import training_rows
 from skhybrid.zone.wanted_setpoints import idle_setpoints
@@ -412,7 +412,8 @@ def test_a_temperature_that_no_model_reads_may_end(frame, zone, tmp_path):
     assert model.update(frame[: N + DAY].assign(T_attic=attic)) == DAY
     network = {"capacitances": {"za": "C_za"}, "resistors": {"R_zo": ["za", "T_oa"], "R_zc": ["za", "T_attic"]}}
     reads = replace(settings, network={**network, "measured": "za"})
-    assert list(without_unread(frame[:N].assign(T_attic=attic, T_oa_roof=attic), reads)) == [*frame, "T_attic"]
+    found = without_further_temperatures(frame[:N].assign(T_attic=attic, T_oa_roof=attic), reads)
+    assert list(found) == [*frame, "T_attic"]
 
 
 def test_an_update_goes_on_after_a_short_outage(frame, earlier):

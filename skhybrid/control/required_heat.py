@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -119,6 +119,10 @@ class Plant(NamedTuple):
     upper: float  # [kW], 0 or more; inf where heat was measured
     meters: Mapping[str, tuple[float, float]]  # least and most measured heat [kW] of each role
 
+    def full(self, stages: Sequence[tuple[str, float]]) -> float:
+        """Heat [kW] of some of the stages, each at its highest."""
+        return sum(q * self.most[role] for role, q in stages)
+
     def within(self, limits: Limits) -> Limits:
         """The narrower of given limits and the capacity of the stages."""
         return limits.within(self.lower, self.upper)
@@ -156,7 +160,7 @@ def load_frame(
         for end, side, stages in ((1, np.maximum, plant.heating), (0, np.minimum, plant.cooling)):
             left, metered = side(heat, 0.0), sum(ends[end] for ends in meters.values())
             if stages:
-                full = sum(q * plant.most[role] for role, q in stages)
+                full = plant.full(stages)
                 share = np.minimum(np.abs(left / full), 1.0 if metered else np.inf)
                 left = left - share * full
                 out |= {role + suffix: share * plant.most[role] for role, _ in stages}

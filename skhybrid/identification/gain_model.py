@@ -95,6 +95,17 @@ class VarianceModel:
         return cls(by_segment, variance, names, first)
 
 
+def gain_noise(sigma: np.ndarray, phi: float, n: int, m: int) -> np.ndarray:
+    """(k, n + m, n + m) covariance of a step's noise in k classes, which only the last m states, of the gain, have.
+
+    Each is an Ornstein-Uhlenbeck process of standard deviation ``sigma`` (k,), of which ``phi`` is left after a step.
+    """
+    Q = np.zeros((len(sigma), n + m, n + m))
+    for i in range(n, n + m):
+        Q[:, i, i] = sigma**2 * (1.0 - phi**2)
+    return Q
+
+
 def gain_parameters(n_days: int, hours: HourClasses) -> tuple[Parameter, ...]:
     """Parameters of the disturbance: time constant, noise, and standard deviations in units of a 6 kW plant."""
     out = [Parameter("tau", "h", 0.2, 120.0, "time constant of the gain state")]

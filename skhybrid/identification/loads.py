@@ -95,8 +95,8 @@ def _unit_heat(filtered: FilteredNetwork, plant: Plant) -> np.ndarray:
         metered = [role for role, ends in plant.meters.items() if ends[end]]
         effects = [columns[role] for role in metered]
         if stages:
-            full = sum(q * plant.most[role] for role, q in stages)
-            effects.append(np.sum([columns[role] * plant.most[role] for role, _ in stages], axis=0) / full)
+            at_most = [columns[role] * plant.most[role] for role, _ in stages]
+            effects.append(np.sum(at_most, axis=0) / plant.full(stages))
         if not np.allclose(effects, effects[:1]):
             named = listed([*(role for role, _ in stages), *metered])
             raise ValueError(

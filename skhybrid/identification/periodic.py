@@ -26,6 +26,7 @@ from .gain_model import (
     PLANT,
     HourClasses,
     VarianceModel,
+    gain_noise,
     gain_parameters,
     profile_basis,
     week_cells,
@@ -241,9 +242,7 @@ class PeriodicDisturbanceID(NetworkIdentifier):
         middling = float(np.sqrt(np.mean(self.day_factors_**2)))
         hours = self._hours
         sigma = middling * own[[f"sigma_{c}" for c in hours.names]].to_numpy(copy=True)
-        Q = np.zeros((len(sigma), n + m, n + m))
-        for i in range(n, n + m):
-            Q[:, i, i] = sigma**2 * (1.0 - phi**2)
+        Q = gain_noise(sigma, phi, n, m)
         profile = self.profile_.to_numpy().reshape(24, m, 2).transpose(2, 0, 1).reshape(48, m).copy()
         R, most = float(own["sigma_y"] ** 2), float(sigma.max())
         return GainFilter(problem.network, d.A, d.B, phi, Q, R, most, profile, hours.of_cell)

@@ -228,5 +228,4 @@ def _system(fit: LeadFit, state: OriginState, segment: Segment, zeta: np.ndarray
 def _share_known(plan: ChannelPlan, plant: Plant, stages: Sequence[tuple[str, float]]) -> float:
     """Share of the heat of some stages that is known, so that the emitter delays it; 1 without stages."""
     known = dict(plan.known)
-    full = sum(q * plant.most[role] for role, q in stages)
-    return sum(q * plant.most[role] for role, q in stages if role in known) / full if stages else 1.0
+    return plant.full([stage for stage in stages if stage[0] in known]) / plant.full(stages) if stages else 1.0

@@ -35,10 +35,10 @@ def part_without_dead_meters(frame: pd.DataFrame, settings: Settings) -> tuple[p
         "temperature is forecast as if it were heated and cooled as usual, and its load is not known."
         for zone, names in named.items()
     ]
-    return without_roles(without_unread(frame, settings), dead), remarks
+    return without_roles(without_further_temperatures(frame, settings), dead), remarks
 
 
-def without_unread(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
+def without_further_temperatures(frame: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """A log without further temperatures than those that the network of the settings names."""
     network, measured = make_network(settings.network), settings.roles_of("T_za")
     further = [role for role in map(str, frame) if is_instant(role) and role not in measured]

@@ -27,7 +27,7 @@ from ..study.unread_rows import BRIDGED, Unread
 from ..study.zone_loads import of_whole_plant
 from ..study.zone_part import log_columns, measured_of, predictors_of, read_roles, roles_of, settings_of_zone
 from .complete_rows import complete_rows, refuse_cut_value, up_to_measured
-from .dead_meters import not_learned, without_roles, without_unread
+from .dead_meters import not_learned, without_further_temperatures, without_roles
 from .other_units import refuse_other_temperatures, refuse_other_units
 from .training_rows import training_rows
 from .wanted_setpoints import has_plant, wanted_setpoints
@@ -255,7 +255,7 @@ class ZoneModel:
 
     def _read(self, frame: pd.DataFrame) -> pd.DataFrame:
         """A log without what the model does not read: further temperatures, and heat that it was learned without."""
-        return without_roles(without_unread(frame, self.settings), self.not_learned)
+        return without_roles(without_further_temperatures(frame, self.settings), self.not_learned)
 
     @property
     def not_learned(self) -> dict[str, list[str]]:

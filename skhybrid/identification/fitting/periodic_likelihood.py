@@ -15,7 +15,7 @@ from ...thermal import Parameter, RCNetwork
 from ...thermal.parameters import search_bounds
 from ..disturbance_models import first_covariance, measured_states
 from ..experiment import Experiment
-from ..gain_model import HOUR_CLASSES, HourClasses, VarianceModel, gain_parameters, own_priors
+from ..gain_model import HOUR_CLASSES, HourClasses, VarianceModel, gain_noise, gain_parameters, own_priors
 from .gauss_newton import Minimum
 from .inner_solution import GainPriors, Linear, solve_inner
 from .periodic_channels import ChannelLayout, SegmentSeries, physical
@@ -200,10 +200,8 @@ class PeriodicProblem:
         # logarithms of the hours, then of the days, which add up
         logs = np.array([values[n] if n.startswith("day_") else np.log(values[n]) for n in self.variance.names])
         sigma = np.exp(self.variance.variance @ logs) * self.heat_scale
-        A, Q = np.zeros((n + m, n + m)), np.zeros((len(sigma), n + m, n + m))
+        A, Q = np.zeros((n + m, n + m)), gain_noise(sigma, phi, n, m)
         A[:n, :n], A[:n, n:], A[n:, n:] = d.A, heat[:, layout.disturbed], phi * np.eye(m)
-        for i in range(n, n + m):
-            Q[:, i, i] = sigma**2 * (1.0 - phi**2)
         columns = np.zeros((n + m, len(layout.channels) + 1))
         columns[:n, 1:] = heat[:, [c.node for c in layout.channels]]
         C = np.eye(n + m)[measured_states(self.network)]
