@@ -12,8 +12,8 @@ from skhybrid._last_known import carried_forward, last_known_row
 from skhybrid._table import read_table
 from skhybrid._time import rows_per_day
 from skhybrid.forecasting import BoostedRegressor, DisturbanceForecaster
-from skhybrid.forecasting.features import clock_changes, same_slot
-from skhybrid.forecasting.ridge import ALPHAS, _solve, lag_features, ridge_by_blocks, time_blocks, training_origins
+from skhybrid.forecasting.features import clock_changes, lag_features, same_slot
+from skhybrid.forecasting.ridge import ALPHAS, _solve, ridge_by_blocks, time_blocks, training_origins
 
 
 def _weeks(n_days, seed=0):

@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from .._calendar import one_hot
 from .._clock import hour_of_day
 from .._table import ZoneTable
+from .._time import rows_per_day
 from .cases import TIME_FEATURES
 
 TIME_ENCODINGS = ("cyclic", "onehot", "ordinal")
 #: feature -> (levels, harmonics); the day is the seventh harmonic of the week
 _CYCLES = {"how": (168, (1, 7)), "hod": (24, (1,)), "dow": (7, (1,))}
+_DECAYS_H = (2.0, 8.0, 24.0)  # in which 1/e of a deviation is left [h]
 
 
 def encode_time(table: ZoneTable, feature: str, encoding: str) -> np.ndarray:
@@ -147,3 +150,27 @@ def span_means(series: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.nd
     total = np.concatenate([np.zeros((1, *series.shape[1:])), np.cumsum(series, axis=0)])
     count = np.maximum(stop - first, 1)
     return (total[stop] - total[first]) / count.reshape(count.shape + (1,) * (series.ndim - 1))
+
+
+def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
+    """(n_origins, n_leads, n_features) known at each origin of the deviation from a model of the calendar and weather.
+
+    The last value and means of the last hours, each fading with the lead; the last day's mean and the week's; the last
+    known value at the same time of day, apart for pairs of unlike day types; and a week before.  Unknown values are 0,
+    which is the deviation to expect.
+    """
+    per_day = rows_per_day(table.step)
+    hours = np.arange(1, n_leads + 1) * table.step_hours
+    rows = target_rows(origins, n_leads)
+    series, widths = pd.Series(deviation), (1, max(1, per_day // 4), per_day, 7 * per_day)
+    means = [series.rolling(width, min_periods=1).mean().to_numpy() for width in widths]
+    now = [known_at(mean, origins[:, None], origins) for mean in means]
+    fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
+    changes, weekend = clock_changes(table), table.weekend
+    day_before, week_before = (same_slot(rows, origins, n * per_day, changes) for n in (1, 7))
+    same, week = (known_at(deviation, before, origins) for before in (day_before, week_before))
+    alike = weekend[np.minimum(rows, table.n_rows - 1)] == weekend[np.maximum(day_before, 0)]
+    flat = np.ones((1, n_leads))
+    features = [now[0] * fade[0], now[0] * fade[1], now[1] * fade[1], now[2] * fade[2], now[2] * flat, now[3] * flat]
+    features += [same * alike, same * ~alike, week]
+    return np.nan_to_num(np.stack(features, axis=-1))

@@ -12,21 +12,19 @@ from math import gcd
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-import pandas as pd
 from scipy.linalg import eigh
 from sklearn.base import clone
 
 from .._calendar import N_CELLS, clock_hour, day_type_hour, one_hot
 from .._table import ZoneTable, predicted_by
 from .._time import rows_per_day, rows_per_hour
-from .features import clock_changes, held_target_rows, irradiance_roles, known_at, known_before, same_slot, target_rows
+from .features import held_target_rows, irradiance_roles, known_before, lag_features, target_rows
 
 ALPHAS = np.logspace(-1.0, 5.0, 13)
 #: weather columns count ten standard deviations, so that the penalty that shrinks the calendar hardly touches them.
 _WEATHER_SCALE = 10.0
 _HOURLY_SHARES = (0.0, 0.3, 1.0)  # how freely the effect of T_oa may differ by hour; left-out blocks choose
 _MOST_PAIRS = 150_000  # (origin, lead) pairs that are learned from; beyond it origins are thinned
-_DECAYS_H = (2.0, 8.0, 24.0)
 
 
 class RidgeFit(NamedTuple):
@@ -219,27 +217,3 @@ def training_origins(table: ZoneTable, n_leads: int) -> np.ndarray:
     while gcd(stride, rows_per_day(table.step)) > rows_per_hour(table.step):
         stride += 1
     return np.arange(0, max(table.n_rows - 1, 1), stride)
-
-
-def lag_features(table: ZoneTable, deviation: np.ndarray, origins: np.ndarray, n_leads: int) -> np.ndarray:
-    """(n_origins, n_leads, n_features) of what is known at each origin of the deviation from the static model.
-
-    The last value and means of the last hours, each fading with the lead; the last day's mean and the week's; the last
-    known value at the same time of day, apart for pairs of unlike day types; and a week before.  Unknown values are 0,
-    which is the deviation to expect.
-    """
-    per_day = rows_per_day(table.step)
-    hours = np.arange(1, n_leads + 1) * table.step_hours
-    rows = target_rows(origins, n_leads)
-    series, widths = pd.Series(deviation), (1, max(1, per_day // 4), per_day, 7 * per_day)
-    means = [series.rolling(width, min_periods=1).mean().to_numpy() for width in widths]
-    now = [known_at(mean, origins[:, None], origins) for mean in means]
-    fade = [np.exp(-hours / decay)[None, :] for decay in _DECAYS_H]
-    changes, weekend = clock_changes(table), table.weekend
-    day_before, week_before = (same_slot(rows, origins, n * per_day, changes) for n in (1, 7))
-    same, week = (known_at(deviation, before, origins) for before in (day_before, week_before))
-    alike = weekend[np.minimum(rows, table.n_rows - 1)] == weekend[np.maximum(day_before, 0)]
-    flat = np.ones((1, n_leads))
-    features = [now[0] * fade[0], now[0] * fade[1], now[1] * fade[1], now[2] * fade[2], now[2] * flat, now[3] * flat]
-    features += [same * alike, same * ~alike, week]
-    return np.nan_to_num(np.stack(features, axis=-1))
