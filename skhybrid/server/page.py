@@ -10,8 +10,7 @@ import pandas as pd
 
 from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes
 from ..study.report.figures import (
-    NARROW,
-    WIDE,
+    SHOWN_IN,
     backtest_figure,
     day_figure,
     days_figure,
@@ -24,7 +23,6 @@ from ..study.verdict import Verdict, zones_in_words
 from .zone_view import ZoneView, compared
 
 _REFRESH = '<meta http-equiv="refresh" content="300">\n'
-_SPANS = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of past days in a figure
 _LINKS = '<p class="soft">{}</p>'.format(
     " · ".join(f'<a href="/{path}">{path}</a>' for path in ("forecast", "status", "docs"))
 )
@@ -116,7 +114,7 @@ def _week(views: Mapping[str, ZoneView], several: bool) -> str:
     frames, draw = {"forecast": pd.concat(known, ignore_index=True)}, weeks_figure if several else backtest_figure
 
     def figure(width: float) -> Any:
-        return draw(frames, _SPANS[width], width)
+        return draw(frames, SHOWN_IN[width], width)
 
     words = "<p>The days before; a vertical line is the origin of a forecast.</p>\n"
     return words + in_two_widths(figure, "Past forecasts and measurements.", "week")

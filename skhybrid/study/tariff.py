@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from .clock_values import at_minute, by_clock, free_days, minutes
 from .day_energy import interval_of
 from .keys import check_keys
 from .plant_performance import Performance
-from .thermostat import at_minute, by_clock, free_days, minutes
 
 _KINDS = ("price", "weekend", "currency")
 

@@ -18,8 +18,7 @@ from ..scores import has_intervals
 from ..verdict import Verdict, worst, zones_in_words
 from ..zone_part import forecast_of
 from .figures import (
-    NARROW,
-    WIDE,
+    SHOWN_IN,
     days_figure,
     errors_figure,
     in_two_widths,
@@ -31,7 +30,6 @@ from .figures import (
 from .html import html_cards, html_table, next_day_cards, results_table, verdict_boxes, write_sections
 from .words import day_words, flat, lead_group_names, number, percent_or_dash, verdict
 
-_SHOWN = {WIDE: pd.Timedelta("7D"), NARROW: pd.Timedelta("3D")}  # of a back-test, by the width of the figure
 _MOST_MODELS = 4  # in the figure of errors
 #: of tables with a row per zone
 ZONE_STYLE = """<style>
@@ -197,7 +195,7 @@ def _setpoints_known(result: BuildingResult) -> str:
 
 def _weeks(frame: pd.DataFrame, caption: str, name: str, unit: str = "degC") -> str:
     """A figure of the last days of a back-test, with a panel per zone."""
-    return in_two_widths(lambda width: weeks_figure({HYBRID: frame}, _SHOWN[width], width, unit), caption, name)
+    return in_two_widths(lambda width: weeks_figure({HYBRID: frame}, SHOWN_IN[width], width, unit), caption, name)
 
 
 def _accuracy(result: BuildingResult) -> str:

@@ -24,6 +24,7 @@ from ..compared_models import HYBRID
 
 WIDE, NARROW = 9.0, 4.4  # of a figure [in]
 SHOWN = pd.Timedelta("7D")  # last part of the back-test that a figure shows
+SHOWN_IN = {WIDE: SHOWN, NARROW: pd.Timedelta("3D")}  # the same, by the width of the figure
 _MOST_LINES = 3  # most models in a figure; more would hide one another
 _MOST_LEADS = 5
 _PNG: dict[str, Any] = {"format": "png", "dpi": 130, "facecolor": "white", "metadata": {"Software": None}}
