@@ -53,7 +53,9 @@ def few_models(monkeypatch):
     monkeypatch.setattr(run, "make_models", few)
 
 
-def test_rules_for_the_load_are_those_of_a_plain_loop():
+@pytest.mark.parametrize("holidays", [None, ["2024-03-08", "2024-04-01"]])
+def test_rules_for_the_load_are_those_of_a_plain_loop(holidays):
+    """A holiday is of the kind of a weekend's days."""
     index = pd.date_range("2024-03-01", periods=24 * 40, freq="1h", tz="Europe/Berlin")
     heat = pd.Series(np.random.default_rng(0).normal(size=len(index)), index)
     heat.iloc[24 * 8 + 3] = np.nan
@@ -61,7 +63,7 @@ def test_rules_for_the_load_are_those_of_a_plain_loop():
     lead = pd.to_timedelta(np.tile(np.arange(1, 49), len(origins)), unit="h")
     origin = origins.repeat(48)
     frame = pd.DataFrame({"origin": origin, "lead": lead, "time": origin + lead})
-    found = past_loads(heat, frame)
+    found = past_loads(heat, frame, holidays)
     hour, day = pd.Timedelta("1h"), pd.Timedelta("1D")
     for row in frame.itertuples():
         begin = row.time - hour
@@ -69,7 +71,8 @@ def test_rules_for_the_load_are_those_of_a_plain_loop():
         for name, back in ((YESTERDAYS_LOAD, days * day), (LAST_WEEK, 7 * day)):
             np.testing.assert_equal(found[name][row.Index], heat[begin - back])
         past = heat[: row.origin - hour]
-        alike = past[(past.index.hour == begin.hour) & ((past.index.day_of_week >= 5) == (begin.day_of_week >= 5))]
+        free = [stamp.day_of_week >= 5 or f"{stamp:%Y-%m-%d}" in (holidays or ()) for stamp in (begin, *past.index)]
+        alike = past[(past.index.hour == begin.hour) & (np.array(free[1:]) == free[0])]
         assert found[USUAL][row.Index] == pytest.approx(alike.mean())
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from sklearn.linear_model import RidgeCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from .._holidays import Holidays, read_holidays
 from .._time import rows_per_day
+from .clock_values import minutes
 
 _ALPHAS = np.logspace(-3, 3, 13)
 YESTERDAY, RIDGE = "yesterday's load", "ridge on T_oa and set-point"
@@ -40,10 +44,11 @@ def rule_loads(train: pd.DataFrame, later: pd.DataFrame, heat: pd.Series, held: 
     return {YESTERDAY: yesterday, RIDGE: found}
 
 
-def past_loads(heat: pd.Series, frame: pd.DataFrame) -> dict[str, pd.Series]:
+def past_loads(heat: pd.Series, frame: pd.DataFrame, holidays: Any) -> dict[str, pd.Series]:
     """Loads in the rows of a back-test by rules that know nothing but the past: each over the step before ``time``.
 
-    ``heat`` is the load of all rows, before the test too; NaN where a rule knows no such load.
+    ``heat`` is the load of all rows, before the test too; NaN where a rule knows no such load.  ``holidays``, as for
+    :class:`skhybrid.hybrid.HybridPredictor`, count as weekends.
     """
     step = heat.index[1] - heat.index[0]
     begin = pd.DatetimeIndex(frame["time"]) - step
@@ -53,20 +58,24 @@ def past_loads(heat: pd.Series, frame: pd.DataFrame) -> dict[str, pd.Series]:
         back = pd.TimedeltaIndex(frame["lead"]).ceil(period)
         return pd.Series(heat.reindex(begin - back).to_numpy(), frame.index)
 
-    return {YESTERDAY: before(1), LAST_WEEK: before(7), USUAL: _usual(heat, begin, frame["origin"])}
+    return {
+        YESTERDAY: before(1),
+        LAST_WEEK: before(7),
+        USUAL: _usual(heat, begin, frame["origin"], read_holidays(holidays, heat.index)),
+    }
 
 
-def _usual(heat: pd.Series, begin: pd.DatetimeIndex, origin: pd.Series) -> pd.Series:
-    """Means, before each origin, of the loads at the same time of day on working days or weekends."""
+def _usual(heat: pd.Series, begin: pd.DatetimeIndex, origin: pd.Series, holidays: Holidays) -> pd.Series:
+    """Means, before each origin, of the loads at the same time of day on days of the same kind."""
     known = heat.dropna()
     at = pd.DatetimeIndex(known.index)
-    past = pd.DataFrame({"slot": _slots(at), "heat": known.to_numpy(), "at": at})
+    past = pd.DataFrame({"slot": _slots(at, holidays), "heat": known.to_numpy(), "at": at})
     past["mean"] = past.groupby("slot")["heat"].transform(lambda one: one.expanding().mean())
-    wanted = pd.DataFrame({"slot": _slots(begin), "at": pd.DatetimeIndex(origin), "row": origin.index})
+    wanted = pd.DataFrame({"slot": _slots(begin, holidays), "at": pd.DatetimeIndex(origin), "row": origin.index})
     found = pd.merge_asof(wanted.sort_values("at"), past, on="at", by="slot", allow_exact_matches=False)
     return found.set_index("row")["mean"].reindex(origin.index)
 
 
-def _slots(index: pd.DatetimeIndex) -> np.ndarray:
-    """Minute of the day, counted on from that of working days on weekends."""
-    return np.asarray(index.hour * 60 + index.minute + 1440 * (index.day_of_week >= 5))
+def _slots(index: pd.DatetimeIndex, holidays: Holidays) -> np.ndarray:
+    """Minute of the day, counted on from that of working days on weekends and holidays."""
+    return minutes(index) + 1440 * holidays.weekend(index)

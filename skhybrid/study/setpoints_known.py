@@ -91,7 +91,7 @@ class SetpointsKnown(NamedTuple):
         if roles == ["Q_hvac"] and has_intervals(frame):
             low, high = (frame[name] for name in LOAD_INTERVAL)
             coverage = float(measured.between(low, high)[measured.notna()].mean())
-        loads = {HYBRID: own, **past_loads(load.values, frame)}
+        loads = {HYBRID: own, **past_loads(load.values, frame, settings.holidays)}
         given: dict[str, Any] = {"unit": load.unit, "load_coverage": coverage, "weather": weather}
         return cls._beside(yesterday, frame, measured, loads, **given)
 
