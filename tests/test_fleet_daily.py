@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -131,6 +132,25 @@ def test_set_points_ahead_stand_for_the_heat(tmp_path):
     found = fleet.tick({"a": rows})
     assert fleet.errors_ == {}
     assert found["Q_hvac"].notna().all()
+
+
+@pytest.mark.parametrize(
+    ("set_points", "blank", "instead"),
+    [
+        (True, ["u_heat", "u_cool", "T_heat_set"], "set-points"),
+        (True, ["u_cool"], "set-points"),
+        (False, ["u_heat", "u_cool"], "fit the zone again on a week or more of rows with heat and set-points"),
+    ],
+)
+def test_a_tick_without_a_plan_says_what_its_rows_lack(set_points, blank, instead, tmp_path):
+    X = ZONE.assign(T_heat_set=21.0) if set_points else ZONE
+    fleet = ZoneFleet(HybridPredictor(intervals=False), store=tmp_path / "store").fit({"a": X[: 8 * DAY]})
+    rows = (X if set_points else X.assign(T_heat_set=21.0))[: 9 * DAY].copy()
+    rows.loc[rows.index[8 * DAY :], ["T_za", *blank]] = np.nan
+    absent = ", ".join(repr(name) for name in ("u_heat", "u_cool") if name in blank)
+    said = f"nothing says what the plant does after {rows.index[8 * DAY - 1]}: fill in {absent} there, or {instead}."
+    with pytest.raises(ValueError, match=re.escape(said)):
+        fleet.tick({"a": rows})
 
 
 def test_the_heat_of_the_last_step_may_be_unknown(tmp_path):

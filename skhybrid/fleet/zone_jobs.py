@@ -28,6 +28,7 @@ from .model_rows import (
     target_column,
 )
 from .model_store import ModelStore
+from .plan_ahead import refuse_without_plan
 from .zone_rows import fingerprint, read_rows
 
 _LEAST = pd.Timedelta("3D")  # of rows after a long outage, to learn from them alone
@@ -150,6 +151,7 @@ def tick_zone(zone: str, store: str, paths: Sequence[str]) -> ZoneTick:
         rows = X[ahead].drop(columns=target_column(model), errors="ignore")
         weather = {c for c, role in input_roles(rows, model).items() if not is_plant(role)}  # which has to be known
         future = rows[[c for c in rows if c in weather or rows[c].notna().any()]]
+        refuse_without_plan(model, future, now)
         found = _forecast(model, journal, None, future, {"quantiles": INTERVAL})
         journal.ahead = _first_forecasts(journal.ahead, found, now)
     if new.any() or ahead.any():
