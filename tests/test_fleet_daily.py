@@ -337,6 +337,15 @@ def test_a_folder_without_models_says_what_to_do(tmp_path, capsys):
     assert capsys.readouterr().err.endswith(f"holds no model yet; make them with skhybrid fleet fit {tmp_path}.\n")
 
 
+@pytest.mark.parametrize("command", ["fit", "tick", "status"])
+def test_the_folder_of_a_zone_is_refused(command, tmp_path, capsys):
+    (tmp_path / "archive.sqlite").touch()
+    (tmp_path / "data" / "zone=a").mkdir(parents=True)
+    assert main(["fleet", command, str(tmp_path)]) == 1
+    assert "is the folder of one zone or building; use skhybrid zone, or give another" in capsys.readouterr().err
+    assert not (tmp_path / "fleet.toml").exists()
+
+
 def test_a_status_as_json_has_null_for_a_zone_without_rows(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(
         "skhybrid.fleet.FleetFolder.status", lambda self: status_table({}, {"fit": {"a": "no rows"}}, "zone")

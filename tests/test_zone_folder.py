@@ -576,6 +576,15 @@ def test_a_failed_init_leaves_the_configuration_to_correct(log, tmp_path):
     assert (tmp_path / "kitchen" / "zone.toml").read_text(encoding="utf-8") == given.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("command", ["init", "tick", "status"])
+def test_the_folder_of_a_fleet_is_refused(command, log, tmp_path, capsys):
+    (tmp_path / "fleet.toml").touch()
+    option = [] if command == "status" else ["--log", str(write(log, tmp_path / "log.csv", DAYS))]
+    assert main(["zone", command, str(tmp_path), *option]) == 1
+    assert "is the folder of a fleet; use skhybrid fleet, or give another folder" in capsys.readouterr().err
+    assert not (tmp_path / "zone.toml").exists()
+
+
 def test_an_init_that_is_refused_leaves_nothing(log, tmp_path):
     given = tmp_path / "mine.toml"
     given.write_text('[columns]\nT_za = "no such column"\nT_oa = "neither"\n', encoding="utf-8")

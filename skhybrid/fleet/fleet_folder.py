@@ -67,8 +67,10 @@ class FleetFolder:
         Raises
         ------
         ValueError, OSError
-            If there are no data, the configuration is refused, or as :meth:`ZoneFleet.fit`.
+            If there are no data, the folder is that of a zone, the configuration is refused, or as
+            :meth:`ZoneFleet.fit`.
         """
+        self._refuse_zone()
         if not self.data.is_dir():
             raise FileNotFoundError(
                 f"{self.path} has no folder data; put a Parquet dataset there, with a folder per zone such as "
@@ -112,9 +114,10 @@ class FleetFolder:
 
         Raises
         ------
-        FileNotFoundError, ValueError
-            If there is no configuration, or it cannot be used.
+        OSError, ValueError
+            If there is no configuration, it cannot be used, or the folder is that of a zone.
         """
+        self._refuse_zone()
         if not self.config.exists():
             raise FileNotFoundError(f"{self.path} holds no fleet; make it with skhybrid fleet fit {self.path}.")
         try:
@@ -129,6 +132,12 @@ class FleetFolder:
             HybridPredictor(**params), given.get("key", "zone"), store=self.store, fallback=fallback, n_jobs=self.n_jobs
         )
         return fleet, days
+
+    def _refuse_zone(self) -> None:
+        if (self.path / "archive.sqlite").exists() and not self.config.exists():
+            raise FileExistsError(
+                f"{self.path} is the folder of one zone or building; use skhybrid zone, or give another folder."
+            )
 
     def _check(self, given: dict[str, Any]) -> None:
         estimator = given.get("estimator", {})

@@ -90,11 +90,12 @@ class ZoneFolder:
         Raises
         ------
         FileExistsError
-            If the folder has a model.
+            If the folder has a model, or is that of a fleet.
         ValueError
             If the log or the configuration cannot be used.
         """
         folder = cls(path)
+        folder._refuse_fleet()
         folder._refuse_model()
         if config is None and not folder.config.exists():
             write_text(folder.config, propose_settings(log))
@@ -269,7 +270,12 @@ class ZoneFolder:
         if changed:
             zone.save(self.model)
 
+    def _refuse_fleet(self) -> None:
+        if (self.path / "fleet.toml").exists() and not self.model.exists():
+            raise FileExistsError(f"{self.path} is the folder of a fleet; use skhybrid fleet, or give another folder.")
+
     def _require_model(self) -> None:
+        self._refuse_fleet()
         if not self.model.exists():
             raise FileNotFoundError(f"{self.path} holds no zone; make it with skhybrid zone init.")
 
