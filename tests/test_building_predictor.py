@@ -677,13 +677,28 @@ def test_what_cannot_be_right_is_refused(rooms, change, message):
     assert not hasattr(model, "own_")
 
 
-def test_a_setpoint_in_degf_is_told_once_a_zone(building, later):
+def test_a_setpoint_in_degf_is_told_once(building, later):
     """The second forecasts, with neighbours, repeated it, and named columns that the user does not have."""
     with pytest.warns(UnitWarning) as caught:
         building.predict_load(later[:DAY], 70.0)
-    said = [str(w.message) for w in caught if w.category is UnitWarning]
-    assert [text.partition(":")[0] for text in said] == [f"zone {zone!r}" for zone in ZONES]
-    assert all("setpoint is 70: likely degF rather than degC" in text for text in said)
+    (said,) = [str(w.message) for w in caught if w.category is UnitWarning]
+    assert said.startswith(f"zones {', '.join(map(repr, ZONES))}: setpoint is 70: likely degF rather than degC")
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda model, rows: model.predict_load(rows, 21.0),
+        lambda model, rows: model.affine_forecast(None, rows),
+        lambda model, rows: copy.deepcopy(model).update(rows),
+        lambda model, rows: model.drift(rows),
+    ],
+)
+def test_what_zones_share_is_told_once_of_plans_and_new_rows_too(building, later, call):
+    with pytest.warns(UnitWarning) as caught:
+        call(building, later[:DAY].assign(T_oa=57.0))
+    (said,) = [str(w.message) for w in caught if w.category is UnitWarning]
+    assert said.startswith(f"zones {', '.join(map(repr, ZONES))}: ")
 
 
 def test_exchanged_rooms_are_refused(two_stages, rooms):

@@ -280,6 +280,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         X, rows = self._prepared(self._read(X)), np.asarray(origins)
         return closed_loops(zones, X, rows, horizon, quantiles, read_weather_error(weather_error))
 
+    @warnings_joined()
     def predict_load(self, X: pd.DataFrame, setpoint: Any, limits: Any = None) -> pd.DataFrame:
         """Heating and cooling that brings each zone to its set-points, under the forecast disturbances.
 
@@ -312,6 +313,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         rows = zones.with_measured(self._prepared(self._read(X)))
         return loads_of_zones(zones, rows, wanted, limits)
 
+    @warnings_joined()
     def affine_forecast(
         self, history: pd.DataFrame | None, future: pd.DataFrame, inputs: Sequence[str] | None = None, T_za: Any = None
     ) -> AffineForecast:

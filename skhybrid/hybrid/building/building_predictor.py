@@ -282,6 +282,7 @@ class BuildingPredictor(BaseBuilding):
         return self
 
     @unchanged_on_failure
+    @warnings_joined()
     @one_blas_thread
     def update(self, X: Any, y: Any = None) -> Self:
         """Take in new rows, as :meth:`HybridPredictor.update` does.
@@ -348,6 +349,7 @@ class BuildingPredictor(BaseBuilding):
         measured = as_numbers(self._columns.known(X, y), "y").reshape(predicted.shape)
         return r2_of_measured(measured, predicted, sample_weight)
 
+    @warnings_joined()
     def drift(self, X: Any = None) -> pd.DataFrame:
         """Report day by day whether what was learned of each zone still holds: :meth:`HybridPredictor.drift`.
 
