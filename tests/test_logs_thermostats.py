@@ -294,6 +294,26 @@ def test_epa_plants_of_two_stages(tmp_path):
     assert log.scale["heat_runtime at full load"] == pytest.approx(1 / 60)
 
 
+@pytest.mark.parametrize("second", ["0", ""])
+def test_an_epa_log_in_which_the_second_stage_never_ran_has_the_column_of_both(second, tmp_path):
+    """A configuration made in a colder month names it."""
+    rows = [f"2021-04-01 0{h}:00:00,0,,,{run},{second},66.5" for h, run in enumerate((30, 0))]
+    log = epa_thermostat.read(_written(tmp_path, "\n".join([HEADER, *rows])))
+    assert log.frame["heat_runtime at full load"].tolist() == pytest.approx([0.65 * 30, 0.0])
+    assert log.frame["cool_runtime at full load"].tolist() == [0.0, 0.0]
+    assert log.roles["u_heat"] == "heat_runtime_stg1"
+    assert "u_cool" not in log.roles
+    assert "full load" not in " ".join(log.notes)
+
+
+def test_an_epa_log_without_emergency_heat_has_the_column_with_it(tmp_path):
+    header = "datetime,heat_runtime_stg1,auxiliary_heat_runtime,emergency_heat_runtime,temp_in"
+    rows = ["2021-04-01 00:00:00,30,6,0,66.5", "2021-04-01 01:00:00,0,0,0,67"]
+    log = epa_thermostat.read(_written(tmp_path, "\n".join([header, *rows])))
+    assert log.frame["auxiliary_runtime with emergency heat"].tolist() == [6.0, 0.0]
+    assert log.roles["u_aux"] == "auxiliary_heat_runtime"
+
+
 def test_an_epa_compressor_of_two_stages_and_a_plant_that_hardly_ran(tmp_path):
     header = "datetime,cool_runtime_stg1,cool_runtime_stg2,heat_runtime_stg1,temp_in"
     rows = ["2021-01-01 00:00:00,60,20,0.5,66.5", "2021-01-01 01:00:00,30,0,0,67"]

@@ -18,6 +18,7 @@ _MINUTES = 60.0  # most minutes of running in an hour
 _TEMPERATURES = {"T_za": "temp_in", "T_heat_set": "heating_setpoint", "T_cool_set": "cooling_setpoint"}
 _OUTDOOR = ("temp_out", "outdoor_temp")
 _AUXILIARY = ("auxiliary_heat_runtime", "auxiliary_heat", "emergency_heat_runtime", "emergency_heat")
+_BOTH = "auxiliary_runtime with emergency heat"
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -60,7 +61,7 @@ def read(
             f"{where}, column {over[0]!r} has {frame[over[0]].max():g} minutes in an hour, first at {first}; if they "
             "are seconds, divide them by 60."
         )
-    plants = _plants(frame, notes)
+    plants = _plants(frame, known, notes)
     idle = {role for role, plant in (("T_heat_set", "u_heat"), ("T_cool_set", "u_cool")) if plant not in plants}
     roles = {role: c for role, c in _temperatures(frame).items() if role not in idle} | plants
     scale = dict.fromkeys([c for c in map(str, frame) if "runtime" in c or c in _AUXILIARY], 1.0 / _MINUTES)
@@ -119,30 +120,36 @@ def _units(frame: pd.DataFrame) -> dict[str, str]:
     return {c: "degF" for c in map(str, frame) if c in (*_TEMPERATURES.values(), *_OUTDOOR)}
 
 
-def _plants(frame: pd.DataFrame, notes: list[str]) -> dict[str, str]:
-    """Roles of the plants that ran; adds columns for two stages and for auxiliary heat, and notes on them."""
+def _plants(frame: pd.DataFrame, known: list[str], notes: list[str]) -> dict[str, str]:
+    """Roles of the plants that ran; adds columns for two stages and for auxiliary heat, and notes on them.
+
+    The columns are also those of a log in which the second of the ``known`` columns never ran: the configuration of
+    another month may name them.
+    """
     roles = {}
-    auxiliary = [c for c in _AUXILIARY if c in frame and (frame[c] > 0).any()]
+    ran = {c for c in map(str, frame) if (frame[c] > 0).any()}
+    auxiliary = [c for c in _AUXILIARY if c in ran]
     for kind in ("heat", "cool"):
         first, second, equivalent = (f"{kind}_runtime_{s}" for s in ("stg1", "stg2", "equiv"))
-        if equivalent in frame and (frame[equivalent] > 0).any():
-            roles[f"u_{kind}"] = equivalent
-        elif second in frame and first in frame and (frame[second] > 0).any():
-            name = f"{kind}_runtime at full load"
+        name, said = f"{kind}_runtime at full load", ""
+        if first in frame and second in known and equivalent not in ran:
             low = FURNACE_LOW if kind == "heat" and not auxiliary else COMPRESSOR_LOW
-            frame[name], said = full_load(frame[[first, second]], _MINUTES, low)
+            frame[name], said = full_load(frame.reindex(columns=[first, second]), _MINUTES, low)
+        if equivalent in ran:
+            roles[f"u_{kind}"] = equivalent
+        elif said and second in ran:
             roles[f"u_{kind}"] = name
             notes.append(f"{name!r} is {first} and {second} {said}.")
-        elif first in frame and (frame[first] > 0).any():
+        elif first in ran:
             roles[f"u_{kind}"] = first
         else:
             notes.append(f"no {kind}ing ran in this log, so its set-point was never in force.")
+    both = [c for c in _AUXILIARY if c in frame]
+    if len(both) > 1:
+        frame[_BOTH] = frame[both].sum(axis=1, min_count=1).clip(upper=_MINUTES)
     if auxiliary:
         role = "u_aux" if "u_heat" in roles else "u_heat"
-        roles[role] = auxiliary[0]
-        if len(auxiliary) > 1:
-            roles[role] = "auxiliary_runtime with emergency heat"
-            frame[roles[role]] = frame[auxiliary].sum(axis=1, min_count=1).clip(upper=_MINUTES)
+        roles[role] = _BOTH if len(auxiliary) > 1 else auxiliary[0]
         notes.append(f"{role} is {' and '.join(auxiliary)}.")
     return roles
 
