@@ -416,6 +416,27 @@ def test_each_of_two_columns_judges_the_values_of_a_long_table(write):
     assert list(np.flatnonzero(log.frame["room temp"].isna())) == list(judged)
 
 
+@pytest.mark.parametrize(
+    ("header", "end"),
+    [
+        ("Room;Room Quality;Room Status;Power", ";1.5"),
+        ("Room;Quality;Status;Power;Quality;Status", ";1.5;good;ok"),
+    ],
+)
+def test_each_of_two_columns_judges_the_values_of_a_channel(write, header, end):
+    judged = {3: "bad;ok", 5: "good;fault", 7: "bad;fault"}
+    rows = [f"{stamp};{ROOM[k]};{judged.get(k, 'good;ok')}{end}" for k, stamp in enumerate(STAMPS)]
+    log = read_log(write("\n".join([f"time;{header}", *rows])))
+    assert list(np.flatnonzero(log.frame["Room"].isna())) == list(judged)
+    assert log.frame["Power"].notna().all()
+
+
+def test_the_state_of_a_plant_after_a_quality_judges_nothing(write):
+    rows = [f"{stamp};{ROOM[k]};good;1.5;good;{'fault' if k < 5 else 'ok'}" for k, stamp in enumerate(STAMPS)]
+    log = read_log(write("time;Room;Room Quality;Power;Power Quality;Boiler status\n" + "\n".join(rows)))
+    assert log.frame["Power"].notna().all()
+
+
 def test_the_state_of_a_plant_is_no_quality(write):
     cells = [f"{stamp};{ROOM[k]};{'fault' if k < 5 else 'ok'};7" for k, stamp in enumerate(STAMPS)]
     log = read_log(write("time;Room;Boiler status;Status\n" + "\n".join(cells)))

@@ -194,12 +194,26 @@ def quality_columns(names: Iterable[Hashable]) -> list[str]:
 
 
 def columns_judged(names: Iterable[Hashable]) -> dict[str, str]:
-    """The column that each one of quality judges: the one before it, where several have one, or its name says so."""
+    """The column that each one of quality judges: the last other one before it.
+
+    Its name says so, or several have one right after them; a further one that begins with no name of a column counts
+    where all have as many.
+    """
     ordered = list(map(str, names))
-    found = quality_columns(ordered)
-    before = {name: ordered[ordered.index(name) - 1] for name in found if name != ordered[0]}
-    pairs = {name: judged for name, judged in before.items() if judged not in found}
-    return pairs if len(pairs) > 1 else {name: judged for name, judged in pairs.items() if name.startswith(judged)}
+    found, after, judged = set(quality_columns(ordered)), dict[str, list[str]](), ""
+    for name in ordered:
+        if name not in found:
+            judged = name
+        elif judged:
+            after.setdefault(judged, []).append(name)
+    several = len(after) > 1
+    alike = several and len(set(map(len, after.values()))) == 1
+    return {
+        name: of
+        for of, own in after.items()
+        for k, name in enumerate(own)
+        if name.startswith(of) or (several and k == 0) or (alike and _QUALITY.match(name))
+    }
 
 
 def without_bad(piece: pd.DataFrame, judged: Mapping[str, str]) -> pd.DataFrame:
