@@ -9,7 +9,7 @@ import pytest
 
 from skhybrid.cli import main
 from skhybrid.datasets import make_office
-from skhybrid.study import Settings, run, run_study, split_log
+from skhybrid.study import Settings, results, run, run_study, split_log
 from skhybrid.study.compared_models import HYBRID, YESTERDAY, identified_by, make_models
 from skhybrid.study.day_energy import day_energy
 from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
@@ -116,10 +116,12 @@ def test_the_next_day_is_forecast_under_its_set_points(result, log):
     np.testing.assert_allclose(forecast["T_za"], expected["T_za"])
 
 
-def test_the_report_has_intervals_of_the_energy_and_the_cost_of_the_next_day(log, few_models, tmp_path):
+def test_the_report_has_intervals_of_the_energy_and_the_cost_of_the_next_day(log, few_models, monkeypatch, tmp_path):
     heated = log.drop(columns=["u_heat", "u_cool"]).assign(Q_hvac=6.0 * log["u_heat"] - 6.0 * log["u_cool"])
     settings = settings_of(heated, tariff={"price": 0.3})
-    found = run_study(settings, split_log(heated, settings))
+    found, computed = run_study(settings, split_log(heated, settings)), []
+    once = results.energy_cost
+    monkeypatch.setattr(results, "energy_cost", lambda *given: computed.append(once(*given)) or computed[-1])
     (energy, *_), paths = day_energy(found.forecast["Q_hvac"]), found.load_paths["Q_hvac"]
     low, high = paths.clip(lower=0.0).groupby("sample").sum().quantile([0.1, 0.9])
     assert (energy.kind, low < energy.value < high) == ("heating", True)
@@ -128,7 +130,19 @@ def test_the_report_has_intervals_of_the_energy_and_the_cost_of_the_next_day(log
     assert f"<b>{energy.value:.0f}\u00a0kWh</b>" in page
     assert f"heating needed that day; 80 % interval {low:.0f} to {high:.0f} kWh" in page
     cost = json.loads((tmp_path / "out" / "metrics.json").read_text(encoding="utf-8"))["next_day_cost"]
+    assert len(computed) == 1
     assert cost["interval"] == pytest.approx(0.3 * paths.abs().groupby("sample").sum().quantile([0.1, 0.9]))
+
+
+def test_paths_of_loads_without_a_scale_are_not_drawn(log, few_models, monkeypatch):
+    """No page shows the energy of stages of zones without a capacity."""
+    own, calls = [name for name in log if name not in ("T_oa", "q_sol")], []
+    rooms = [(log[own] + [0.5 * k * name.startswith("T_") for name in own]).add_suffix(f"_{k}") for k in range(2)]
+    house = pd.concat([log[["T_oa", "q_sol"]], *rooms], axis=1)
+    settings = dataclasses.replace(settings_of(house), estimator=with_stages({}))
+    monkeypatch.setattr(run, "paths_of_next_day", lambda *given: calls.append(given))
+    found = run_study(settings, split_log(house, settings))
+    assert (found.scaled, found.load_paths, calls) == (False, None, [])
 
 
 def test_the_outputs_tell_both_tasks(result, tmp_path):

@@ -25,7 +25,6 @@ from .report.figures import SHOWN, save_png
 from .report.html import next_day_cards
 from .results import BuildingResult, StudyResult
 from .scores import side_by_side
-from .tariff import next_day_cost
 from .verdict import zones_in_words
 from .zone_part import forecast_of
 
@@ -220,7 +219,7 @@ def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:
 
 def metrics_text(result: StudyResult | BuildingResult) -> str:
     """Errors, verdicts and settings of a study as JSON."""
-    cost, held, words = next_day_cost(result), result.setpoints_known, verdict(result.table, HYBRID)
+    cost, held, words = result.next_day_cost, result.setpoints_known, verdict(result.table, HYBRID)
     own: dict[str, Any] = {}
     if isinstance(result, BuildingResult):
         words = f"{zones_in_words(result.zone_verdicts)} {words}"

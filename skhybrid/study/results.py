@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from .log_split import StudyData
 from .scores import coverage_of, rmse_by_zone
 from .setpoints_known import SetpointsKnown
 from .settings import Settings, is_scaled
+from .tariff import Cost, energy_cost
 from .verdict import Verdict, named_by_zone, worst, worst_first
 from .zone_loads import ZoneLoads
 
@@ -45,6 +47,19 @@ class BaseStudyResult:
         """Share of the test measurements inside the intervals; None without intervals."""
         return coverage_of(self.frames[HYBRID])
 
+    @property
+    def scaled(self) -> bool:
+        """Whether the log fixes what a kW is, in every zone."""
+        raise NotImplementedError
+
+    @cached_property
+    def next_day_cost(self) -> Cost | None:
+        """Cost of the load of the next day; None without a tariff, or where its kW have no scale."""
+        if not self.scaled:
+            return None
+        given, forecast = self.settings, self.forecast.assign(T_oa=self.data.future["T_oa"])
+        return energy_cost(forecast, given.tariff, given.plant, given.holidays, given.zones, self.load_paths)
+
 
 @dataclass(kw_only=True)
 class StudyResult(BaseStudyResult):
@@ -61,7 +76,8 @@ class StudyResult(BaseStudyResult):
         Index = label; ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``; the best first.
     forecast : DataFrame, the next day
     load_paths : DataFrame, optional
-        Paths of its loads by ``sample`` and time [kW]; None where it is not forecast under set-points.
+        Paths of its loads by ``sample`` and time [kW]; None where it is not forecast under set-points, or its kW have
+        no scale.
     setpoints_known : SetpointsKnown, optional
         The back-test in which the heat is not known ahead; None for a log without set-points.
     warnings : list of str, all warnings, each once

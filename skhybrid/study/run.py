@@ -72,7 +72,6 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         of_day = is_under_setpoints(held, study)
         asked = interval_asked(held.frame if held is not None and of_day else frames[HYBRID], settings)
         forecast = forecast_next_day(model, study, asked, gray_box, of_day=of_day)
-        paths = paths_of_next_day(model, study, gray_box) if of_day else None
         verdicts = verdicts_by_zone(tested, study, held, loads, gray_box, of_day=of_day)
     common = {
         "settings": settings,
@@ -81,16 +80,21 @@ def run_study(settings: Settings, data: StudyData, progress: Progress | None = N
         "frames": frames,
         "table": _compared(tested, load_errors(loads, data.test_start)[0]),
         "forecast": forecast,
-        "load_paths": paths,
         "setpoints_known": held,
         "warnings": _each_once(study.remarks, caught),
-        "seconds": time.perf_counter() - begun,
         **identified,
     }
-    if not settings.zones:
-        return StudyResult(**common, verdicts=verdicts[""])
-    zones = zone_table(frames, verdicts, loads, data.test_start)
-    return BuildingResult(**common, zones=zones, zone_verdicts={str(zone): verdicts[str(zone)] for zone in zones.index})
+    result: StudyResult | BuildingResult
+    if settings.zones:
+        zones = zone_table(frames, verdicts, loads, data.test_start)
+        by_zone = {str(zone): verdicts[str(zone)] for zone in zones.index}
+        result = BuildingResult(**common, zones=zones, zone_verdicts=by_zone)
+    else:
+        result = StudyResult(**common, verdicts=verdicts[""])
+    if of_day and result.scaled:  # of other loads no page shows an energy
+        result.load_paths = paths_of_next_day(model, study, gray_box)
+    result.seconds = time.perf_counter() - begun
+    return result
 
 
 def _identified_zone(tested: Mapping[str, TestedModel], study: Study) -> dict[str, Any]:

@@ -99,12 +99,3 @@ def energy_cost(
     interval = None if paths is None else interval_of(costs(paths))
     energy = "heat" if performance is None else "electricity"
     return Cost(float(costs(forecast)[0]), interval, energy, prices.currency)
-
-
-def next_day_cost(result: Any) -> Cost | None:
-    """Cost of the load of a study's next day; None without a tariff, or where its kW have no scale."""
-    if not result.scaled:
-        return None
-    given = result.settings
-    forecast = result.forecast.assign(T_oa=result.data.future["T_oa"])
-    return energy_cost(forecast, given.tariff, given.plant, given.holidays, given.zones, result.load_paths)

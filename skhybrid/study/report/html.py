@@ -13,7 +13,6 @@ from ... import __version__
 from ..._files import atomic_path
 from ..day_energy import day_energy
 from ..results import BuildingResult, StudyResult
-from ..tariff import next_day_cost
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image
 from .words import number
@@ -125,7 +124,7 @@ def next_day_cards(result: StudyResult | BuildingResult) -> list[tuple[str, str]
     if not result.scaled:
         return []
     loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
-    cost = next_day_cost(result)
+    cost = result.next_day_cost
     return energy_cards(result.forecast[loads], result.load_paths) + ([] if cost is None else [cost.card()])
 
 
