@@ -137,7 +137,17 @@ def _skip_what_is_not_ours(app: Any, what: str, name: str, obj: Any, skip: bool,
     return None
 
 
+#: names that another module documents too
+_WITHOUT_SOURCE = {("skhybrid.datasets", "read_zone_csv"), ("skhybrid.logs", "regularize")}
+
+
+def _source_on_one_page(app: Any, module: str, name: str) -> str | None:
+    """Leave out the second link to a source: viewcode links back to the module of one page and the file of another."""
+    return module if (module, name) in _WITHOUT_SOURCE else None
+
+
 def setup(app: Any) -> None:
-    """Connect the two hooks."""
+    """Connect the hooks."""
+    app.connect("viewcode-follow-imported", _source_on_one_page)
     app.connect("source-read", _insert_what_is_written_elsewhere)
     app.connect("autodoc-skip-member", _skip_what_is_not_ours)
