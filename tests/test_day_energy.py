@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from skhybrid.exceptions import TooFewDaysError
-from skhybrid.study.day_energy import Energy, day_energy, paths_of_load
+from skhybrid.study.day_energy import Energy, day_energy, energy_of_zones, paths_of_load
 from skhybrid.study.report.html import energy_cards
 
 DAY = pd.date_range("2024-01-05", periods=4, freq="30min")
@@ -32,10 +32,10 @@ def test_a_day_without_heat_says_so_and_one_row_is_an_hour():
 
 def test_cards_have_the_energy_of_all_zones():
     loads = pd.DataFrame({"Q_hvac_a": [6.0, 6.0, 0.0, 0.0], "Q_hvac_b": [4.0, 0.0, -2.0, 0.0]}, DAY)
-    (heat, words), (cold, _) = energy_cards(loads, paths_of(loads, [0.0, 1.0, 2.0]))
+    (heat, words), (cold, _) = energy_cards(energy_of_zones(loads, paths_of(loads, [0.0, 1.0, 2.0])))
     assert (heat, cold) == ("8\u00a0kWh", "1\u00a0kWh")
     assert words == "heating needed that day; 80 % interval 2 to 14 kWh"
-    assert energy_cards(loads[[]]) == []
+    assert energy_of_zones(loads[[]]) == []
 
 
 def test_a_model_without_intervals_has_no_paths():

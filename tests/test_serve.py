@@ -212,6 +212,19 @@ def test_the_page_shows_forecast_past_and_verdict_and_is_safe(made):
     assert len(identifiers) == len(set(identifiers))
 
 
+def test_the_page_shows_the_energy_of_the_forecast_with_its_interval(made):
+    with open_archive(ZoneFolder(made).archive) as archive:
+        known = archive.latest_energy()
+        forecast = archive.latest()
+    (one,) = [one for one in known if one.interval is not None]
+    low, high = one.interval
+    assert low < one.value < high
+    sums = {"heating": forecast["Q_hvac"].clip(lower=0.0).sum(), "cooling": -forecast["Q_hvac"].clip(upper=0.0).sum()}
+    assert one.value == pytest.approx(sums[one.kind])
+    said = f"{one.kind} needed in that time; 80 % interval {low:.0f} to {high:.0f} kWh"
+    assert f"<b>{one.value:.0f}\u00a0kWh</b><span>{said}</span>" in client_of(made).get("/").text
+
+
 # ------------------------------------------------------------------------------------------------------------- posting
 def test_a_refusal_names_keys_of_the_configuration(log, client):
     rows = until(log, DAYS + 1)[24 * DAYS : 24 * DAYS + 3]

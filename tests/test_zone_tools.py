@@ -14,6 +14,7 @@ from skhybrid.cli.zone import _errors
 from skhybrid.datasets import make_office
 from skhybrid.model_selection import design_matrix
 from skhybrid.study import identified_building, run, scores
+from skhybrid.study.day_energy import Energy
 from skhybrid.study.log_split import StudyData
 from skhybrid.study.settings import settings_from
 from skhybrid.zone import zone_backtest, zone_search, zone_state
@@ -104,6 +105,21 @@ def test_a_status_counts_the_forecasts_of_four_weeks_and_tells_a_silent_thermome
     assert found["last measured"] == f"{stamps[-101]} (4 days ago)"
     assert found["drift"] == {}
     assert found["verdicts"] == [[f"no temperature was measured since {found['last measured']}"]]
+
+
+def test_the_archive_keeps_the_energy_of_the_last_forecast_in_any_clock(tmp_path):
+    stamps = pd.date_range("2024-01-01", periods=24, freq="1h", tz="Europe/Berlin")
+    rows = pd.DataFrame({"T_za": 20.0}, stamps)
+    energy = [Energy("heating", 8.0, (5.0, 12.0)), Energy("cooling", 1.0, None)]
+    with open_archive(tmp_path / "archive.sqlite") as archive, archive.transaction():
+        assert archive.latest_energy() == []
+        archive.add_forecast(stamps[0], rows[1:], energy=energy[1:])
+        archive.add_forecast(stamps[0], rows[1:], energy=energy)
+        assert archive.latest_energy() == energy
+        archive.keep_clock(None, stamps.tz)
+        assert archive.latest_energy() == energy
+        archive.add_forecast(stamps[5].tz_localize(None), rows[6:].tz_localize(None))
+        assert archive.latest_energy() == []
 
 
 def _data():

@@ -24,7 +24,7 @@ from ..zone import ZoneFolder
 from .guard import LOOPBACK_NAMES, Guard
 from .page import docs_page, page_of
 from .schemas import ROWS, BuildingForecast, BuildingStatus, Forecast, Posted, Refusal, Row, Status
-from .zone_view import QUANTITIES, plain_rows, view_zones
+from .zone_view import QUANTITIES, energy_ahead, plain_rows, view_zones
 
 _MOST_BYTES = 8 * 2**20  # of a body: months of rows
 _FILE = "rows.csv"  # of a body, for as long as it is read
@@ -100,7 +100,7 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
             now = (int(time.time() // 3600), *(file.stat().st_mtime_ns for file in files if file.exists()))
             if now not in drawn:
                 model = zone.load()
-                text = page_of(model.settings.name, view_zones(zone, model), zone.status(model))
+                text = page_of(model.settings.name, view_zones(zone, model), zone.status(model), energy_ahead(zone))
                 drawn.clear()
                 drawn[now] = text
             return drawn[now]

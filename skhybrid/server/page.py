@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
 import pandas as pd
 
+from ..study.day_energy import Energy
 from ..study.report.building_page import ZONE_STYLE, by_zone, zone_boxes
 from ..study.report.figures import (
     SHOWN_IN,
@@ -30,14 +31,17 @@ _OLD = pd.Timedelta(days=1)
 _T, _LOAD = "temperature [K]", "load [kW]"  # the names of their errors in a status
 
 
-def page_of(name: str, views: Mapping[str, ZoneView], status: dict[str, Any]) -> str:
-    """The page of a zone, whose view has an empty name, or of several: verdicts, tomorrow, yesterday, the last week."""
+def page_of(name: str, views: Mapping[str, ZoneView], status: dict[str, Any], energy: Sequence[Energy]) -> str:
+    """The page of a zone, whose view has an empty name, or of several: verdicts, tomorrow, yesterday, the last week.
+
+    ``energy`` is that of the last forecast.
+    """
     several = "" not in views
     of = f"{len(views)} zones" if several else "a zone"
     head = f'<p class="soft">skhybrid: day-ahead forecast of {of}</p><h1>{escape(name)}</h1>\n'
     verdicts = _verdicts_of_zones(status) if several else verdict_boxes(_verdicts(status))
     state = _state_of_zones(status) if several else _state(status)
-    sections = [head + verdicts, _tomorrow(views, several), _yesterday(views, several), _week(views, several)]
+    sections = [head + verdicts, _tomorrow(views, several, energy), _yesterday(views, several), _week(views, several)]
     return html_page(f"{name}: forecast", [*sections, state, _LINKS], _REFRESH + (ZONE_STYLE if several else ""))
 
 
@@ -50,7 +54,7 @@ def _verdicts_of_zones(status: dict[str, Any]) -> str:
     return f'<p class="verdict">{escape(zones_in_words(known))}</p>\n{zone_boxes(known)}' if known else ""
 
 
-def _tomorrow(views: Mapping[str, ZoneView], several: bool) -> str:
+def _tomorrow(views: Mapping[str, ZoneView], several: bool, energy: Sequence[Energy]) -> str:
     rows = {zone: view.forecast for zone, view in views.items() if "T_za" in view.forecast}
     origin = next(iter(views.values())).origin
     if origin is None or not rows:
@@ -60,11 +64,10 @@ def _tomorrow(views: Mapping[str, ZoneView], several: bool) -> str:
     of, bands = ("temperature of all zones", "bands are") if several else ("room temperature", "band is")
     cards = [(f"{low:.1f}–{high:.1f}\u00a0°C", f"{of} in the day to come")]
     scaled = all(view.scaled for view in views.values())
-    loads = [frame["Q_hvac"] for frame in rows.values() if "Q_hvac" in frame]
-    if scaled and loads:  # it need not cover a day
-        energy = energy_cards(pd.concat(loads, axis=1))
-        cards += [(value, text.replace("that day", "in that time")) for value, text in energy]
-    scale = " The heat has no certain scale: no capacity is known." if not scaled and loads else ""
+    if scaled:  # it need not cover a day
+        cards += [(value, text.replace("that day", "in that time")) for value, text in energy_cards(energy)]
+    relative = not scaled and any("Q_hvac" in frame for frame in rows.values())
+    scale = " The heat has no certain scale: no capacity is known." if relative else ""
 
     def figure(width: float) -> Any:
         return days_figure(rows, width, "kW" if scaled else "relative") if several else day_figure(rows[""], width)

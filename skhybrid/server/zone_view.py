@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._clock import in_time_zone
+from ..study.day_energy import Energy
 from ..zone import ZoneFolder, ZoneModel
 from ..zone.forecast_archive import open_archive
 from ..zone.zone_state import archives_of
@@ -39,6 +40,12 @@ def view_zones(folder: ZoneFolder, zone: ZoneModel) -> dict[str, ZoneView]:
     with open_archive(folder.archive) as archive:
         archives = archives_of(archive, zone)
         return {name: _view(archives[name], part) for name, part in zone.parts().items()}
+
+
+def energy_ahead(folder: ZoneFolder) -> list[Energy]:
+    """Heating and cooling of all zones together by the last forecast."""
+    with open_archive(folder.archive) as archive:
+        return archive.latest_energy()
 
 
 def _view(archive: Any, zone: ZoneModel) -> ZoneView:

@@ -44,6 +44,13 @@ def day_energy(load: pd.Series, paths: pd.Series | None = None) -> list[Energy]:
     return [Energy(kind, sums[kind], interval if kind == larger else None) for kind in shown]
 
 
+def energy_of_zones(loads: pd.DataFrame, paths: pd.DataFrame | None = None) -> list[Energy]:
+    """Heating and cooling of the day by the loads of all zones together [kW], and their ``paths``."""
+    if loads.empty or len(loads) < 2:
+        return []
+    return day_energy(loads.sum(axis=1), None if paths is None else paths[list(loads)].sum(axis=1))
+
+
 def paths_of_load(model: Any, history: pd.DataFrame, future: pd.DataFrame, **given: Any) -> pd.DataFrame | None:
     """Paths of a day's loads [kW] by ``sample`` and time, which a predictor draws; None where it has no intervals."""
     try:

@@ -19,7 +19,7 @@ from ..logs import read_log as read_any_log
 from ..logs.naming import PLACE_ALONE, UNPLACED, guess_role, plain, unit_in_name
 from ..logs.open_meteo import answers_in
 from ..logs.zone_csv import to_left_label
-from ..study.day_energy import day_energy, paths_of_load
+from ..study.day_energy import Energy, day_energy, energy_of_zones, paths_of_load
 from ..study.doubts import day_beyond
 from ..study.log_reading import read_even_log
 from ..study.log_split import inputs_of
@@ -51,11 +51,13 @@ class DayAhead(NamedTuple):
     frame : DataFrame, a row per step of the day
     summary : dict, sums and ranges of the day by name
     remarks : tuple of str, what a user should know of it
+    energy : tuple of Energy, heating and cooling of all zones together, where the kW have a scale
     """
 
     frame: pd.DataFrame
     summary: dict[str, Any]
     remarks: tuple[str, ...]
+    energy: tuple[Energy, ...] = ()
 
 
 def day_ahead(
@@ -122,8 +124,10 @@ def day_ahead(
         *zone.remarks_on_outages(frame, history),
         *_remarks(zone, history, ahead, planned),
     ]
-    summary = _summary(out, settings, zone.scaled, _paths(zone, history, ahead))
-    return DayAhead(out, summary, tuple(remarks))
+    paths = _paths(zone, history, ahead)
+    loads = [role for role in settings.roles_of("Q_hvac") if zone.scaled and role in out]
+    energy = energy_of_zones(out[loads], paths)
+    return DayAhead(out, _summary(out, settings, zone.scaled, paths), tuple(remarks), tuple(energy))
 
 
 def _paths(zone: ZoneModel, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame | None:

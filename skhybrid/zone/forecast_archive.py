@@ -13,6 +13,7 @@ import pandas as pd
 
 from .._sqlite import open_database, table_of_others, transaction
 from .._table import SETPOINT_ROLES
+from ..study.day_energy import Energy
 
 _FORECAST = ("T_za", "q_0.1", "q_0.9", "Q_hvac", "Q_hvac_0.1", "Q_hvac_0.9")
 _MEASURED = ("T_za", "Q_hvac")
@@ -31,9 +32,11 @@ def _table(name: str, keys: tuple[str, ...], values: tuple[str, ...]) -> str:
 _TABLES = (
     _table("forecast", ("origin", "time"), _FORECAST),
     _table("measured", ("time",), _MEASURED),
+    _table("energy", ("origin", "kind"), ("value", "low", "high")),
     _table("log", ("kind", "role", "time"), ("value",)),
     _table("held", ("role",), ()),
 )
+_STAMPED = (("forecast", "origin"), ("forecast", "time"), ("energy", "origin"), ("measured", "time"), ("log", "time"))
 _FINISHED = """
 SELECT f.*, {measured} FROM forecast f LEFT JOIN measured m USING (time)
 WHERE f.origin IN (
@@ -55,11 +58,19 @@ class ForecastArchive:
         """Keep all that the block writes, or nothing; no other process can begin one meanwhile."""
         return transaction(self.database)
 
-    def add_forecast(self, origin: pd.Timestamp, frame: pd.DataFrame, zones: Sequence[str] = ()) -> None:
-        """Keep a forecast; one from the same origin is replaced.  Columns of several ``zones`` end with their names."""
+    def add_forecast(
+        self, origin: pd.Timestamp, frame: pd.DataFrame, zones: Sequence[str] = (), energy: Sequence[Energy] = ()
+    ) -> None:
+        """Keep a forecast and its energy; one from the same origin is replaced.
+
+        Columns of several ``zones`` end with their names.
+        """
         (first,) = _texts(pd.DatetimeIndex([origin]))
-        self.database.execute("DELETE FROM forecast WHERE origin = ?", (first,))
+        for table in ("forecast", "energy"):
+            self.database.execute(f"DELETE FROM {table} WHERE origin = ?", (first,))
         self._insert("forecast", frame, _of_zones(_FORECAST, zones), first)
+        rows = [(first, one.kind, one.value, *(one.interval or (None, None))) for one in energy]
+        self.database.executemany("INSERT INTO energy VALUES (?, ?, ?, ?, ?)", rows)
 
     def add_measured(self, frame: pd.DataFrame, zones: Sequence[str] = ()) -> None:
         """Keep measured temperature [degC], delivered heat [kW] and stages [-]; rows of the same times are replaced."""
@@ -97,6 +108,12 @@ class ForecastArchive:
         """The rows of the last forecast by time, with the columns of the forecast; empty where there is none."""
         query = "SELECT * FROM forecast WHERE origin = (SELECT max(origin) FROM forecast)"
         return _by_time(self._read(query)).drop(columns="origin")
+
+    def latest_energy(self) -> list[Energy]:
+        """Heating and cooling of all zones together by the last forecast, where they are known."""
+        query = "SELECT * FROM energy WHERE origin = (SELECT max(origin) FROM forecast) ORDER BY kind DESC"
+        rows = self.database.execute(query).fetchall()
+        return [Energy(kind, value, None if low is None else (low, high)) for _, kind, value, low, high in rows]
 
     def measured(self, since: pd.Timestamp) -> pd.DataFrame:
         """Temperature [degC] and delivered heat [kW] by time, from a stamp on."""
@@ -155,7 +172,7 @@ class ForecastArchive:
         ``former``.  Rows at stamps that do not exist, or exist twice, are forgotten.
         """
         other = "LIKE" if tz is None else "NOT LIKE"
-        for table, column in (("forecast", "origin"), ("forecast", "time"), ("measured", "time"), ("log", "time")):
+        for table, column in _STAMPED:
             found = self.database.execute(f"SELECT DISTINCT {column} FROM {table} WHERE {column} {other} '%Z'")
             old = [text for (text,) in found]
             stamps = _stamps(pd.Index(old, dtype=object))

@@ -266,7 +266,7 @@ class ZoneFolder:
         if found is not None and origin >= seen:
             weather = found.frame.drop(columns=list(filter(is_plant, found.frame)))
             beyond = beyond_training(weather, zone.covered()).any(axis=1).astype(float)
-            archive.add_forecast(origin, found.frame.assign(**{BEYOND: beyond}), zone.zones)
+            archive.add_forecast(origin, found.frame.assign(**{BEYOND: beyond}), zone.zones, found.energy)
         if changed:
             zone.save(self.model)
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ... import __version__
 from ..._files import atomic_path
-from ..day_energy import day_energy
+from ..day_energy import Energy, energy_of_zones
 from ..results import BuildingResult, StudyResult
 from ..verdict import CARE, NOT, Verdict
 from .figures import as_image
@@ -111,11 +111,8 @@ def verdict_boxes(verdicts: Sequence[Verdict]) -> str:
     return f'<div class="verdicts">{boxes}</div>\n' if boxes else ""
 
 
-def energy_cards(loads: pd.DataFrame, paths: pd.DataFrame | None = None) -> list[tuple[str, str]]:
-    """Heating and cooling of the day by the loads of all zones together [kW], where there is any."""
-    if loads.empty or len(loads) < 2:
-        return []
-    found = day_energy(loads.sum(axis=1), None if paths is None else paths[list(loads)].sum(axis=1))
+def energy_cards(found: Iterable[Energy]) -> list[tuple[str, str]]:
+    """Heating and cooling of a day, where there is any."""
     return [one.card() for one in found if one.value >= 0.5]
 
 
@@ -125,7 +122,8 @@ def next_day_cards(result: StudyResult | BuildingResult) -> list[tuple[str, str]
         return []
     loads = [role for role in result.settings.roles_of("Q_hvac") if role in result.forecast]
     cost = result.next_day_cost
-    return energy_cards(result.forecast[loads], result.load_paths) + ([] if cost is None else [cost.card()])
+    energy = energy_of_zones(result.forecast[loads], result.load_paths)
+    return energy_cards(energy) + ([] if cost is None else [cost.card()])
 
 
 def results_table(table: pd.DataFrame, scaled: bool, load_name: str = "load") -> str:
