@@ -234,6 +234,20 @@ def test_forecasts_under_other_weather_are_those_of_each_table(office, taken_in)
         np.testing.assert_allclose(scheme.forecast_each(tables, origin, N_LEADS), each, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("objective", ["one_step", "multi_step"])
+def test_an_arx_is_fitted_again_once_for_all_drawn_weathers(office, monkeypatch, objective):
+    model = ARXRegressor(adapt="refit", objective=objective, n_lags=6, n_input_lags=2)
+    model.fit(office.X[: 12 * 96], office.y[: 12 * 96])
+    table, origin, fitted = read_table(model, office.X, reset=False), 14 * 96 + 10, []
+    tables = [WeatherError().forecast(table, origin, N_LEADS, draw) for draw in range(3)]
+    refitted = ARXRegressor.refitted
+    expected = [model._forecast(one, np.array([origin]), N_LEADS) for one in tables]
+    monkeypatch.setattr(ARXRegressor, "refitted", lambda *given: fitted.append(1) or refitted(*given))
+    np.testing.assert_array_equal(model._each_path(tables, origin, N_LEADS), expected)
+    assert len(fitted) == 1
+    assert not np.array_equal(expected[0], expected[1])
+
+
 @pytest.mark.parametrize("n_draws", [8, 48])
 def test_few_draws_tell_how_far_a_further_one_may_be_off(n_draws):
     rng, held, share = np.random.default_rng(0), [], 0.95

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Literal, Self
 
@@ -276,9 +276,20 @@ class ARXRegressor(QuantileForecastMixin, RegressorMixin, BaseEstimator):
     def _forecast(self, table: ZoneTable, origins: np.ndarray, n_leads: int) -> np.ndarray:
         self._check_adapt()  # which may have been set since ``fit``
         view = self.design_.view(table, table.measured())
+        return self.design_.iterate(view, origins, n_leads, self._coefs(table, view, origins))
+
+    def _coefs(self, table: ZoneTable, view: ARXData, origins: np.ndarray) -> np.ndarray:
+        """Coefficients (n_origins, n_columns) as known at each origin of a table, or (1, n_columns) of all."""
+        if self.adapt is None:
+            return self.coef_[None, :]
         n_learned = table.stamps.n_until(None if self._tail.utc is None else self._tail.utc[-1])
-        coefs = self.coef_[None, :] if self.adapt is None else self.refitted(view, origins, n_learned)
-        return self.design_.iterate(view, origins, n_leads, coefs)
+        return self.refitted(view, origins, n_learned)
+
+    def _each_path(self, tables: Sequence[ZoneTable], origin: int, n_leads: int) -> np.ndarray:
+        """Forecasts from one origin; up to there all tables are alike, so that one fit serves them."""
+        views, at = [self.design_.view(table, table.measured()) for table in tables], np.array([origin])
+        coefs = self._coefs(tables[0], views[0], at)
+        return np.array([self.design_.iterate(view, at, n_leads, coefs) for view in views])
 
     def recursive(self, begin: int = 0) -> RecursiveARX | RecursiveMultiStep:
         """The regression, ready to be updated by later rows.
