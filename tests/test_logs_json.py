@@ -61,6 +61,11 @@ def openhab(name, values):
     return {"name": name, "datapoints": "96", "data": states}
 
 
+def graphite(name, values):
+    """A target of Graphite's render API."""
+    return {"target": name, "tags": {}, "datapoints": [[v, s] for s, v in zip(SECONDS, values, strict=True)]}
+
+
 WEATHER = {
     "name": "weather",
     "columns": ["time", "T_out"],
@@ -104,6 +109,7 @@ FORMS = {
         json.dumps(influx([{"columns": list(ROWS), "values": ROWS.iloc[k : k + 40].to_numpy().tolist()}]))
         for k in (0, 40, 80)
     ),
+    "Graphite": json.dumps([graphite(name, of_role(role)) for name, role in ITEMS.items()]),
     "openHAB": json.dumps([openhab(name, of_role(role)) for name, role in ITEMS.items()]),
     "lists by point": json.dumps({name: openhab("", of_role(role))["data"] for name, role in ITEMS.items()}),
 }
@@ -200,6 +206,8 @@ VECTOR = {"resultType": "vector", "result": [{"metric": {}, "value": [SECONDS[0]
         (json.dumps(prometheus([])), "is an answer without values over time"),
         ('{"results": [{"statement_id": 0}]}', "is an answer without values over time"),
         (json.dumps(influx([WEATHER | {"values": []}])), "is an answer without values over time"),
+        ('{"results": {"A": {"frames": []}}}', r"is an answer to a panel of Grafana; download its data as CSV"),
+        ('[{"target": "room temp", "datapoints": []}]', "holds no rows"),
         ('{"error": "database not found: home"}', "is an answer .* error, 'database not found: home'; ask again"),
     ],
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Reader of JSON: records, columns, answers of Prometheus and InfluxDB 1, and lists of points such as openHAB's."""
+"""Reader of JSON: records, columns, answers of Prometheus, Graphite and InfluxDB 1, and lists such as openHAB's."""
 
 from __future__ import annotations
 
@@ -75,6 +75,9 @@ def _series(item: Mapping[str, Any], units: dict[str, str]) -> Iterator[_Series]
                 units[name] = unit
             at, values = zip(*one["values"], strict=True)
             yield name, at, values
+    if "target" in item and isinstance(item.get("datapoints"), list):  # of Graphite
+        values, at = zip(*item["datapoints"], strict=True)
+        yield str(item["target"]), at, values
     for result in results if isinstance(results, list) else ():
         for one in result.get("series", ()):
             yield from _of_influx(one)
@@ -169,6 +172,8 @@ def _refusal(items: Sequence[Any]) -> str:
         return f"is an answer that tells of an error, {cell(first['error'])}; ask again"
     if "hourly" in first:
         return "is a forecast of Open-Meteo, which is no log of a room; give it as weather (--weather)"
+    if isinstance(first.get("results"), dict):
+        return "is an answer to a panel of Grafana; download its data as CSV (Inspect, Data)"
     if "results" in first or (isinstance(first.get("data"), dict) and "resultType" in first["data"]):
         return "is an answer without values over time; query a range of time that has some"
     if first and len(items) == 1 and not any(isinstance(own, dict | list) for own in first.values()):
