@@ -35,6 +35,7 @@ from skhybrid.hybrid.thermostat_law.law_features import LawRows, further_feature
 from skhybrid.hybrid.thermostat_law.member_intervals import MemberValues, StateIntervals, reaching
 from skhybrid.hybrid.thermostat_law.plant_capacity import PlantCapacity
 from skhybrid.hybrid.thermostat_law.plant_law import LawPairs, make_pairs
+from skhybrid.hybrid.thermostat_law.possible_loads import PossibleLoads
 from skhybrid.model_selection import backtest
 from skhybrid.persistence import load_model, save_model
 from skhybrid.thermal import RCNetwork
@@ -554,6 +555,58 @@ def plant_limits(heat, T, n_trained, origins, is_usual=False):
     return np.column_stack(found.at(rows, n_trained, np.array(origins)))
 
 
+def rows_of_loads(heat, T, band):
+    n = len(heat)
+    return LawRows(np.broadcast_to(T, n), heat, band, np.empty((n, 0)), np.empty((n, 3)), DAY)
+
+
+def test_the_least_load_of_a_plant_is_found_on_both_sides_where_it_rests():
+    heat = np.repeat([0.0, 2.0, 4.0, -1.0, 0.1], [500, 250, 200, 90, 1])  # one row of 450 with part of a step
+    free = Band(*np.tile([[-np.inf], [np.inf]], len(heat)))
+    possible = PossibleLoads.of(rows_of_loads(heat, 21.0, free))
+    assert possible == ((1.0, 2.0), (np.inf, np.inf))
+    assert PossibleLoads.of(rows_of_loads(np.maximum(heat, 0.0), 21.0, free)).least == (0.0, 2.0)
+    never_rests = PossibleLoads.of(rows_of_loads(heat[heat != 0.0], 21.0, free.rows(heat != 0.0)))
+    assert never_rests.least == (0.0, 0.0)
+    loads, T = np.array([[-3.0, -0.6, -0.4, 0.0], [0.9, 1.1, 2.0, 5.0]]), np.full(2, 21.0)
+    found = possible.nearest(loads, free.rows(slice(2)), 21.0, T, T)
+    np.testing.assert_array_equal(found, [[-3.0, -1.0, 0.0, 0.0], [0.0, 2.0, 2.0, 5.0]])
+    np.testing.assert_array_equal(never_rests.nearest(loads, free.rows(slice(2)), 21.0, T, T), loads)
+
+
+def test_a_plant_heats_and_cools_only_near_its_set_points():
+    """In training it heated up to 0.5 K above 20 degC, and cooled down to 0.2 K below 25 degC."""
+    heat, T = np.tile([0.0, 0.0, 2.0, 0.0, 0.0, -1.0, 0.0], 20), np.tile([22.0, 21.0, 20.5, 21.0, 24.0, 24.8, 24.0], 20)
+    band = Band(*np.tile([[20.0], [25.0]], len(T)))
+    possible = PossibleLoads.of(rows_of_loads(heat, T, band))
+    np.testing.assert_allclose(possible.reach, [0.2, 0.5])
+    loads, one = np.tile([-4.0, 4.0], (5, 1)), band.rows(slice(5))
+    lowest, highest = np.array([20.4, 20.6, 20.6, 24.0, 24.0]), np.array([21.0, 21.0, 24.0, 24.9, 24.0])
+    found = possible.nearest(loads, one, 22.0, lowest, highest)
+    np.testing.assert_array_equal(found, [[0.0, 4.0], [0.0, 4.0], [0.0, 0.0], [-4.0, 0.0], [-4.0, 0.0]])
+    unknown = np.full(5, np.nan)  # without a temperature of now the first row has that of its end
+    assert possible.nearest(loads, one, np.nan, lowest, highest)[0].tolist() == [0.0, 4.0]
+    assert not possible.nearest(loads, one, np.nan, unknown, unknown).any()
+
+
+def test_quantiles_of_a_load_are_0_or_what_the_plant_gives_at_least(log, model):
+    """They had loads near 0, which no day has, and cooling in a cold night."""
+    possible = model._law._possible
+    assert min(possible.least) > 0.1
+    assert max(possible.reach) < 1.0
+    levels = list((np.arange(50) + 0.5) / 50)
+    found = model.forecast(None, ahead(log, TRAINED), quantiles=levels)
+    loads = found.filter(regex=r"^Q_hvac_0").to_numpy()
+    assert loads.shape == (DAY, 50)
+    assert (np.diff(loads) >= 0.0).all()
+    assert (loads == 0.0).any()
+    assert (loads[loads > 0.0] >= possible.least[1]).all()
+    assert (loads[loads < 0.0] <= -possible.least[0]).all()
+    cold = found["q_0.99"] < log["T_cool_set"][TRAINED : TRAINED + DAY] - 1.0
+    assert cold[1:].any()
+    assert (loads[1:][cold[1:]] >= 0.0).all()
+
+
 def test_limits_of_an_ideal_plant_are_reached(log):
     plain = log.drop(columns=SIDES)  # no thermostat is learned
     model = SchedulePredictor("2R2C", known={"Q_h": 6.0}, intervals=False).fit(plain[:TRAINED], plain["T_za"][:TRAINED])
@@ -787,8 +840,8 @@ def test_pairs_that_are_learned_from_spread_over_all_leads():
 
 
 def test_a_side_that_never_had_a_set_point_may_always_act():
-    infinite, at = np.array([20.0, np.inf]), np.array([0, 1, 1])
-    found = ClosedLoop._acting(SimpleNamespace(_sides=(True, False)), Band(infinite, infinite), at)
+    infinite = np.array([20.0, np.inf, np.inf])
+    found = ClosedLoop._acting(SimpleNamespace(_sides=(True, False)), Band(infinite, infinite))
     assert [side.tolist() for side in found] == [[True, False, False], [True, True, True]]
 
 

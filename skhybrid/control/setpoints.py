@@ -22,7 +22,7 @@ class Band(NamedTuple):
     heating: np.ndarray  # (N,) lowest [degC]; -inf where it is not held
     cooling: np.ndarray  # (N,) highest [degC]; inf where it is not held
 
-    def rows(self, chosen: slice) -> Band:
+    def rows(self, chosen: slice | np.ndarray) -> Band:
         """The band of some of the rows."""
         return Band(*(side[chosen] for side in self))
 

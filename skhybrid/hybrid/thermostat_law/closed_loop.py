@@ -33,6 +33,7 @@ from .law_refits import WEEKS, IdealPaths, LawRefits, Weeks
 from .member_intervals import MemberIntervals, MemberValues, StateIntervals, reaching
 from .plant_capacity import PlantCapacity
 from .plant_law import MEMBERS, PRIOR, PlantLaw, learn, make_pairs, member_errors, member_paths
+from .possible_loads import PossibleLoads
 
 _LEAST_DAYS = 7  # days of training that a law is learned from, at least
 _LEAST_PAIRS = 100  # pairs of origin and lead with a measured temperature, at least
@@ -48,6 +49,7 @@ _RUNS = 0.02  # of the highest heat in training, from which on a plant runs
 #: hours over which errors are averaged before they order samples, as a plant goes on and off: of 0, 2, 4, 6 and 8 the
 #: one whose 80 % intervals of a day's kWh hold 80 % on five EnergyPlus buildings
 _LASTING = 6
+_FAR = (0.01, 0.99)  # levels of the temperatures between which a plant may act
 
 
 class _TrainingTail(NamedTuple):
@@ -70,9 +72,16 @@ class ClosedLoop:
         n_leads: int,
         training: ZoneTable,
         capacity: PlantCapacity,
+        possible: PossibleLoads,
         usual: UsualTemperature | None = None,
     ) -> None:
-        self._refits, self._tail, self.n_leads, self._capacity = refits, tail, n_leads, capacity
+        self._refits, self._tail, self.n_leads, self._capacity, self._possible = (
+            refits,
+            tail,
+            n_leads,
+            capacity,
+            possible,
+        )
         self.usual = usual  # that stands for set-points
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
         self._per_day = rows_per_day(training.step)
@@ -110,7 +119,8 @@ class ClosedLoop:
         values = member_errors(rows, origins[later], ideal.rows(later), before, leads)
         least = _RUNS * float(np.abs(heat).max())
         tail = _learn_tail(training, LawErrors.of(rows, origins[later], leads, values, least), least)
-        return cls(LawRefits(learn(pairs, rows.per_day), pairs), tail, n_leads, training, capacity, usual)
+        law, possible = LawRefits(learn(pairs, rows.per_day), pairs), PossibleLoads.of(rows)
+        return cls(law, tail, n_leads, training, capacity, possible, usual)
 
     def paths(
         self,
@@ -168,7 +178,8 @@ class ClosedLoop:
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         if levels is not None:
-            wanted = wanted._replace(levels=levels, seen=self._capacity.seen(rows, weeks.begin, origins))
+            seen = self._capacity.seen(rows, weeks.begin, origins)
+            wanted = wanted._replace(levels=np.append(levels, _FAR), seen=seen)
             if weather is not None:
                 spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
                 wanted = wanted._replace(spread=spread)
@@ -265,18 +276,21 @@ class ClosedLoop:
                 if n_levels:
                     recent = self._recent(table, known, shares, quantity)
                     out[quantity, i, :, 1:] += self._offsets(wanted, i, quantity, weights, recent)
-            plausible = ranges.of_row(i).around(rows.band.rows(slice(origin, origin + n_leads)))
+            ahead = rows.band.rows(np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
+            out[1, i] = ranges.of_row(i).around(ahead).clip(out[1, i])
+            if n_levels:
+                begin, far = rows.T[origin], out[1, i, :, -len(_FAR) :].T
+                out[0, i, :, 1:] = self._possible.nearest(out[0, i, :, 1:], ahead, begin, *far)
             lowest, highest = wanted.limits.lower[i], wanted.limits.upper[i]
-            heats, cools = self._acting(rows.band, np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
+            heats, cools = self._acting(ahead)
             within = np.where(cools, lowest, max(lowest, 0.0)), np.where(heats, highest, min(highest, 0.0))
             out[0, i] = np.clip(out[0, i], within[0][:, None], within[1][:, None])
-            out[1, i] = plausible.clip(out[1, i])
         paths = LoadPaths(out[0, ..., 0], out[1, ..., 0], wanted.zeta)
-        return ClosedLoopPaths(paths, *((out[0, ..., 1:], out[1, ..., 1:]) if n_levels else ()))
+        return ClosedLoopPaths(paths, *(out[..., 1 : -len(_FAR)] if n_levels else ()))
 
-    def _acting(self, band: Band, at: np.ndarray) -> list[np.ndarray]:
+    def _acting(self, band: Band) -> list[np.ndarray]:
         """Whether the plant may heat, and cool, in some rows: not on a side that had set-points and has none there."""
-        return [np.isfinite(side[at]) | (not learned) for side, learned in zip(band, self._sides, strict=True)]
+        return [np.isfinite(side) | (not learned) for side, learned in zip(band, self._sides, strict=True)]
 
     def _shares(self, known: LawErrors, days: float, age: np.ndarray) -> np.ndarray:
         """(2, n_groups, M) weights for load and temperature, so many days after the training."""
@@ -324,7 +338,7 @@ class _Wanted(NamedTuple):
     zeta: np.ndarray  # (O, L)
     limits: Limits  # (O,) of the plant [kW]
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
-    levels: np.ndarray = np.empty(0)  # of quantiles, none where they are not asked for
+    levels: np.ndarray = np.empty(0)  # of quantiles, the last _FAR; none where they are not asked for
     seen: Limits | None = None  # (O,) least and most heat that the trees may have learned from [kW], for quantiles
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
 

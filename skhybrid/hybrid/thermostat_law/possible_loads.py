@@ -1,0 +1,54 @@
+"""Loads that a plant can have, by those of its training."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ...control import Band
+from .law_features import LawRows
+
+_RARE = 0.01  # share of the loads other than 0 that may be smaller, or farther from a set-point, than what counts
+
+
+class PossibleLoads(NamedTuple):
+    """No load or at least the least one, and heating and cooling only with a room that is near their set-point."""
+
+    least: tuple[float, float]  # of cooling and of heating [kW], both positive; 0 for a plant that never rests
+    reach: tuple[float, float]  # how far below the set-point of cooling, and above that of heating, one may be [K]
+
+    @classmethod
+    def of(cls, rows: LawRows) -> Self:
+        """By the loads that were measured; a side that was never used, or has no set-points, may act anywhere."""
+        loads, rests = (-rows.heat, rows.heat), (rows.heat == 0.0).any()
+        ends = np.append(rows.T[1:], np.nan)
+        off = _off(rows.band, np.fmin(rows.T, ends), np.fmax(rows.T, ends))
+        least = [_quantile(load[load > 0.0], _RARE, 0.0) if rests else 0.0 for load in loads]
+        reach = [_quantile(by[load > 0.0], 1.0 - _RARE, np.inf) for load, by in zip(loads, off, strict=True)]
+        return cls((least[0], least[1]), (reach[0], reach[1]))
+
+    def nearest(
+        self, loads: np.ndarray, band: Band, begin: float, lowest: np.ndarray, highest: np.ndarray
+    ) -> np.ndarray:
+        """The nearest possible loads (L, n) [kW] for set-points (L,) and a range of temperatures (L,) [degC].
+
+        The temperatures are those at the ends of the rows; the first row begins with a known one.
+        """
+        lowest = np.fmin(lowest, np.append(begin, lowest[:-1]))
+        highest = np.fmax(highest, np.append(begin, highest[:-1]))
+        cools, heats = (by <= reach for by, reach in zip(_off(band, lowest, highest), self.reach, strict=True))
+        loads = np.clip(loads, np.where(cools, -np.inf, 0.0)[:, None], np.where(heats, np.inf, 0.0)[:, None])
+        least, size = np.where(loads < 0.0, *self.least), np.abs(loads)
+        return np.where(size < 0.5 * least, 0.0, np.copysign(np.maximum(size, least), loads))
+
+
+def _off(band: Band, lowest: np.ndarray, highest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(L,) how far rooms with these temperatures are below the set-point of cooling, and above that of heating [K]."""
+    return band.cooling - highest, lowest - band.heating
+
+
+def _quantile(values: np.ndarray, level: float, otherwise: float) -> float:
+    """Quantile of the values that are known; ``otherwise`` where there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, level)) if len(known) else otherwise
