@@ -178,8 +178,7 @@ class ClosedLoop:
             )
             wanted = wanted._replace(shift=wanted.shift + _between(actual, forecast, n_leads))
         if levels is not None:
-            seen = self._capacity.seen(rows, weeks.begin, origins)
-            wanted = wanted._replace(levels=np.append(levels, _FAR), seen=seen)
+            wanted = wanted._replace(levels=levels, seen=self._capacity.seen(rows, weeks.begin, origins))
             if weather is not None:
                 spread = self._weather_spread(scheme, table, origins, n_leads, limits, boundary, weather)
                 wanted = wanted._replace(spread=spread)
@@ -264,6 +263,8 @@ class ClosedLoop:
         table, rows, members, n_leads = wanted.table, wanted.rows, wanted.members, wanted.members.shape[1]
         begin = weeks.zero if table.n_history else weeks.begin  # of new rows
         ranges = scheme.plausible(table, wanted.origins)
+        if len(wanted.levels):
+            wanted = wanted._replace(levels=np.append(wanted.levels, _FAR))
         n_levels = len(wanted.levels)
         out = np.empty((2, len(wanted.origins), n_leads, 1 + n_levels))
         for i, origin in enumerate(wanted.origins):
@@ -338,7 +339,7 @@ class _Wanted(NamedTuple):
     zeta: np.ndarray  # (O, L)
     limits: Limits  # (O,) of the plant [kW]
     shift: np.ndarray  # (2, O, L) of load and temperature by other limits of the plant
-    levels: np.ndarray = np.empty(0)  # of quantiles, the last _FAR; none where they are not asked for
+    levels: np.ndarray = np.empty(0)  # of quantiles, none where they are not asked for
     seen: Limits | None = None  # (O,) least and most heat that the trees may have learned from [kW], for quantiles
     spread: np.ndarray | None = None  # (O, 2, L) of what errors of the weather change in load and temperature
 
