@@ -560,12 +560,14 @@ def rows_of_loads(heat, T, band):
     return LawRows(np.broadcast_to(T, n), heat, band, np.empty((n, 0)), np.empty((n, 3)), DAY)
 
 
-def test_the_least_load_of_a_plant_is_found_on_both_sides_where_it_rests():
-    heat = np.repeat([0.0, 2.0, 4.0, -1.0, 0.1], [500, 250, 200, 90, 1])  # one row of 450 with part of a step
+def test_the_first_step_of_a_plant_is_found_on_both_sides_where_it_rests():
+    heat = np.repeat([0.0, 2.0, 2.01, 4.0, -1.0], [500, 40, 10, 450, 90])
     free = Band(*np.tile([[-np.inf], [np.inf]], len(heat)))
     possible = PossibleLoads.of(rows_of_loads(heat, 21.0, free))
     assert possible == ((1.0, 2.0), (np.inf, np.inf))
     assert PossibleLoads.of(rows_of_loads(np.maximum(heat, 0.0), 21.0, free)).least == (0.0, 2.0)
+    many = heat + np.where(heat > 0.0, np.linspace(0.0, 9.0, len(heat)), 0.0)
+    assert PossibleLoads.of(rows_of_loads(many, 21.0, free)).least == (1.0, 0.0)
     never_rests = PossibleLoads.of(rows_of_loads(heat[heat != 0.0], 21.0, free.rows(heat != 0.0)))
     assert never_rests.least == (0.0, 0.0)
     loads, T = np.array([[-3.0, -0.6, -0.4, 0.0], [0.9, 1.1, 2.0, 5.0]]), np.full(2, 21.0)

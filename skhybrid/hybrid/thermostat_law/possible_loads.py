@@ -9,23 +9,24 @@ import numpy as np
 from ...control import Band
 from .law_features import LawRows
 
-_RARE = 0.01  # share of the loads other than 0 that may be smaller, or farther from a set-point, than what counts
+_STEP, _OFTEN = 1.01, 0.05  # loads up to so many times the least one are a step, if a plant that runs has it so often
+_RARE = 0.01  # share of the rows in which a plant ran that may be farther from its set-point than what counts
 
 
 class PossibleLoads(NamedTuple):
     """No load or at least the least one, and heating and cooling only with a room that is near their set-point."""
 
-    least: tuple[float, float]  # of cooling and of heating [kW], both positive; 0 for a plant that never rests
+    least: tuple[float, float]  # first step of cooling and of heating [kW], both positive; 0 where there are no steps
     reach: tuple[float, float]  # how far below the set-point of cooling, and above that of heating, one may be [K]
 
     @classmethod
     def of(cls, rows: LawRows) -> Self:
         """By the loads that were measured; a side that was never used, or has no set-points, may act anywhere."""
-        loads, rests = (-rows.heat, rows.heat), (rows.heat == 0.0).any()
+        loads = -rows.heat, rows.heat
         ends = np.append(rows.T[1:], np.nan)
         off = _off(rows.band, np.fmin(rows.T, ends), np.fmax(rows.T, ends))
-        least = [_quantile(load[load > 0.0], _RARE, 0.0) if rests else 0.0 for load in loads]
-        reach = [_quantile(by[load > 0.0], 1.0 - _RARE, np.inf) for load, by in zip(loads, off, strict=True)]
+        least = [_first_step(load[load > 0.0]) if (rows.heat == 0.0).any() else 0.0 for load in loads]
+        reach = [_farthest(by[load > 0.0]) for load, by in zip(loads, off, strict=True)]
         return cls((least[0], least[1]), (reach[0], reach[1]))
 
     def nearest(
@@ -48,7 +49,13 @@ def _off(band: Band, lowest: np.ndarray, highest: np.ndarray) -> tuple[np.ndarra
     return band.cooling - highest, lowest - band.heating
 
 
-def _quantile(values: np.ndarray, level: float, otherwise: float) -> float:
-    """Quantile of the values that are known; ``otherwise`` where there are none."""
-    known = values[np.isfinite(values)]
-    return float(np.quantile(known, level)) if len(known) else otherwise
+def _first_step(loads: np.ndarray) -> float:
+    """The least of the loads of a plant that runs, where it often has that one; else 0."""
+    least = float(loads.min(initial=np.inf))
+    return least if (loads <= _STEP * least).sum() > _OFTEN * len(loads) else 0.0
+
+
+def _farthest(off: np.ndarray) -> float:
+    """All but the rarest of the distances that are known [K]; infinite where none is."""
+    known = off[np.isfinite(off)]
+    return float(np.quantile(known, 1.0 - _RARE)) if len(known) else np.inf
