@@ -586,7 +586,7 @@ def test_a_plant_heats_and_cools_only_near_its_set_points():
     lowest, highest = np.array([21.4, 21.6, 21.6, 24.0, 23.0]), np.array([21.6, 21.6, 23.0, 23.9, 23.0])
     found = possible.nearest(loads, one, 22.0, lowest, highest)
     np.testing.assert_array_equal(found, [[0.0, 4.0], [0.0, 4.0], [0.0, 0.0], [-4.0, 0.0], [-4.0, 0.0]])
-    T[4:7] = 21.0  # once of 20 times it cooled a cold room, as ventilation does
+    T[4:7] = 23.0  # once of 20 times it cooled a room 2 K below
     assert PossibleLoads.of(rows_of_loads(heat, T, band)).reach == (np.inf, possible.reach[1])
     unknown = np.full(5, np.nan)  # without a temperature of now the first row has that of its end
     assert possible.nearest(loads, one, np.nan, lowest, highest)[0].tolist() == [0.0, 4.0]

@@ -11,7 +11,8 @@ from .law_features import LawRows
 
 _STEP, _OFTEN = 1.01, 0.05  # loads up to so many times the least one are a step, if a plant that runs has it so often
 _RARE = 0.01  # share of the rows in which a plant ran that may be farther from its set-point than what counts
-_MARGIN = 1.0  # by which it may be farther later [K]
+#: distance from its set-point in training up to which that of a plant is limited, and by which it may be farther [K]
+_NEAR, _MARGIN = 1.0, 1.0
 
 
 class PossibleLoads(NamedTuple):
@@ -24,15 +25,14 @@ class PossibleLoads(NamedTuple):
     def of(cls, rows: LawRows) -> Self:
         """By the loads that were measured.
 
-        A side may act anywhere if it was never used, has no set-points, or acted nearer to the set-point of the other
-        side, as ventilation does.
+        A side may act anywhere if it was never used, has no set-points, or acted far from them, as ventilation
+        does, and the plants of several rooms of which the mean is measured.
         """
         loads = -rows.heat, rows.heat
         ends = np.append(rows.T[1:], np.nan)
         off = _off(rows.band, np.fmin(rows.T, ends), np.fmax(rows.T, ends))
         least = [_first_step(load[load > 0.0]) if (rows.heat == 0.0).any() else 0.0 for load in loads]
-        half = 0.5 * (rows.band.cooling - rows.band.heating)
-        reach = [_farthest(by[load > 0.0], half[load > 0.0]) for load, by in zip(loads, off, strict=True)]
+        reach = [_farthest(by[load > 0.0]) for load, by in zip(loads, off, strict=True)]
         return cls((least[0], least[1]), (reach[0], reach[1]))
 
     def nearest(
@@ -61,9 +61,8 @@ def _first_step(loads: np.ndarray) -> float:
     return least if (loads <= _STEP * least).sum() > _OFTEN * len(loads) else 0.0
 
 
-def _farthest(off: np.ndarray, half: np.ndarray) -> float:
-    """How far rooms may be off a set-point, by how far they were, and half the distance of both set-points [K]."""
-    known = np.isfinite(off)
-    if not known.any() or np.quantile(off[known] - half[known], 1.0 - _RARE) > 0.0:
-        return np.inf
-    return float(np.quantile(off[known], 1.0 - _RARE)) + _MARGIN
+def _farthest(off: np.ndarray) -> float:
+    """How far rooms may be off a set-point [K], by how far they were."""
+    known = off[np.isfinite(off)]
+    farthest = float(np.quantile(known, 1.0 - _RARE)) if len(known) else np.inf
+    return farthest + _MARGIN if farthest <= _NEAR else np.inf
