@@ -10,30 +10,27 @@ from ...control import Band
 from .law_features import LawRows
 
 _STEP, _OFTEN = 1.01, 0.05  # loads up to so many times the least one are a step, if a plant that runs has it so often
-_RARE = 0.01  # share of the rows in which a plant ran that may be farther from its set-point than what counts
-#: distance from its set-point in training up to which that of a plant is limited, and by which it may be farther [K]
-_NEAR, _MARGIN = 1.0, 1.0
+_RARE = 0.001  # share of the rows in which a plant ran that counts as none
 
 
 class PossibleLoads(NamedTuple):
-    """No load or at least the least one, and heating and cooling only with a room that is near their set-point."""
+    """No load or at least the first step, and no cooling where heating is nearer, nor the reverse."""
 
     least: tuple[float, float]  # first step of cooling and of heating [kW], both positive; 0 where there are no steps
-    reach: tuple[float, float]  # how far below the set-point of cooling, and above that of heating, one may be [K]
+    keeps: tuple[bool, bool]  # whether it cooled, and heated, only rooms that were nearer to that set-point
 
     @classmethod
     def of(cls, rows: LawRows) -> Self:
         """By the loads that were measured.
 
-        A side may act anywhere if it was never used, has no set-points, or acted far from them, as ventilation
-        does, and the plants of several rooms of which the mean is measured.
+        Ventilation cools cold rooms too, and so does the plant of several rooms of which the mean is measured.
         """
-        loads = -rows.heat, rows.heat
-        ends = np.append(rows.T[1:], np.nan)
-        off = _off(rows.band, np.fmin(rows.T, ends), np.fmax(rows.T, ends))
+        loads, ends = (-rows.heat, rows.heat), np.append(rows.T[1:], np.nan)
+        far = _nearer_to_other(rows.band, np.fmin(rows.T, ends), np.fmax(rows.T, ends))
+        known = np.isfinite(rows.band.cooling - rows.band.heating)
         least = [_first_step(load[load > 0.0]) if (rows.heat == 0.0).any() else 0.0 for load in loads]
-        reach = [_farthest(by[load > 0.0]) for load, by in zip(loads, off, strict=True)]
-        return cls((least[0], least[1]), (reach[0], reach[1]))
+        keeps = [_never(off[known & (load > 0.0)]) for load, off in zip(loads, far, strict=True)]
+        return cls((least[0], least[1]), (keeps[0], keeps[1]))
 
     def nearest(
         self, loads: np.ndarray, band: Band, begin: float, lowest: np.ndarray, highest: np.ndarray
@@ -44,15 +41,18 @@ class PossibleLoads(NamedTuple):
         """
         lowest = np.fmin(lowest, np.append(begin, lowest[:-1]))
         highest = np.fmax(highest, np.append(begin, highest[:-1]))
-        cools, heats = (by <= reach for by, reach in zip(_off(band, lowest, highest), self.reach, strict=True))
-        loads = np.clip(loads, np.where(cools, -np.inf, 0.0)[:, None], np.where(heats, np.inf, 0.0)[:, None])
+        far = _nearer_to_other(band, lowest, highest)
+        rests = [keeps & off for keeps, off in zip(self.keeps, far, strict=True)]
+        loads = np.clip(loads, np.where(rests[0], 0.0, -np.inf)[:, None], np.where(rests[1], 0.0, np.inf)[:, None])
         least, size = np.where(loads < 0.0, *self.least), np.abs(loads)
         return np.where(size < 0.5 * least, 0.0, np.copysign(np.maximum(size, least), loads))
 
 
-def _off(band: Band, lowest: np.ndarray, highest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(L,) how far rooms with these temperatures are below the set-point of cooling, and above that of heating [K]."""
-    return band.cooling - highest, lowest - band.heating
+def _nearer_to_other(band: Band, lowest: np.ndarray, highest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(L,) whether rooms with these temperatures are nearer to the other set-point than cooling, and than heating."""
+    with np.errstate(invalid="ignore"):  # without set-points no room is
+        middle = 0.5 * (band.heating + band.cooling)
+    return highest < middle, lowest > middle
 
 
 def _first_step(loads: np.ndarray) -> float:
@@ -61,8 +61,6 @@ def _first_step(loads: np.ndarray) -> float:
     return least if (loads <= _STEP * least).sum() > _OFTEN * len(loads) else 0.0
 
 
-def _farthest(off: np.ndarray) -> float:
-    """How far rooms may be off a set-point [K], by how far they were."""
-    known = off[np.isfinite(off)]
-    farthest = float(np.quantile(known, 1.0 - _RARE)) if len(known) else np.inf
-    return farthest + _MARGIN if farthest <= _NEAR else np.inf
+def _never(happened: np.ndarray) -> bool:
+    """True where something hardly ever happened, in rows of which there are any."""
+    return len(happened) > 0 and bool(happened.mean() <= _RARE)
