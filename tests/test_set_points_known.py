@@ -591,6 +591,8 @@ def test_a_plant_cools_no_room_that_is_nearer_to_the_set_point_of_heating():
     assert (possible.nearest(loads, nothing_held, 22.0, lowest, highest) == loads).all()
     found = possible.nearest(loads, one, np.nan, lowest, highest)  # the first row by the temperature of its end
     assert found[0].tolist() == [0.0, 4.0]
+    modulating = np.where(heat == 0.0, 0.0, heat * np.linspace(1.0, 9.0, len(heat)))
+    assert PossibleLoads.of(rows_of_loads(modulating, T, band)).keeps == (False, False)
     T[4:7] = 21.0  # once of 20 times it cooled a cold room, as ventilation does
     assert PossibleLoads.of(rows_of_loads(heat, T, band)).keeps == (False, True)
 

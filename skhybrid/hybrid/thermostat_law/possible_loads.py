@@ -14,22 +14,20 @@ _RARE = 0.001  # share of the rows in which a plant ran that counts as none
 
 
 class PossibleLoads(NamedTuple):
-    """No load or at least the first step, and no cooling where heating is nearer, nor the reverse."""
+    """Of a switched plant: none or at least its first step, and no cooling where heating is nearer, nor the reverse."""
 
     least: tuple[float, float]  # first step of cooling and of heating [kW], both positive; 0 where there are no steps
-    keeps: tuple[bool, bool]  # whether it cooled, and heated, only rooms that were nearer to that set-point
+    keeps: tuple[bool, bool]  # whether it is switched, and cooled, and heated, only rooms nearer to that set-point
 
     @classmethod
     def of(cls, rows: LawRows) -> Self:
-        """By the loads that were measured.
-
-        Ventilation cools cold rooms too, and so does the plant of several rooms of which the mean is measured.
-        """
+        """By the loads that were measured; those of a plant that modulates, often of several rooms, are all possible."""
         loads, ends = (-rows.heat, rows.heat), np.append(rows.T[1:], np.nan)
         far = _nearer_to_other(rows.band, np.fmin(rows.T, ends), np.fmax(rows.T, ends))
         known = np.isfinite(rows.band.cooling - rows.band.heating)
         least = [_first_step(load[load > 0.0]) if (rows.heat == 0.0).any() else 0.0 for load in loads]
-        keeps = [_never(off[known & (load > 0.0)]) for load, off in zip(loads, far, strict=True)]
+        switched = max(least) > 0.0
+        keeps = [switched and _never(off[known & (load > 0.0)]) for load, off in zip(loads, far, strict=True)]
         return cls((least[0], least[1]), (keeps[0], keeps[1]))
 
     def nearest(
