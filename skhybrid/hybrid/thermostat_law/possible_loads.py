@@ -21,7 +21,7 @@ class PossibleLoads(NamedTuple):
 
     @classmethod
     def of(cls, rows: LawRows) -> Self:
-        """By the loads that were measured; those of a plant that modulates, often of several rooms, are all possible."""
+        """By the loads that were measured; a plant that modulates, often one of several rooms, may have any."""
         loads, ends = (-rows.heat, rows.heat), np.append(rows.T[1:], np.nan)
         far = _nearer_to_other(rows.band, np.fmin(rows.T, ends), np.fmax(rows.T, ends))
         known = np.isfinite(rows.band.cooling - rows.band.heating)
