@@ -280,8 +280,8 @@ class ClosedLoop:
             ahead = rows.band.rows(np.minimum(origin + np.arange(n_leads), len(rows.T) - 1))
             out[1, i] = ranges.of_row(i).around(ahead).clip(out[1, i])
             if n_levels:
-                begin, far = rows.T[origin], out[1, i, :, -len(_FAR) :].T
-                out[0, i, :, 1:] = self._possible.nearest(out[0, i, :, 1:], ahead, begin, *far)
+                far = out[1, i, :, -len(_FAR) :].T
+                out[0, i, :, 1:] = self._possible.nearest(out[0, i, :, 1:], ahead, rows.T[origin], *far)
             lowest, highest = wanted.limits.lower[i], wanted.limits.upper[i]
             heats, cools = self._acting(ahead)
             within = np.where(cools, lowest, max(lowest, 0.0)), np.where(heats, highest, min(highest, 0.0))
