@@ -103,8 +103,8 @@ def held_buildings() -> tuple[pd.Series, pd.Series]:
     return first[0], first[1]
 
 
-def forecast() -> Iterator[str]:
-    """Sentences of the page on forecasts."""
+def set_points_known() -> Iterator[str]:
+    """Sentences on forecasts where only set-points are known."""
     known = results.table("set_points_known")["cov."].set_axis(["load", "temperature"], axis=1).astype(float) * 100
     switched = known.index.str.startswith("make_office")
     (of_both,) = set(known["load"][switched])
@@ -115,6 +115,11 @@ def forecast() -> Iterator[str]:
     )
     running = results.table("set_points_known")["cov. running"].astype(float) * 100
     yield f"While the plant ran, or was forecast to run, they held {span(running, '.0f')} %."
+
+
+def forecast() -> Iterator[str]:
+    """Sentences of the page on forecasts."""
+    yield from set_points_known()
     replayed = results.table("heat_replayed", "Ratio to the default, heat replayed").astype(float)
     many, refit = (replayed.loc["geometric mean", name] for name in ("ARX, multi-step, re-fitted", "ARX re-fitted"))
     yield f"leads ({many:.2f} times the default's error, geometric mean) and ARX re-fitted ({refit:.2f} times)."

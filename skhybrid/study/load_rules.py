@@ -10,9 +10,8 @@ from sklearn.linear_model import RidgeCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from .._holidays import Holidays, read_holidays
 from .._time import rows_per_day
-from .clock_values import minutes
+from .clock_values import free_days, minutes
 
 _ALPHAS = np.logspace(-3, 3, 13)
 YESTERDAY, RIDGE = "yesterday's load", "ridge on T_oa and set-point"
@@ -58,14 +57,10 @@ def past_loads(heat: pd.Series, frame: pd.DataFrame, holidays: Any) -> dict[str,
         back = pd.TimedeltaIndex(frame["lead"]).ceil(period)
         return pd.Series(heat.reindex(begin - back).to_numpy(), frame.index)
 
-    return {
-        YESTERDAY: before(1),
-        LAST_WEEK: before(7),
-        USUAL: _usual(heat, begin, frame["origin"], read_holidays(holidays, heat.index)),
-    }
+    return {YESTERDAY: before(1), LAST_WEEK: before(7), USUAL: _usual(heat, begin, frame["origin"], holidays)}
 
 
-def _usual(heat: pd.Series, begin: pd.DatetimeIndex, origin: pd.Series, holidays: Holidays) -> pd.Series:
+def _usual(heat: pd.Series, begin: pd.DatetimeIndex, origin: pd.Series, holidays: Any) -> pd.Series:
     """Means, before each origin, of the loads at the same time of day on days of the same kind."""
     known = heat.dropna()
     at = pd.DatetimeIndex(known.index)
@@ -76,6 +71,6 @@ def _usual(heat: pd.Series, begin: pd.DatetimeIndex, origin: pd.Series, holidays
     return found.set_index("row")["mean"].reindex(origin.index)
 
 
-def _slots(index: pd.DatetimeIndex, holidays: Holidays) -> np.ndarray:
+def _slots(index: pd.DatetimeIndex, holidays: Any) -> np.ndarray:
     """Minute of the day, counted on from that of working days on weekends and holidays."""
-    return minutes(index) + 1440 * holidays.weekend(index)
+    return minutes(index) + 1440 * free_days(holidays, index)

@@ -49,7 +49,7 @@ class BaseStudyResult:
 
     @property
     def scaled(self) -> bool:
-        """Whether the log fixes what a kW is, in every zone."""
+        """True where the log fixes what a kW is, in every zone."""
         raise NotImplementedError
 
     @cached_property

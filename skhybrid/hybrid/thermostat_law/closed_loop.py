@@ -75,13 +75,8 @@ class ClosedLoop:
         possible: PossibleLoads,
         usual: UsualTemperature | None = None,
     ) -> None:
-        self._refits, self._tail, self.n_leads, self._capacity, self._possible = (
-            refits,
-            tail,
-            n_leads,
-            capacity,
-            possible,
-        )
+        self._refits, self._tail, self.n_leads = refits, tail, n_leads
+        self._capacity, self._possible = capacity, possible
         self.usual = usual  # that stands for set-points
         self._learned_to: pd.Timestamp | None = None if training.utc is None else training.utc[-1]
         self._per_day = rows_per_day(training.step)
