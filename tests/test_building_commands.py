@@ -350,7 +350,7 @@ def test_zones_with_set_points_of_their_own_are_forecast(held, tmp_path):
     """As by the predictor itself, whose rows ahead have the columns of the training."""
     (model, rows), weather = held, tmp_path / "weather.csv"
     rows[N_KNOWN - 1 : N_KNOWN + 25][["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)
-    found = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24", "hall:18,26"), ZONES)).frame
+    found = day_ahead(model, rows[:N_KNOWN], weather, ("21,24", "hall:18,26")).frame
     wanted = {"T_heat_set": 18.0, "T_cool_set": 26.0, "T_heat_set_kitchen": 21.0, "T_cool_set_kitchen": 24.0}
     ahead = rows[N_KNOWN : N_KNOWN + 24][["T_oa", "q_sol"]].assign(**wanted)
     core = model.predictor.forecast(model.history(rows[:N_KNOWN]), ahead, quantiles=(0.1, 0.9))
@@ -363,7 +363,7 @@ def test_zones_with_set_points_of_their_own_are_forecast(held, tmp_path):
     for zone, name in (("kitchen", "T_cool_set_kitchen"), ("hall", "T_cool_set")):
         text = f"{name} is not given for the rows ahead, .* such as --setpoint {zone}:21,24"
         with pytest.raises(ValueError, match=text):
-            day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24", f"{zone}:20"), ZONES))
+            day_ahead(model, rows[:N_KNOWN], weather, ("21,24", f"{zone}:20"))
 
 
 def test_a_zone_without_a_plant_needs_no_set_point_and_leaves_others_their_thermostat(held, tmp_path):
@@ -373,13 +373,13 @@ def test_a_zone_without_a_plant_needs_no_set_point_and_leaves_others_their_therm
     settings["columns"] = {role: role for role in rows}
     model = ZoneModel.fit(settings_from(settings), rows[:N_KNOWN])
     assert model.facts()["thermostat"] == "learned"
-    found = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("kitchen:21,24",), ZONES))
+    found = day_ahead(model, rows[:N_KNOWN], weather, ("kitchen:21,24",))
     assert {"Q_hvac_0.1_kitchen", "q_0.1_kitchen", "q_0.1_hall"} <= set(found.frame)
     assert not {"Q_hvac_hall", "T_heat_set_hall"} & set(found.frame)
     assert not any("ideal" in text for text in found.remarks)
     for given in ("21,24", "hall:22,24"), ("hall:22,24",):
         with pytest.raises(ValueError, match=r"--setpoint names 'hall', which .*; name one of 'kitchen'\."):
-            day_ahead(model, rows[:N_KNOWN], weather, schedules_of(given, ZONES))
+            day_ahead(model, rows[:N_KNOWN], weather, given)
 
 
 def test_a_heated_zone_without_set_points_runs_as_usual_or_as_planned(held, tmp_path):
@@ -402,9 +402,9 @@ def test_a_heated_zone_without_set_points_runs_as_usual_or_as_planned(held, tmp_
     assert "Q_hvac_0.1_kitchen" in planned
     weather = tmp_path / "weather.csv"
     rows[N_KNOWN - 1 : N_KNOWN + 25][["T_oa", "q_sol"]].rename_axis("time").to_csv(weather)
-    by_option = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("kitchen:21,24",), ZONES)).frame
+    by_option = day_ahead(model, rows[:N_KNOWN], weather, ("kitchen:21,24",)).frame
     np.testing.assert_allclose(by_option["Q_hvac_hall"], found.frame["Q_hvac_hall"], atol=0.5)
-    for_all = day_ahead(model, rows[:N_KNOWN], weather, schedules_of(("21,24",), ZONES))
+    for_all = day_ahead(model, rows[:N_KNOWN], weather, ("21,24",))
     assert any("the thermostat of hall is an ideal one" in text for text in for_all.remarks)
     assert {"q_0.1_hall", "q_0.1_kitchen", "Q_hvac_0.1_kitchen"} <= set(for_all.frame)
     assert "Q_hvac_0.1_hall" not in for_all.frame
@@ -578,6 +578,20 @@ def test_set_points_of_one_zone_are_the_last_given():
     both = schedules_of(("hall:6:00=21,22:00=17", "20,26"), ["hall", "study"])
     assert both["hall"].heat == {360: 21.0, 1320: 17.0}
     assert both[""].cool == {0: 26.0}
+    by_zone = {"hall": "6:00=21,22:00=17", "": "20,26"}
+    assert schedules_of(by_zone, ["hall", "study"]) == both == schedules_of(both, ["hall"])
+    assert schedules_of("20,26") == both[""] == schedules_of({"": both[""]})
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [(21.0, r"21\.0 are not text; give them as on the command line, such as '21,24'"), ((21.0, 24.0), "not text"),
+     ({"hall": 21.0}, "not text"), ({"attic": "21"}, "names the zone 'attic', but the model has 'hall'"),
+     ("attic:21", "names the zone 'attic'"), ({"hall": ""}, "is empty")],
+)  # fmt: skip
+def test_set_points_that_are_no_text_or_of_no_zone_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        schedules_of(given, ["hall"])
 
 
 # ------------------------------------------------------------------------------------------------------- a dead meter
@@ -595,7 +609,7 @@ def test_a_dead_heat_meter_costs_its_room_alone(log, tmp_path):
     (tmp_path / "house.toml").write_text(CONFIG, encoding="utf-8")
     log[:N_KNOWN].to_csv(tmp_path / "log.csv")
     house = ZoneFolder.init(tmp_path / "house", tmp_path / "log.csv", tmp_path / "house.toml")
-    schedule = {"": Schedule.of_text("21"), "hall": Schedule.of_text("18")}
+    schedule = {"": "21", "hall": "18"}
     _ahead(log, N_KNOWN + 24, silent_from=N_KNOWN + 16).to_csv(tmp_path / "log.csv")
     done = house.tick(tmp_path / "log.csv", schedule=schedule)
     assert (done.learned, done.n_new) == ("", 16)  # up to twelve hours are waited for
@@ -612,7 +626,7 @@ def test_a_dead_heat_meter_costs_its_room_alone(log, tmp_path):
     without = settings_from(tomllib.loads(CONFIG.replace('Q_hvac_hall = "Q_hall_kW"', "")))
     names = {column: role for role, column in without.columns.items()}
     rows = _ahead(log, now).rename(columns=names)[list(names.values())]
-    expected = day_ahead(ZoneModel.fit(without, rows), rows, schedule=Schedule.of_text("21")).frame
+    expected = day_ahead(ZoneModel.fit(without, rows), rows, schedule="21").frame
     pd.testing.assert_frame_equal(found[list(expected)], expected, check_freq=False, rtol=1e-6)
     _ahead(log, now + 24, silent_from=N_KNOWN + 16).to_csv(tmp_path / "log.csv")
     done = house.tick(tmp_path / "log.csv", schedule=schedule)
@@ -650,7 +664,7 @@ def test_electricity_of_rooms_becomes_heat_and_costs(heat, log, tmp_path):
     frame, _ = read_log(tmp_path / "log.csv", settings)
     np.testing.assert_allclose(frame[["Q_hvac_kitchen", "Q_hvac_hall"]], 3.0 * log[meters][:N_KNOWN], atol=1e-9)
     model = ZoneModel.fit(settings, frame)
-    found = day_ahead(model, tmp_path / "log.csv", tmp_path / "weather.csv", {"": Schedule.of_text("22")})
+    found = day_ahead(model, tmp_path / "log.csv", tmp_path / "weather.csv", "22")
     total = 0.0
     for zone in ZONES:
         np.testing.assert_allclose(found.frame[f"electricity_kW_{zone}"], found.frame[f"Q_hvac_{zone}"].abs() / 3.0)

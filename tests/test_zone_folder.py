@@ -17,7 +17,6 @@ import pytest
 from skhybrid import _sqlite
 from skhybrid.cli import main
 from skhybrid.exceptions import ModelFileError
-from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, forecast_archive, zone_folder
 
 pytestmark = [
@@ -26,7 +25,7 @@ pytestmark = [
 ]
 FILES = {"zone.toml", "model.skops", "archive.sqlite"}
 DAYS = 10  # of the log that the zone is made from
-SCHEDULE = Schedule.of_text("20,25")
+SCHEDULE = "20,25"
 CHILDREN = multiprocessing.get_context("forkserver" if os.name == "posix" else "spawn")
 CHILDREN.set_forkserver_preload(["skhybrid.zone.zone_folder", "skops.io"])
 

@@ -42,12 +42,11 @@ def command(
     that are planned in the rows ahead of the log are used as they are.  The model learns nothing new.
     """
     from ..zone import ZoneModel, day_ahead
-    from ..zone.rows_ahead import schedules_of
     from ._study import refuse_unwritable
 
     refuse_unwritable(out, "file")
     zone = ZoneModel.load(model)
-    found = day_ahead(zone, log, weather, schedules_of(setpoint, zone.zones))
+    found = day_ahead(zone, log, weather, setpoint)
     for text in found.remarks:
         say.warn(text)
     if out is not None:

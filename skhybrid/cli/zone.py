@@ -73,10 +73,8 @@ def tick(
     import pandas as pd
 
     from ..zone import ZoneFolder
-    from ..zone.rows_ahead import schedules_of
 
-    zone = ZoneFolder(folder)
-    done = zone.tick(log, weather, schedules_of(setpoint, zone.zones), pd.Timedelta(days=refit_after))
+    done = ZoneFolder(folder).tick(log, weather, setpoint, pd.Timedelta(days=refit_after))
     for text in done.remarks:
         say.warn(text)
     found = {"new rows": done.n_new, "fitted again because": done.learned or None}

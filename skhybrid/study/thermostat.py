@@ -57,6 +57,10 @@ class Schedule(NamedTuple):
     @classmethod
     def of_text(cls, text: str) -> Self:
         """Set-points as on the command line: ``21``, ``21,24``, or ``6:00=21,22:00=17;24``."""
+        if not isinstance(text, str):
+            raise ValueError(
+                f"the set-points {text!r} are not text; give them as on the command line, such as '21,24'."
+            )
         sides = text.replace(" ", "").split(";") if ";" in text or "=" in text else text.replace(" ", "").split(",")
         if len(sides) > 2:
             raise ValueError(f"--setpoint {text!r} is not a heating and a cooling set-point, such as 21,24.")

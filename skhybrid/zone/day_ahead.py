@@ -29,7 +29,7 @@ from ..study.tariff import energy_cost
 from ..study.unread_rows import BRIDGED
 from ..study.zone_part import each_zone, log_columns
 from .complete_rows import refuse_cut_value, refuse_stuck
-from .rows_ahead import Schedules, rows_ahead
+from .rows_ahead import GivenSchedules, Schedules, rows_ahead, schedules_of
 from .wanted_setpoints import idle_setpoints
 from .zone_model import ZoneModel
 
@@ -64,7 +64,7 @@ def day_ahead(
     zone: ZoneModel,
     log: str | PathLike[str] | pd.DataFrame,
     weather: str | PathLike[str] | None = None,
-    schedule: Schedules | None = None,
+    schedule: GivenSchedules | None = None,
 ) -> DayAhead:
     """Forecast temperature and load from the end of a log.
 
@@ -75,8 +75,11 @@ def day_ahead(
         Or its rows, as :func:`skhybrid.study.read_log` returns them.
     weather : path-like, optional
         CSV, EPW, or Open-Meteo's JSON or CSV of the rows ahead.
-    schedule : Schedule, or mapping of zone to Schedule, optional
-        Set-points; by default those of the rows ahead in the log, then in the CSV, then of the settings.
+    schedule : str, sequence of str, or mapping of zone to str, optional
+        Heating and cooling set-point [degC], as ``--setpoint`` takes them: ``"21,24"``, or ``"6:00=21,22:00=17;24"``
+        by the clock.  Of several zones: ``["21,24", "hall:18,26"]``, or ``{"": "21,24", "hall": "18,26"}``, where a
+        text without a name is for all others.  By default set-points are those of the rows ahead in the log, then in
+        the CSV, then of the settings.
 
     Returns
     -------
@@ -90,7 +93,7 @@ def day_ahead(
     ValueError
         If an input ends more than twelve hours before the temperatures, or weather or set-points are missing.
     """
-    settings = zone.settings
+    settings, schedule = zone.settings, schedules_of(schedule, zone.zones)
     read = log if isinstance(log, pd.DataFrame) else read_even_log(log, settings)
     frame = read if isinstance(read, pd.DataFrame) else read.frame
     history = zone.history(frame)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,7 @@ from ..study.zone_part import log_columns, roles_of
 from .dead_meters import not_learned
 
 Schedules = Schedule | Mapping[str, Schedule]  # of one zone or for all, or by zone, with "" for all others
+GivenSchedules = str | Iterable[str] | Mapping[str, str] | Schedules  # as a user gives them
 
 
 class RowsAhead(NamedTuple):
@@ -29,22 +30,33 @@ class RowsAhead(NamedTuple):
     planned: bool  # whether the heat is planned, and no thermostat acts
 
 
-def schedules_of(texts: Sequence[str], zones: Sequence[str] = ()) -> Schedules | None:
-    """Set-points of the command line: of one zone the last text; of several ``21,24`` for all, ``hall:21,24`` for one.
+def schedules_of(given: GivenSchedules | None, zones: Sequence[str] = ()) -> Schedules | None:
+    """Set-points from text: of one zone the last one; of several ``21,24`` for all, ``hall:21,24`` for one.
 
-    A ValueError names a text that cannot be read, or an unknown zone.
+    Of several zones they may also be a mapping of zone to text.  Schedules that are read already stay as they are.  A
+    ValueError names what cannot be read, or an unknown zone.
     """
+    if given is None or isinstance(given, Schedule):
+        return given
+    if isinstance(given, Mapping):
+        by_zone = list(given.items())
+    else:
+        texts = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+        by_zone = [_zone_apart(text, zones) for text in texts]
     found: dict[str, Schedule] = {}
-    for text in texts:
-        name, colon, rest = text.partition(":")
-        if colon and name.strip() in zones:
-            found[name.strip()] = Schedule.of_text(rest)
-        elif colon and name.strip().isidentifier():
+    for zone, one in by_zone:
+        if zone and zone not in zones:
             known = f"has {listed(zones)}" if zones else "is of one zone: leave the name out"
-            raise ValueError(f"--setpoint names the zone {name.strip()!r}, but the model {known}.")
-        else:
-            found[""] = Schedule.of_text(text)
+            raise ValueError(f"--setpoint names the zone {zone!r}, but the model {known}.")
+        found[zone] = one if isinstance(one, Schedule) else Schedule.of_text(one)
     return (found or None) if zones else found.get("")
+
+
+def _zone_apart(text: Any, zones: Sequence[str]) -> tuple[str, Any]:
+    """The zone that a text begins with, "" where it names none, and its set-points."""
+    zone, colon, rest = text.partition(":") if isinstance(text, str) else ("", "", text)
+    named = bool(colon) and (zone.strip() in zones or zone.strip().isidentifier())
+    return (zone.strip(), rest) if named else ("", text)
 
 
 def rows_ahead(

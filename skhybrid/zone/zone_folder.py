@@ -29,7 +29,7 @@ from .dead_meters import dead_meters, part_without_dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .other_units import refuse_other_temperatures
 from .posted_rows import keep_log, keep_posted, read_posted, refuse_future
-from .rows_ahead import Schedules
+from .rows_ahead import GivenSchedules, schedules_of
 from .zone_model import ZoneModel
 from .zone_state import measured_rows, status_of
 
@@ -135,7 +135,7 @@ class ZoneFolder:
         self,
         log: str | PathLike[str],
         weather: str | PathLike[str] | None = None,
-        schedule: Schedules | None = None,
+        schedule: GivenSchedules | None = None,
         refit_after: pd.Timedelta = _REFIT_AFTER,
     ) -> Tick[DayAhead]:
         """Take in the new rows of a log, forecast from its end, and archive both; a tick that fails changes nothing.
@@ -159,6 +159,7 @@ class ZoneFolder:
             If there is no model, or the log or the weather cannot be used.
         """
         with self._at_work() as (archive, zone, settings):
+            schedule = schedules_of(schedule, settings.zones)  # what cannot be read is said before a fit
             read = _read_past(log, settings)
             frame = read.frame
             archive.keep_clock(pd.DatetimeIndex(frame.index).tz, zone.known_until.tz)
@@ -178,7 +179,7 @@ class ZoneFolder:
         self,
         rows: str | PathLike[str],
         weather: str | PathLike[str] | None = None,
-        schedule: Schedules | None = None,
+        schedule: GivenSchedules | None = None,
         refit_after: pd.Timedelta = _REFIT_AFTER,
         *,
         plain: bool = False,
@@ -203,6 +204,7 @@ class ZoneFolder:
             If there is no model, or the rows cannot be used.
         """
         with self._at_work() as (archive, zone, settings):
+            schedule = schedules_of(schedule, settings.zones)
             given, held = read_posted(rows, settings, archive.held(), plain=plain)
             if settings.timezone is not None:
                 archive.keep_clock(pd.DatetimeIndex(given.index).tz, zone.known_until.tz)
