@@ -10,6 +10,7 @@ import re
 import shutil
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -32,7 +33,6 @@ from skhybrid.server.app import make_app
 from skhybrid.server.listen import check_token, is_loopback
 from skhybrid.study import propose_settings
 from skhybrid.study.settings import Settings
-from skhybrid.study.thermostat import Schedule
 from skhybrid.zone import DayAhead, ZoneFolder, posted_rows, zone_folder
 from skhybrid.zone.forecast_archive import EVEN, POSTED, open_archive
 from skhybrid.zone.posted_rows import read_posted
@@ -42,7 +42,7 @@ pytestmark = [
     pytest.mark.usefixtures("quick_fits"),
 ]
 DAYS = 10  # of the log that the zone has learned from
-SCHEDULE = Schedule.of_text("20,25")
+SCHEDULE = "20,25"
 TOKEN = "0123456789abcdef-token"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -152,12 +152,13 @@ def test_the_status_has_the_errors_of_stages(made, monkeypatch):
     assert client_of(made).get("/status").json()["last four weeks"]["u_heat [-]"] == stage
 
 
-def test_the_page_loads_the_model_once(made, monkeypatch):
-    loaded, load = [], ZoneFolder.load
+def test_the_page_loads_the_model_once_and_opens_the_archive_once(made, monkeypatch):
+    loaded, load, opened = [], ZoneFolder.load, []
     monkeypatch.setattr(ZoneFolder, "load", lambda self: loaded.append(self) or load(self))
+    monkeypatch.setattr(sqlite3, "connect", lambda *a, c=sqlite3.connect, **k: opened.append(a) or c(*a, **k))
     client = client_of(made)
     assert client.get("/").status_code == client.get("/").status_code == 200
-    assert len(loaded) == 1
+    assert (len(loaded), len(opened)) == (1, 1)
 
 
 def test_openapi_tells_units_and_the_docs_page_needs_nothing_from_elsewhere(made):

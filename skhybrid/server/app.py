@@ -21,10 +21,12 @@ from .. import __version__
 from .._warnings import warnings_to, without_python
 from ..exceptions import ModelFileError, SettingsError, SkhybridWarning
 from ..zone import ZoneFolder
+from ..zone.forecast_archive import open_archive
+from ..zone.zone_state import status_of
 from .guard import LOOPBACK_NAMES, Guard
 from .page import docs_page, page_of
 from .schemas import ROWS, BuildingForecast, BuildingStatus, Forecast, Posted, Refusal, Row, Status
-from .zone_view import QUANTITIES, energy_ahead, plain_rows, view_zones
+from .zone_view import QUANTITIES, plain_rows, view_zones
 
 _MOST_BYTES = 8 * 2**20  # of a body: months of rows
 _FILE = "rows.csv"  # of a body, for as long as it is read
@@ -100,7 +102,9 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
             now = (int(time.time() // 3600), *(file.stat().st_mtime_ns for file in files if file.exists()))
             if now not in drawn:
                 model = zone.load()
-                text = page_of(model.settings.name, view_zones(zone, model), zone.status(model), energy_ahead(zone))
+                with open_archive(zone.archive) as archive:
+                    views, state = view_zones(archive, model), status_of(archive, model)
+                    text = page_of(model.settings.name, views, state, archive.latest_energy())
                 drawn.clear()
                 drawn[now] = text
             return drawn[now]
@@ -112,7 +116,8 @@ def _add_reading(app: FastAPI, zone: ZoneFolder) -> None:
 
 def _latest(zone: ZoneFolder) -> dict[str, Any]:
     model = zone.load()
-    views = view_zones(zone, model)
+    with open_archive(zone.archive) as archive:
+        views = view_zones(archive, model)
     view = next(iter(views.values()))
     if view.origin is None:
         raise HTTPException(404, "there is no forecast yet; post rows, or run skhybrid zone tick.")

@@ -9,9 +9,8 @@ import numpy as np
 import pandas as pd
 
 from .._clock import in_time_zone
-from ..study.day_energy import Energy
-from ..zone import ZoneFolder, ZoneModel
-from ..zone.forecast_archive import open_archive
+from ..zone import ZoneModel
+from ..zone.forecast_archive import ForecastArchive
 from ..zone.zone_state import archives_of
 
 _PAST = pd.Timedelta(days=28)
@@ -35,20 +34,13 @@ class ZoneView(NamedTuple):
     past: pd.DataFrame  # forecasts of the last four weeks that are over, and what was measured
 
 
-def view_zones(folder: ZoneFolder, zone: ZoneModel) -> dict[str, ZoneView]:
-    """Each zone as it is now, by the model of its folder; one zone by an empty name."""
-    with open_archive(folder.archive) as archive:
-        archives = archives_of(archive, zone)
-        return {name: _view(archives[name], part) for name, part in zone.parts().items()}
+def view_zones(archive: ForecastArchive, zone: ZoneModel) -> dict[str, ZoneView]:
+    """Each zone as it is now, by the archive and the model of its folder; one zone by an empty name."""
+    archives = archives_of(archive, zone)
+    return {name: _view(archives[name], part) for name, part in zone.parts().items()}
 
 
-def energy_ahead(folder: ZoneFolder) -> list[Energy]:
-    """Heating and cooling of all zones together by the last forecast."""
-    with open_archive(folder.archive) as archive:
-        return archive.latest_energy()
-
-
-def _view(archive: Any, zone: ZoneModel) -> ZoneView:
+def _view(archive: ForecastArchive, zone: ZoneModel) -> ZoneView:
     tz = zone.learned_until.tz
     last = archive.last_measured()
     since = pd.Timestamp(0) if last is None else last - _PAST
