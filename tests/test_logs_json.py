@@ -40,6 +40,12 @@ def prometheus(series):
     return {"status": "success", "data": {"resultType": "matrix", "result": result}}
 
 
+def exported(metric, values, first=0, stamps=None):
+    """A line of an export of VictoriaMetrics, which may write several for one series."""
+    at = [1000 * s for s in SECONDS[first : first + len(values)]] if stamps is None else stamps
+    return json.dumps({"metric": metric, "values": values, "timestamps": at})
+
+
 def influx(series):
     """An answer of InfluxDB 1 to one statement."""
     return {"results": [{"statement_id": 0, "series": series}]}
@@ -76,6 +82,7 @@ METRICS = [
     for room in ROOMS
     for name, role in (("room_temperature_celsius", "T_za"), ("heating_power_kilowatts", "Q_heat"))
 ]
+OUTDOOR = ({"__name__": "outdoor_temp", "instance": "a"}, of_role("T_oa"))
 ITEMS = dict(
     zip(("Living_Temp", "Kitchen_Temp", "Living_Heating_kW", "Kitchen_Heating_kW", "Outdoor_Temp"), ROLES, strict=True)
 )
@@ -100,7 +107,10 @@ FORMS = {
             for (t, v, q), out in zip(of_room(room), of_role("T_oa"), strict=True)
         ]
     ),
-    "Prometheus": json.dumps(prometheus([*METRICS, ({"__name__": "outdoor_temp", "instance": "a"}, of_role("T_oa"))])),
+    "Prometheus": json.dumps(prometheus([*METRICS, OUTDOOR])),
+    "VictoriaMetrics": "\n".join(
+        exported(m, own[k : k + 40], k) for m, own in [*METRICS, OUTDOOR] for k in (0, 40, 80)
+    ),
     "InfluxDB": json.dumps(influx([*(climate(of_room(r), room=r) for r in ROOMS), WEATHER])),
     "InfluxDB without groups": json.dumps(
         influx([climate([[*row, r] for r in ROOMS for row in of_room(r)], "room"), WEATHER])
@@ -204,6 +214,10 @@ VECTOR = {"resultType": "vector", "result": [{"metric": {}, "value": [SECONDS[0]
         ('{"latitude": 52.1, "hourly": {"temperature_2m": [1]}}', "is a forecast of Open-Meteo, .*give it as weather"),
         (json.dumps({"status": "success", "data": VECTOR}), "is an answer without values over time; query a range"),
         (json.dumps(prometheus([])), "is an answer without values over time"),
+        (exported({"__name__": "temp"}, []), "is an answer without values over time"),
+        (exported(*OUTDOOR)[:-9], r"is no complete JSON \(.*\); export it again"),
+        (f'{exported(*OUTDOOR)}\n{{"error": "timeout"}}', "is an answer .* error, 'timeout'; ask again"),
+        (f'{exported(*OUTDOOR)}\n{{"time": "2024", "room": 20}}', "has '{\"time.* among series .* file of its own"),
         ('{"results": [{"statement_id": 0}]}', "is an answer without values over time"),
         (json.dumps(influx([WEATHER | {"values": []}])), "is an answer without values over time"),
         ('{"results": {"A": {"frames": []}}}', r"is an answer to a panel of Grafana; download its data as CSV"),
@@ -214,6 +228,31 @@ VECTOR = {"resultType": "vector", "result": [{"metric": {}, "value": [SECONDS[0]
 def test_json_that_is_no_log_is_refused_in_a_sentence(write, content, told):
     with pytest.raises(ValueError, match=rf"^'log\.json' {told}"):
         read_log(write(content))
+
+
+@pytest.mark.parametrize("values", [[20.1, 20.2], "20.1"])
+def test_an_export_without_a_value_for_each_stamp_is_refused(write, values):
+    lines = [exported(*OUTDOOR), exported({"__name__": "temp", "room": "hall"}, values, stamps=[1000 * SECONDS[0]])]
+    with pytest.raises(
+        ValueError, match=r'^row 2 of .log\.json.: temp\{room="hall"\} has no value for each of its timest'
+    ):
+        read_log(write("\n".join(lines)))
+
+
+@pytest.mark.parametrize("empty", ["Prometheus", "VictoriaMetrics", "Graphite"])
+def test_a_series_without_values_is_left_out_with_a_note(write, empty):
+    """Another one with values was refused with it."""
+    none = ({"__name__": "dead"}, [])
+    content = {
+        "Prometheus": json.dumps(prometheus([METRICS[0]])).replace(
+            "]}}", ', {"metric": {"__name__": "dead"}, "values": []}]}}'
+        ),
+        "VictoriaMetrics": "\n".join(exported(*one) for one in (none, METRICS[0])),
+        "Graphite": json.dumps([{"target": "dead", "datapoints": []}, graphite("room_temp", METRICS[0][1])]),
+    }
+    log = read_log(write(content[empty]))
+    assert len(log.frame.columns) == 1
+    assert "'dead': left out, since there are no values" in log.notes
 
 
 def test_a_reader_of_csv_says_who_reads_json(write):

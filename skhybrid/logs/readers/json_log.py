@@ -1,4 +1,4 @@
-"""Reader of JSON: records, columns, answers of Prometheus, Graphite and InfluxDB 1, and lists such as openHAB's."""
+"""Reader of JSON: records, columns, series of Prometheus, VictoriaMetrics, Graphite and InfluxDB 1, and lists."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from ..._table import listed
 from .. import rows_by_zone
 from ..assembly import Choice, Pieces
 from ..cell_numbers import decimal_sign
@@ -26,7 +27,7 @@ _BEGIN = re.compile(r'\s*[\[{]\s*(["{\[\]}]|null)')
 _BLANKS = re.compile(r"\s*")
 _ANSWERS = {"error", "hourly", "results"}  # what objects hold that are no table
 _OF_TARGETS = ("instance", "job")  # labels that Prometheus itself adds
-_Series = tuple[str, Iterable[Any], Iterable[Any]]  # name, stamps and values
+_Series = tuple[str, Sequence[Any], Sequence[Any]]  # name, stamps and values
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -37,18 +38,25 @@ def looks_like(path: Path, head: str) -> bool:
 def read(path: Path, *, point_column: str | None = None, value_column: str | None = None, **options: Any) -> RawLog:
     """Read JSON, wide or long, or the answer of a database; the options beside these are those of ``Choice``."""
     choice, where, units = Choice(**options), repr(path.name), dict[str, str]()
-    items = json_items(path, where)
+    items = _with_answer(json_items(path, where), where)
     try:
-        series = [one for item in items if isinstance(item, dict) for one in _series(item, units)]
+        of_items = [list(_series(item, units)) if isinstance(item, dict) else [] for item in items]
+        series = [one for found in of_items for one in found]
         frame = _points(series) if series else _table(items)
         frame = frame.apply(lambda own: own.map(_plain) if own.dtype.kind == "O" else own)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
         raise ValueError(f"{where} {_refusal(items)}.") from None
+    for item, found in zip(items, of_items, strict=True):
+        if series and not found and isinstance(item, dict) and not _is_empty(item):
+            raise ValueError(f"{where} {_refusal_among_series(item)}.")
     sample = frame.head(SAMPLE)
     both = (POINT, VALUE) if series else point_and_value(list(map(str, frame)), point_column, value_column, where)
     stamps = find_stamp_columns(sample.drop(columns=list(both or ())), choice.time_column, where)
     texts = [text for text in sample.to_numpy(dtype=object).ravel() if isinstance(text, str)]
     pieces = Pieces((), stamps, where, "JSON", units, decimal_sign(texts, ";"), first_line=1)
+    full = {name for name, at, _ in series if len(at)}
+    if empty := [name for name, _, _ in series if name not in full]:
+        pieces.notes.append(f"{listed(empty)}: left out, since there are no values")
     return assemble_table(pieces, sample, choice, lambda wanted, _: [frame[wanted]], both)
 
 
@@ -66,6 +74,25 @@ def json_items(path: Path, where: str) -> list[Any]:
     return items
 
 
+def _with_answer(items: list[Any], where: str) -> list[Any]:
+    """The documents, where those of an export of VictoriaMetrics become one answer of Prometheus."""
+    exported, others = list[Any](), list[Any]()
+    for number, item in enumerate(items, start=1):
+        metric = item.get("metric") if isinstance(item, dict) and {"values", "timestamps"} <= set(item) else None
+        if not isinstance(metric, dict):
+            others.append(item)
+            continue
+        values, at = item["values"], item["timestamps"]
+        if not (isinstance(values, list) and isinstance(at, list) and len(values) == len(at)):
+            (name,) = _names([metric])
+            raise ValueError(
+                f"row {number} of {where}: {name} has no value for each of its timestamps; export it again."
+            )
+        exported.append({"metric": metric, "values": list(zip(at, values, strict=True))})
+    answer = {"data": {"resultType": "matrix", "result": exported}}
+    return [answer, *others] if exported else items
+
+
 def _series(item: Mapping[str, Any], units: dict[str, str]) -> Iterator[_Series]:
     """The series in an answer, none in another object; adds the units that are in the names of metrics."""
     answer, results = item.get("data"), item.get("results")
@@ -73,10 +100,9 @@ def _series(item: Mapping[str, Any], units: dict[str, str]) -> Iterator[_Series]
         for name, one in zip(_names([one["metric"] for one in answer["result"]]), answer["result"], strict=True):
             if unit := unit_or_energy(name.partition("{")[0].rpartition("_")[2]):
                 units[name] = unit
-            at, values = zip(*one["values"], strict=True)
-            yield name, at, values
+            yield name, *_transposed(one["values"])
     if "target" in item and isinstance(item.get("datapoints"), list):  # of Graphite
-        values, at = zip(*item["datapoints"], strict=True)
+        values, at = _transposed(item["datapoints"])
         yield str(item["target"]), at, values
     for result in results if isinstance(results, list) else ():
         for one in result.get("series", ()):
@@ -98,7 +124,7 @@ def _names(metrics: Sequence[Mapping[str, str]]) -> list[str]:
             own.get("__name__", "") + (f"{{{text}}}" if text or "__name__" not in own else "")
             for own, text in zip(metrics, texts, strict=True)
         ]
-        if len(set(names)) == len(names):
+        if len(set(names)) == len({str(sorted(metric.items())) for metric in metrics}):
             break
     return names
 
@@ -113,7 +139,7 @@ def _of_influx(one: Mapping[str, Any]) -> Iterator[_Series]:
         tags = [f"{k}={value}" for k, value in {**one.get("tags", {}), tag: key}.items() if value]
         for name in names:
             if name != tag:
-                yield " ".join([one.get("name", ""), name, *tags]).strip(), rows[stamp], rows[name]
+                yield " ".join([one.get("name", ""), name, *tags]).strip(), list(rows[stamp]), list(rows[name])
 
 
 def _is_series(rows: Any) -> bool:
@@ -161,6 +187,24 @@ def _with_index(table: pd.DataFrame) -> pd.DataFrame:
     """A table with its labels as a column, unless they number its rows."""
     numbers = list(map(str, table.index)) == list(map(str, range(len(table))))
     return table if numbers else table.rename_axis(index="index").reset_index()
+
+
+def _transposed(pairs: Sequence[Sequence[Any]]) -> tuple[Sequence[Any], Sequence[Any]]:
+    """The firsts and the seconds of pairs, of which there may be none."""
+    firsts, seconds = zip(*pairs, strict=True) if pairs else ((), ())
+    return firsts, seconds
+
+
+def _is_empty(item: Mapping[str, Any]) -> bool:
+    """Whether an object is that of a series without values."""
+    return [] in item.values() or "results" in item or "data" in item
+
+
+def _refusal_among_series(item: Mapping[str, Any]) -> str:
+    """The words on an object among series that is none."""
+    if isinstance(item.get("error"), str):
+        return _refusal([item])
+    return f"has {cell(json.dumps(item))} among series of stamps and values; put it in a file of its own"
 
 
 def _refusal(items: Sequence[Any]) -> str:
