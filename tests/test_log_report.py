@@ -236,6 +236,19 @@ def test_of_two_meters_of_one_heat_one_is_taken(names, used):
     assert "was taken for the same quantity" in found[names[1 - used]].reason
 
 
+def test_a_column_without_values_has_a_role_only_where_it_is_given(frame):
+    """The configuration that it was proposed for could not be fitted."""
+    valve, sun, room = "Heizung Ventil (%)", "Globalstrahlung (W/m²)", "Raumtemperatur [°C]"
+    log = frame.assign(**{valve: np.nan, sun: np.nan, "Heizung 2 (%)": 50.0, "cooling": np.nan})
+    found = LogReport(log)
+    assert found.roles["u_heat"] == "Heizung 2 (%)"
+    assert {"u_cool", "q_sol"}.isdisjoint(found.roles)
+    assert found.columns["reason"][[valve, sun, "cooling"]].tolist() == ["no row has a number"] * 3
+    given = LogReport(log, {"T_za": room, "T_oa": "Außentemperatur [°C]", "u_heat": valve})
+    assert any(f.where == valve and f.text == "no row has a number." for f in given.findings)
+    assert "T_za" in LogReport(frame.assign(**{room: np.nan})).roles  # an error is told of it
+
+
 def test_a_role_has_one_column():
     found = assign_zone_roles({"Room A temp": None, "Room B temp": None, "hvac kW": "kW", "heat valve": None})
     assert found["Room A temp"].role == "T_za"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from skhybrid.logs.readers.plant_stages import full_load
 from skhybrid.logs.text_files import head_of
 from skhybrid.study import propose_settings, read_settings
 from skhybrid.study import read_log as read_zone_log
+from skhybrid.study.settings import settings_from
 
 SAMPLES = Path(__file__).parent / "log_samples"
 PORTAL, DONATED, EPA = (SAMPLES / n for n in ("ecobee_portal.csv", "donate_your_data.csv", "epa_interval.csv"))
@@ -163,6 +165,27 @@ def test_a_day_without_the_second_stage_has_the_same_channel(tmp_path):
     log = ecobee.read(_written(tmp_path, "\n".join([*lines[:1], *lines[-10:]])))
     whole = ecobee.read(DONATED).frame["auxiliary heat at full load"]
     assert (log.frame["auxiliary heat at full load"] == whole.iloc[-10:]).all()
+
+
+@pytest.mark.parametrize("source", [DONATED, "epa"])
+def test_a_month_with_blank_stages_is_read_by_the_configuration_of_another(source, tmp_path):
+    """It was refused, since it lacked the column of both stages."""
+    if source == "epa":
+        hours = pd.date_range("2021-01-01", periods=48, freq="h")
+        rows = [f"{t},0,0,,{10 * (t.hour % 6)},{t.hour % 6},66.{t.hour},30.5" for t in hours]
+        text, stages = "\n".join([f"{HEADER},temp_out", *rows]), r"heat_runtime_stg\d"
+    else:
+        text, stages = source.read_text(encoding="utf-8"), r"auxHeat\d"
+    (tmp_path / "zone.toml").write_text(propose_settings(_written(tmp_path, text)), encoding="utf-8")
+    settings = read_settings(tmp_path / "zone.toml")
+    assert settings.columns["u_heat"].endswith("at full load")
+    table = pd.read_csv(_written(tmp_path, text), dtype=str)
+    table.loc[:, table.columns.str.fullmatch(stages)] = ""
+    frame, report = read_zone_log(_written(tmp_path, table.to_csv(index=False)), settings)
+    assert frame["u_heat"].isna().all()
+    assert frame["T_za"].notna().all()
+    assert f"u_heat: {len(frame)} rows left missing" in report
+    assert "u_heat" not in settings_from(tomllib.loads(propose_settings(tmp_path / "log.csv"))).columns
 
 
 def test_stages_of_which_only_the_highest_is_counted():

@@ -13,7 +13,7 @@ from .conversion import Channel, contract_unit, fitting_unit, to_roles
 from .counters import is_counter
 from .fill_values import fill_values
 from .log_findings import Finding
-from .naming import FOR_HEATING, NAMED_BY_ROLE, TAKEN, Guess, unit_in_name
+from .naming import FOR_HEATING, NAMED_BY_ROLE, TAKEN, Guess, guess_role, unit_in_name
 from .raw_log import RawLog
 from .setpoint_modes import MODE, further_roles, one_role_each, shared_zones
 from .unit_names import ENERGY
@@ -52,7 +52,9 @@ class ColumnRoles:
             for c in raw.frame
             if c not in raw.modes or c in given.values()
         }
-        rooms = {} if given else zone_roles(stated)
+        blank = {c for c, unit in stated.items() if c not in given.values() and self._is_blank_input(c, unit)}
+        rooms = {} if given else {role: c for role, c in zone_roles(stated).items() if c not in blank}
+        stated = {c: unit for c, unit in stated.items() if c not in blank}
         own = [one_role_each(one) for one in (columns, raw.roles)]
         guesses = zone_guesses(stated, rooms) if rooms else assign_zone_roles(stated, *own)
         self.guesses = reread_values(guesses, stated, raw.frame)
@@ -62,6 +64,7 @@ class ColumnRoles:
             for name, guess in self.guesses.items()
             if guess.role is not None
         ]
+        self.guesses |= {c: Guess(None, 0, "no row has a number") for c in raw.frame if c in blank}
         self.further_rooms = [] if given or rooms else further_rooms(stated, {c.role: c.name for c in channels})
         channels = self._of_known_scale(channels, set(given))
         by_name = {c.role for c in channels if self.guesses[c.name].reason == NAMED_BY_ROLE}
@@ -108,6 +111,10 @@ class ColumnRoles:
     def seems_electric(self, channel: Channel) -> bool:
         """Whether a channel seems to be electricity and is not known to be anything else."""
         return self.guesses[channel.name].is_electricity and channel.role not in self._scaled
+
+    def _is_blank_input(self, name: str, unit: str | None) -> bool:
+        """Whether a column may have a role, other than a model's temperatures, but has no value in this log."""
+        return guess_role(name, unit).role not in (None, "T_za", "T_oa") and bool(self.raw.frame[name].isna().all())
 
     def _channel(
         self, name: str, guess: Guess, stated: str | None, units: Mapping[str, str], scale: Mapping[str, float]

@@ -207,8 +207,7 @@ def _plants(frame: pd.DataFrame, layout: _Layout) -> tuple[dict[str, str], dict[
     for whole, columns, running, role, low in zip(_WHOLE, stages, ran, names, lows, strict=True):
         if columns and not running:
             notes.append(f"{', '.join(columns)} never ran in this log.")
-        # in every log, so that new rows of a day without the second stage fit too
-        if len(columns) > 1 and frame[columns].notna().any(axis=None):
+        if len(columns) > 1:  # in every log, so that new rows without the second stage, or without any, fit too
             frame[whole], said = full_load(frame[columns], _STEP, low)
             scale[whole] = 1.0 / _STEP
         if running:

@@ -52,7 +52,7 @@ def read(
     stamps = _in_zone(stamps_of(table[stamp], None, None, where), offset, timezone, table.index, where)
     known = [c for c in map(str, table) if "runtime" in c or c in (*_TEMPERATURES.values(), *_AUXILIARY, *_OUTDOOR)]
     columns, _ = numeric_columns(table[known], known, where)
-    frame = sorted_frame({c: v for c, v in columns.items() if np.isfinite(v).any()}, stamps, where)
+    frame = sorted_frame(columns, stamps, where)  # with blank columns, which have values in another month
     runtimes = [c for c in map(str, frame) if "runtime" in c or c in _AUXILIARY]
     over = [c for c in runtimes if (frame[c] > _MINUTES).any()]
     if over:
@@ -61,7 +61,7 @@ def read(
             f"{where}, column {over[0]!r} has {frame[over[0]].max():g} minutes in an hour, first at {first}; if they "
             "are seconds, divide them by 60."
         )
-    plants = _plants(frame, known, notes)
+    plants = _plants(frame, notes)
     idle = {role for role, plant in (("T_heat_set", "u_heat"), ("T_cool_set", "u_cool")) if plant not in plants}
     roles = {role: c for role, c in _temperatures(frame).items() if role not in idle} | plants
     scale = dict.fromkeys([c for c in map(str, frame) if "runtime" in c or c in _AUXILIARY], 1.0 / _MINUTES)
@@ -111,8 +111,9 @@ def _in_zone(
 
 
 def _temperatures(frame: pd.DataFrame) -> dict[str, str]:
-    roles = {role: c for role, c in _TEMPERATURES.items() if c in frame}
-    outdoor = [c for c in _OUTDOOR if c in frame]
+    logged = {str(c) for c in frame if frame[c].notna().any()}
+    roles = {role: c for role, c in _TEMPERATURES.items() if c in logged}
+    outdoor = [c for c in _OUTDOOR if c in logged]
     return roles | ({"T_oa": outdoor[0]} if outdoor else {})
 
 
@@ -120,11 +121,11 @@ def _units(frame: pd.DataFrame) -> dict[str, str]:
     return {c: "degF" for c in map(str, frame) if c in (*_TEMPERATURES.values(), *_OUTDOOR)}
 
 
-def _plants(frame: pd.DataFrame, known: list[str], notes: list[str]) -> dict[str, str]:
+def _plants(frame: pd.DataFrame, notes: list[str]) -> dict[str, str]:
     """Roles of the plants that ran; adds columns for two stages and for auxiliary heat, and notes on them.
 
-    The columns are also those of a log in which the second of the ``known`` columns never ran: the configuration of
-    another month may name them.
+    The columns are also those of a log in which a stage never ran, or is blank: the configuration of another month may
+    name them.
     """
     roles = {}
     ran = {c for c in map(str, frame) if (frame[c] > 0).any()}
@@ -132,9 +133,9 @@ def _plants(frame: pd.DataFrame, known: list[str], notes: list[str]) -> dict[str
     for kind in ("heat", "cool"):
         first, second, equivalent = (f"{kind}_runtime_{s}" for s in ("stg1", "stg2", "equiv"))
         name, said = f"{kind}_runtime at full load", ""
-        if first in frame and second in known and equivalent not in ran:
+        if {first, second} <= set(frame) and equivalent not in ran:
             low = FURNACE_LOW if kind == "heat" and not auxiliary else COMPRESSOR_LOW
-            frame[name], said = full_load(frame.reindex(columns=[first, second]), _MINUTES, low)
+            frame[name], said = full_load(frame[[first, second]], _MINUTES, low)
         if equivalent in ran:
             roles[f"u_{kind}"] = equivalent
         elif said and second in ran:
