@@ -62,6 +62,16 @@ def is_plant(role: object) -> bool:
     return str(role).startswith(("u_", "Q_"))
 
 
+def is_stage(role: object) -> bool:
+    """Whether a role is a stage or a runtime fraction of a plant, whose capacity is a parameter."""
+    return str(role).startswith("u_")
+
+
+def is_cooling(role: object) -> bool:
+    """Whether a role is that of cooling alone: a stage, or cold of a meter that is logged as positive."""
+    return str(role).startswith(("u_cool", "Q_cool"))
+
+
 def ending_zone(role: object, zones: Iterable[str]) -> str | None:
     """The zone with whose name a role ends, the longest of several such as ``hall`` and ``big_hall``; else None."""
     return max((zone for zone in zones if str(role).endswith(f"_{zone}")), key=len, default=None)
@@ -177,7 +187,7 @@ def numeric(column: pd.Series, label: str | None = None) -> np.ndarray:
 
 def role_numbers(column: pd.Series, role: str, label: str | None = None) -> np.ndarray:
     """The column of a role as :func:`numeric` reads it; True and False, which pandas takes for 1 and 0, are stages."""
-    if not role.startswith("u_") and pd.api.types.infer_dtype(column) == "boolean":
+    if not is_stage(role) and pd.api.types.infer_dtype(column) == "boolean":
         label = f"column {column.name!r}" if label is None else label
         raise ValueError(f"{label} is true or false, but {role} is not a stage; give numbers.")
     return numeric(column, label)

@@ -37,9 +37,11 @@ from ._columns import checked_columns as checked_columns
 from ._columns import ending_zone as ending_zone
 from ._columns import fill_ahead as fill_ahead
 from ._columns import float_columns as float_columns
+from ._columns import is_cooling as is_cooling
 from ._columns import is_history as is_history
 from ._columns import is_instant as is_instant
 from ._columns import is_set_point as is_set_point
+from ._columns import is_stage as is_stage
 from ._columns import listed as listed
 from ._columns import numeric as numeric
 from ._columns import plant_roles as plant_roles
@@ -186,10 +188,8 @@ def last_rows(tables: Sequence[ZoneTable], n_rows: int) -> ZoneTable:
 def refuse_gap(table: ZoneTable) -> None:
     """Raise a ValueError that names the stamps around the first gap, where there is one."""
     if len(table.breaks) > 1:
-        row = table.breaks[1]
-        raise ValueError(
-            f"X has a gap: {table.index[row - 1]} is followed by {table.index[row]}; give one segment at a time."
-        )
+        before, after = table.index[table.breaks[1] - 1], table.index[table.breaks[1]]
+        raise ValueError(f"X has a gap: {before} is followed by {after}; give one segment at a time.")
 
 
 def refuse_other_clock(table: ZoneTable, training: ZoneTable) -> None:

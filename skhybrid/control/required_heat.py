@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._table import is_cooling
 from ..filtering import simulate_inverse
 from .setpoints import Band, Limits
 
@@ -133,7 +134,7 @@ def make_plant(capacity: Mapping[str, float], inputs: Mapping[str, np.ndarray]) 
 
     Measured heat sets no limit; beside stages it does so only on the sides, heating and cooling, where it ever acted.
     """
-    roles = sorted(capacity, key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
+    roles = sorted(capacity, key=lambda role: (not role.startswith("u_heat"), not is_cooling(role), role))
     most = {role: max(1.0, float(inputs[role].max())) for role in roles}
     heating = tuple((role, q) for role, q in capacity.items() if q > 0)
     cooling = tuple((role, q) for role, q in capacity.items() if q < 0)

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 from sklearn.linear_model import lasso_path
 
 from .._calendar import N_CELLS, day_type_hour, one_hot
-from .._table import ZoneTable, ending_zone, is_instant, plant_roles, read_table, read_targets
+from .._table import ZoneTable, ending_zone, is_instant, is_stage, plant_roles, read_table, read_targets
 from .._time import rows_per_hour, spell
 from ..filtering import low_pass
 from .experiment import temperatures_by_role
@@ -160,7 +160,7 @@ def _arrange(
     heat, others = np.zeros((n, len(names))), []
     for i, name in enumerate(names):
         heat[:, i] = sum(hourly[role] for role in plant if owner[role] == name and role.startswith("Q_"))
-        acting = [hourly[r] for r in plant if (owner[r] == name and r.startswith("u_")) or owner[r] is None]
+        acting = [hourly[r] for r in plant if (owner[r] == name and is_stage(r)) or owner[r] is None]
         columns = [*acting, *(_smoothed(v) for v in (*acting, heat[:, i]))]
         others.append(np.column_stack([*columns, *sun, calendar]))
     filled = pd.DataFrame(T).interpolate(limit_direction="both").to_numpy()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import ZoneTable, is_plant, listed
+from .._table import ZoneTable, is_plant, is_stage, listed
 from ..control import (
     FREE,
     HeatedZone,
@@ -32,7 +32,7 @@ def plant_of(network: RCNetwork, theta: Mapping[str, float], table: ZoneTable) -
     sources = network.sources(table.inputs)
     capacities: dict[str, float] = {}
     for source in sources:
-        if source.role.startswith("u_") and source.parameter:  # a shared stage has a capacity per zone
+        if is_stage(source.role) and source.parameter:  # a shared stage has a capacity per zone
             capacities[source.role] = capacities.get(source.role, 0.0) + theta[source.parameter]
     return make_plant(capacities, table.inputs)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._arguments import store_arguments
-from .._table import ZoneTable
+from .._table import ZoneTable, is_stage
 from ..thermal import Parameter, RCNetwork
 from ..thermal.parameters import as_bounds, search_bounds
 from .base import NetworkIdentifier, SearchResult
@@ -260,8 +260,8 @@ def _heat_scale(table: ZoneTable, known: dict[str, float]) -> float:
 def _inner(network: RCNetwork, table: ZoneTable, fixed: dict[str, float], bounded: set[str]) -> tuple[str, ...]:
     """Network parameters that are solved inside: free capacities, and the solar gains where nothing constrains them."""
     sources = [s for s in network.sources(table.inputs) if s.parameter is not None]
-    out = [s.parameter for s in sources if s.role.startswith("u_") and len(s.shares) == 1]
-    solar = [s.parameter for s in sources if not s.role.startswith("u_")]
+    out = [s.parameter for s in sources if is_stage(s.role) and len(s.shares) == 1]
+    solar = [s.parameter for s in sources if not is_stage(s.role)]
     fractions = network.solar_fractions
     if len(solar) == 1 and len(fractions) <= 1 and not any(f in fixed or f in bounded for f in fractions):
         out += solar

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
+from .._table import is_stage
 from .._warnings import warnings_dropped
 from ..exceptions import PlanWarning
 from ..identification import frequency_response, step_response
@@ -270,7 +271,7 @@ def _unit_of(name: str) -> str:
         return "K/K"
     if name.startswith("q_sol"):
         return "K per kW/m2"
-    return "K per stage" if name.startswith("u_") else "K/kW"
+    return "K per stage" if is_stage(name) else "K/kW"
 
 
 def _style_of(label: str, responses: Mapping[str, pd.DataFrame]) -> dict[str, Any]:

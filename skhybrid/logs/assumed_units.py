@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import range_of
+from .._table import is_stage
 from .conversion import Channel, contract_unit, row_hours
 from .counters import is_counter, usual_peak
 from .naming import FEW_FOR_PERCENT, NAMED_BY_ROLE, OF_PLANT, PLACE_ALONE, SURE, Guess, guess_role
@@ -25,14 +26,14 @@ def assumed_unit(values: pd.Series, role: str, factor: float, is_contract: bool)
     """A unit and a factor from values, with a sentence on why, or ""; a role's own name stands for its unit."""
     known = values.to_numpy(dtype=np.float64)
     known = known[np.isfinite(known)]
-    if not len(known) or (role.startswith("u_") and factor != 1.0):
+    if not len(known) or (is_stage(role) and factor != 1.0):
         return None, factor, ""
-    if role.startswith("u_") and known.max() > 1.0 and (np.diff(known) >= 0.0).all() and is_counter(values):
+    if is_stage(role) and known.max() > 1.0 and (np.diff(known) >= 0.0).all() and is_counter(values):
         why = f"values only rise, as those of a counter; if it counts heat, give Q_{role[2:]} and its unit"
         return None, factor, f"{why}, such as 'kWh counter', and the kWh of a count under [scale]"
-    if role.startswith("u_") and factor == 1.0 and set(np.unique(known)) == {1.0, 2.0}:
+    if is_stage(role) and factor == 1.0 and set(np.unique(known)) == {1.0, 2.0}:
         return None, factor, f"values are 1 and 2, as codes of states; write 1 where it runs and 0 elsewhere for {role}"
-    if role.startswith("u_"):
+    if is_stage(role):
         return _of_stage(float(known.min()), float(known.max()), role, factor)
     if role == "T_oa" and factor == 1.0 and _moves_by_tenths(values):
         return None, 0.1, "whole numbers that move by several in an hour are those of tenths of a degree"

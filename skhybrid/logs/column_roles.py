@@ -7,7 +7,7 @@ from functools import cache
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES
+from .._table import SETPOINT_ROLES, is_stage
 from .assumed_units import assumed_unit, outdoor_as_room, reread_values
 from .conversion import Channel, contract_unit, fitting_unit, to_roles
 from .counters import is_counter
@@ -139,7 +139,7 @@ class ColumnRoles:
             if c.role.startswith("Q_") and is_switch and c.role not in given:
                 self.assumed.pop(c.role, None)
                 self.guesses[c.name] = Guess(None, 0, "it is on or off; give u_heat or u_cool if it is the plant's")
-            elif c.role.startswith("u_") and c.unit is None and c.role in self.assumed and c.role not in given:
+            elif is_stage(c.role) and c.unit is None and c.role in self.assumed and c.role not in given:
                 self.guesses[c.name] = Guess(None, 0, self.assumed.pop(c.role))
             else:
                 kept.append(c)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from .._table import listed, role_of
+from .._table import is_stage, listed, role_of
 from .._warnings import several
 from ..preprocessing._units import CONTRACT_UNIT, KIND_OF_PREFIX, UNITS, conversion_of, convert
 from .counters import hours_between, is_counter, power_of_counter
@@ -154,7 +154,7 @@ def _converted(raw: RawLog, channel: Channel) -> np.ndarray:
         values = power_of_counter(counter)
     elif (of_row := _energy_units(channel.role).get(str(unit))) is not None:
         values = of_row * values / _hours_of_rows(series)
-    elif unit in TIMES and channel.role.startswith("u_"):
+    elif unit in TIMES and is_stage(channel.role):
         # a factor of the format says it all, such as 1/300 for the seconds of five minutes
         known = channel.scale != 1.0
         values = values * (1.0 if known else TIMES[unit] / (3600.0 * _hours_of_rows(series)))

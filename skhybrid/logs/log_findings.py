@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._ranges import is_in_watts, range_of
-from .._table import SETPOINT_ROLES, is_plant
+from .._table import SETPOINT_ROLES, is_cooling, is_plant, is_stage
 from .._time import SHORTEST_GAP, spell
 from .._warnings import percent, several
 from .column_spans import lost_columns
@@ -196,7 +196,7 @@ def _odd_power(role: str, name: str, known: pd.Series, counts: bool) -> Iterator
         unit = "kW/m2" if role.startswith("q_sol") else "kW"
         text = f"reaches {1e3 * max(high, -low):.2g} {unit[1:]} only: is it in {unit}? Then give that as its unit"
         yield Finding("warning", name, f"{text} under [units] of {role}.")
-    elif role.startswith("u_") and 0.0 < high <= _ONE_PERCENT:
+    elif is_stage(role) and 0.0 < high <= _ONE_PERCENT:
         yield Finding("warning", name, f"reaches {100 * high:.2g} % only: is it a fraction? Then give '-' as its unit.")
     elif role.startswith("Q_") and low == 0.0 and high == 1.0 and known.nunique() == 2:
         yield Finding("warning", name, "is 0 or 1 kW in all rows: is it a switch? Then give it as u_heat or u_cool.")
@@ -314,7 +314,7 @@ def swap_findings(name: str, role: str, frame: pd.DataFrame) -> Iterator[Finding
 def _cools(frame: pd.DataFrame) -> bool:
     """Whether some plant of a log by role cools."""
     plants = {str(role): values for role, values in frame.items() if is_plant(role)}
-    return any((v > 0.0).any() if r.startswith(("u_cool", "Q_cool")) else (v < 0.0).any() for r, v in plants.items())
+    return any((v > 0.0).any() if is_cooling(r) else (v < 0.0).any() for r, v in plants.items())
 
 
 def set_point_findings(frame: pd.DataFrame) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import is_plant
+from .._table import is_plant, is_stage
 from .._time import spell
 from .._warnings import several
 from .abilities import abilities, days_of, excitation
@@ -136,7 +136,7 @@ class LogReport:
     def _abilities(self, channels: list[Channel]) -> tuple[list[str], list[str], list[str]]:
         measured = any(c.role.startswith("Q_") and is_plant(c.role) and not self._read.is_unsure(c) for c in channels)
         unsure = {c.role for c in channels if is_plant(c.role) and self._read.is_unsure(c)}
-        stages = {c.role for c in channels if c.role.startswith("u_")}
+        stages = {c.role for c in channels if is_stage(c.role)}
         unsure |= set() if measured or stages & self._scaled else stages  # one scale fixes those of all
         unplaced = [name for name, guess in self._read.guesses.items() if guess.reason == UNPLACED]
         return abilities(self.excitation, sum(self.days.values()), unsure, self._read.rooms, unplaced)
@@ -317,7 +317,7 @@ def _rows_of(table: pd.DataFrame) -> dict[Any, Any]:
 
 def _unit_words(row: Any) -> str:
     scale = "" if row["scale"] in (None, 1.0) else f", {row['scale']:.4g} times the column"
-    unit = "fraction" if row["role"].startswith("u_") and row["unit"] == "-" else row["unit"]
+    unit = "fraction" if is_stage(row["role"]) and row["unit"] == "-" else row["unit"]
     return f"{unit}{scale}{' (assumed)' if row['assumed'] else ''}"
 
 

@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from .._table import ending_zone
+from .._table import ending_zone, is_stage
 from ..preprocessing._units import UNITS
 from . import role_words as said
 from .unit_names import ENERGY, IRRADIATION, is_foreign, is_unit, strange_unit, unit_or_energy, unit_text
@@ -282,7 +282,7 @@ def one_column_each(guesses: Mapping[str, Guess], zones: Sequence[str] = ()) -> 
     A role that all of some ``zones`` would share is not guessed beside that of a zone.
     """
     found, taken = dict(guesses), dict[str, str]()
-    rank = {c: (-g.certainty, g.is_electricity, str(g.role).startswith("u_")) for c, g in guesses.items()}
+    rank = {c: (-g.certainty, g.is_electricity, is_stage(g.role)) for c, g in guesses.items()}
     for column in sorted(guesses, key=rank.__getitem__):
         role, certainty = guesses[column].role, guesses[column].certainty
         if role is None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, is_plant, listed
+from .._table import SETPOINT_ROLES, is_cooling, is_plant, is_stage, listed
 from .._warnings import percent
 from .counters import is_counter
 from .log_findings import RUNS, Finding
@@ -30,7 +30,7 @@ def parallel_findings(frame: pd.DataFrame, used: Mapping[str, str], others: Mapp
             continue
         if not abs(float(_as_it_ran(frame[name]).corr(_as_it_ran(frame[used[role]])))) > _ALIKE:
             text = f"could be heat or cold of the plant beside {used[role]!r}, and is not used"
-            both = "one stage of both, from 0 to 1," if role.startswith("u_") else "their sum"
+            both = "one stage of both, from 0 to 1," if is_stage(role) else "their sum"
             yield Finding("warning", name, f"{text}: if the room gets both, write {both} in one column.")
 
 
@@ -92,7 +92,7 @@ def cold_findings(frame: pd.DataFrame, columns: Mapping[str, str]) -> Iterator[F
     step = pd.DatetimeIndex(frame.index).to_series().diff().median()
     for role, name in columns.items():
         heats, room = role.replace("cool", "heat", 1), f"T_za{role[len('u_cool') :]}"
-        if not role.startswith(("u_cool", "Q_cool")) or {room, "T_oa"} - set(frame) or heats in columns:
+        if not is_cooling(role) or {room, "T_oa"} - set(frame) or heats in columns:
             continue
         values = frame[role]
         cold = values.abs()[frame["T_oa"] < frame[room] - _COLDER_OUT].dropna()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from .._table import SETPOINT_ROLES, plant_roles
+from .._table import SETPOINT_ROLES, is_cooling, plant_roles
 from .._time import wall_clock
 from .naming import FOR_HEATING, guess_role
 from .zone_names import plants_of_room, words_of
@@ -163,7 +163,7 @@ def mode_of_plant(frame: pd.DataFrame, zone: str) -> tuple[pd.Series, bool]:
         signed = (
             np.nan_to_num(values / (np.nanquantile(np.abs(values), 0.99) or 1.0)) if frame[role].any() else heat * 0.0
         )
-        signed = -np.abs(signed) if role.startswith(("u_cool", "Q_cool")) else signed
+        signed = -np.abs(signed) if is_cooling(role) else signed
         heat, cold = heat + signed.clip(min=0.0), cold - signed.clip(max=0.0)
     days = wall_clock(pd.DatetimeIndex(frame.index)).normalize()
     sums = pd.DataFrame({HEATS: heat, COOLS: cold}).groupby(np.asarray(days)).sum()

@@ -16,7 +16,7 @@ import numpy as np
 
 from .._calendar import clock_hour, one_hot
 from .._clock import hour_of_day
-from .._table import ZoneTable, is_plant, listed
+from .._table import ZoneTable, is_cooling, is_plant, is_stage, listed
 from ..thermal import RCNetwork
 from ..thermal.parameters import check_known
 
@@ -113,9 +113,9 @@ def make_plan(network: RCNetwork, table: ZoneTable, known: Mapping[str, float], 
     _refuse_several_nodes(network, table)
     _refuse_capacities(network, table, known)
     measured = tuple((role, 1.0) for role in table.inputs if role.startswith("Q_"))
-    stages = [role for role in table.inputs if role.startswith("u_")]
-    stages.sort(key=lambda role: (not role.startswith("u_heat"), not role.startswith("u_cool"), role))
-    sign = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in stages}
+    stages = [role for role in table.inputs if is_stage(role)]
+    stages.sort(key=lambda role: (not role.startswith("u_heat"), not is_cooling(role), role))
+    sign = {role: -1.0 if is_cooling(role) else 1.0 for role in stages}
     capacity = {source.role: source.parameter for source in network.sources(stages)}
     given = [(role, float(known[str(capacity[role])])) for role in stages if capacity[role] in known]
     if not measured and not given and stages:  # nothing fixes the scale: a stage that runs is taken to have 6 kW

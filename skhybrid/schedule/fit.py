@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from .._table import ZoneTable
+from .._table import ZoneTable, is_stage
 from .._time import rows_per_day, rows_per_hour, spell
 from ..filtering import ForecastSample, hourly_sample
 from ..thermal import RCNetwork
@@ -168,7 +168,7 @@ def fit_leads(
     fit, best = _fit_at_scale(table, scored, reference, scale, _SCALES, pull)
     undetermined = _undetermined(fit, best, table, T)
     if plan.known and {role for role, _ in plan.known} <= set(undetermined):
-        plant = max((abs(capacity) for role, capacity in plan.known if role.startswith("u_")), default=_GUESS_PLANT)
+        plant = max((abs(capacity) for role, capacity in plan.known if is_stage(role)), default=_GUESS_PLANT)
         usual = _GUESS_HEAT * plant / _GUESS_PLANT
         fit, _ = _fit_at_scale(table, scored, reference, usual, (1.0,), pull)
     return replace(fit, undetermined=undetermined)

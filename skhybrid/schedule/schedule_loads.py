@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.isotonic import isotonic_regression
 
-from .._table import ZoneTable
+from .._table import ZoneTable, is_stage
 from ..control import MOST_AHEAD, Band, Limits, LoadPaths, Plant, WantedPaths, load_frame, make_plant, steps_ahead
 from ..filtering import simulate_inverse, solve_lq_path
 from .channels import ChannelPlan, deviation, knot_name, known_heat
@@ -199,7 +199,7 @@ def increasing_curve(curve: np.ndarray, proportional: np.ndarray) -> np.ndarray:
 def _plant(fit: LeadFit, coef: np.ndarray) -> Plant:
     """Stages with their given or fitted capacity, and measured heat."""
     plan, names = fit.plan, fit.channel_names
-    capacity = {role: c for role, c in plan.known if role.startswith("u_")}
+    capacity = {role: c for role, c in plan.known if is_stage(role)}
     capacity |= {role: sign * coef[names.index(role)] for role, sign in plan.stages}
     seen = {role: np.array([largest]) for role, largest in plan.max_stages}
     return make_plant(capacity, seen | {role: np.array(ends) for role, ends in fit.meters})

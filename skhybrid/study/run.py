@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from .._table import plant_roles
+from .._table import is_stage, plant_roles
 from .._warnings import recorded_warnings, without_python
 from .compared_models import HYBRID, YESTERDAY, identified_by, make_models
 from .doubts import Doubts
@@ -144,7 +144,7 @@ def verdicts_by_zone(
     An identified ``gray_box`` gives the capacities of stages, where it is not the hybrid's; ``of_day``: the day to come
     is known by its set-points.
     """
-    of_stages = any(role.startswith("u_") for role in plant_roles(study.data.train))
+    of_stages = any(map(is_stage, plant_roles(study.data.train)))
     parts, found = study.by_zone, {}
     for zone, model in predictors_of(tested[HYBRID].model).items():
         data, scale = parts[zone].data, gray_box if of_stages else None

@@ -15,7 +15,7 @@ import pandas as pd
 
 from .._arguments import check_place, is_integer, is_number
 from .._holidays import read_holidays
-from .._table import ROLES, SETPOINT_ROLES, listed, role_of
+from .._table import ROLES, SETPOINT_ROLES, is_stage, listed, role_of
 from .._time import positive_duration
 from ..exceptions import SettingsError
 from ..forecasting.weather_error import read_weather_error
@@ -191,7 +191,7 @@ class Settings:
     def scaled_roles(self) -> list[str]:
         """Roles of stages with a given capacity, and of meters that are said to be electricity, or not to be."""
         ends = [f"_{zone}" for zone in self.zones]
-        stages = {role: [role, *map(role.removesuffix, ends)] for role in self.columns if role.startswith("u_")}
+        stages = {role: [role, *map(role.removesuffix, ends)] for role in self.columns if is_stage(role)}
         known = [role for role, names in stages.items() if any(capacity_name(n) in self.capacities for n in names)]
         return known + [role for role in self.columns if role.startswith("Q_") and "electricity" in self.plant]
 
@@ -206,7 +206,7 @@ def is_scaled(roles: Iterable[object], known: Iterable[str]) -> bool:
     ``known`` are given parameters, such as :attr:`Settings.capacities`.
     """
     names = set(map(str, roles))
-    capacities = {capacity_name(role) for role in names if role.startswith("u_")}
+    capacities = {capacity_name(role) for role in names if is_stage(role)}
     return any(r.startswith("Q_") for r in names) or any(p in capacities or p[0] in "CRA" for p in known)
 
 

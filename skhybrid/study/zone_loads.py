@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import pandas as pd
 
-from .._table import plant_roles
+from .._table import is_cooling, is_stage, plant_roles
 from ..thermal.declaration import capacity_name
 from .compared_models import HYBRID
 from .load_rules import rule_loads
@@ -89,9 +89,9 @@ def load_of(rows: pd.DataFrame, settings: Settings, roles: Sequence[str]) -> Loa
     Where stages have no known capacity, those of cooling count as negative, and beside measured heat they are left out;
     None where nothing heats or cools.
     """
-    stages, known = [role for role in roles if role.startswith("u_")], settings.capacities
+    stages, known = [role for role in roles if is_stage(role)], settings.capacities
     scaled = all(capacity_name(role) in known for role in stages)
-    signs = {role: -1.0 if role.startswith("u_cool") else 1.0 for role in stages}
+    signs = {role: -1.0 if is_cooling(role) else 1.0 for role in stages}
     factors = {role: float(known[capacity_name(role)]) for role in stages} if scaled else signs
     parts = rows[stages] * pd.Series(factors, dtype=float)
     if len(stages) < len(roles):

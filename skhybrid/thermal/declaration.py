@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from .._arguments import as_mapping
+from .._table import is_cooling, is_stage
 from .parameters import Parameter, make_parameter
 
 #: where heat goes: a node, or nodes with the name of the fraction that each gets (None: the remainder)
@@ -43,7 +44,7 @@ class Source(NamedTuple):
     @property
     def nameplate(self) -> str:
         """The argument that gives the capacity of a stage."""
-        sign = "-" if self.role.startswith("u_cool") else ""
+        sign = "-" if is_cooling(self.role) else ""
         return f"known={{{self.parameter!r}: {sign}nameplate kW}}"
 
 
@@ -149,7 +150,7 @@ class Declaration:
         """Required roles, and those of the heating and cooling stages (one of each where none is named)."""
         if is_by_role(self.heated, "heated"):
             own = [role for role in self.heated if role.endswith(tuple(f"_{zone}" for zone in self.zones))]
-            stages = [role for role in own if role.startswith("u_")]
+            stages = [role for role in own if is_stage(role)]
             return (*self.required_roles, *(stages or own or self.heated))
         nodes = self.heated if isinstance(self.heated, tuple) else ()
         stages = [f"{u}_{node}" for node in nodes for u in ("u_heat", "u_cool")] or ["u_heat", "u_cool"]
@@ -185,7 +186,7 @@ class Declaration:
                 usual: str | None = "A_win" + role[len("q_sol") :]
                 parts = parts_of_role(self.solar, "solar", role)
             elif role.startswith(ROLE_PREFIXES["heated"]):
-                usual = capacity_name(role) if role.startswith("u_") else None
+                usual = capacity_name(role) if is_stage(role) else None
                 parts = parts_of_role(self.heated, "heated", role)
                 if not parts:
                     raise ValueError(

@@ -9,6 +9,7 @@ from itertools import product
 from typing import Any
 
 from .._arguments import as_mapping
+from .._table import is_stage
 from .catalogue import get_network
 from .declaration import ROLE_PREFIXES, SOURCE_PARAMETERS, Target, as_names, capacity_name, is_by_role, own_parameters
 from .network import RCNetwork
@@ -214,7 +215,7 @@ def _heated(rooms: Mapping[str, RCNetwork], given: Any) -> dict[str, Any]:
         nodes = {zone: f"{rooms[zone].heated}_{zone}" for zone in zones}
         if len(zones) == 1:
             out[role] = nodes[zones[0]]
-        elif role.startswith("u_"):
+        elif is_stage(role):
             out[role] = {f"{capacity_name(role)}_to_{zone}": node for zone, node in nodes.items()}
         else:
             last = zones[-1]

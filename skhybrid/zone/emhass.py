@@ -19,6 +19,7 @@ import pandas as pd
 from scipy.optimize import least_squares
 from scipy.signal import dlsim
 
+from .._table import is_stage
 from ..study.identified_building import UNSURE, discrete, quantities, with_errors
 from ..study.plant_performance import Performance
 from ..study.settings import Settings, is_scaled
@@ -172,7 +173,7 @@ def _plant(gray_box: Any, settings: Settings, rows: pd.DataFrame | None, sense: 
     sign = _SIGNS[sense]
     theta = gray_box.theta_
     sources = gray_box.network_.sources(gray_box.state_space_.input_names[: -len(gray_box.network_.gain_names)])
-    stages = {s.role: 1.0 for s in sources if s.role.startswith("u_") and sign * theta[s.parameter] > 0.0}
+    stages = {s.role: 1.0 for s in sources if is_stage(s.role) and sign * theta[s.parameter] > 0.0}
     heats = [s.role for s in sources if s.role.startswith("Q_")]
     if stages:
         return stages

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._clock import on_clock_of
-from .._table import SETPOINT_ROLES, plant_roles
+from .._table import SETPOINT_ROLES, is_stage, plant_roles
 from .._warnings import percent
 from ..study.doubts import OUTSIDE, at_ends, drifted
 from ..study.verdict import NO_SCALE, Verdict, compare_errors, judge
@@ -26,7 +26,7 @@ def errors_of(rows: pd.DataFrame) -> dict[str, Any]:
 
     None where nothing can be compared; heat that the log does not hold in kW is left out where there are stages.
     """
-    stages = [role for role in plant_roles(rows) if role.startswith("u_") and f"{role}_measured" in rows]
+    stages = [role for role in plant_roles(rows) if is_stage(role) and f"{role}_measured" in rows]
     out = {"temperature [K]": _errors(rows, "T_za", "q")}
     if not stages or rows["Q_hvac_measured"].notna().any():
         out["load [kW]"] = _errors(rows, "Q_hvac", "Q_hvac")

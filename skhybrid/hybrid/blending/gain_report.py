@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from ..._table import ZoneTable
+from ..._table import ZoneTable, is_stage
 from ..._warnings import percent, warn_user
 from ...exceptions import ExcitationWarning, GainWarning, ScaleNotIdentifiableWarning
 from ...schedule import LITTLE_ERROR, LeadFit, days_to_determine, step_gain_error
@@ -123,7 +123,7 @@ def _experiment(fit: LeadFit, role: str) -> str:
 
 def _warn_of_scale(fit: LeadFit, training: ZoneTable, known: Mapping[str, float]) -> None:
     """Warn where neither a capacity nor a measured heat fixes what a kW is."""
-    stages = fit.plan.network.sources([role for role in training.inputs if role.startswith("u_")])
+    stages = fit.plan.network.sources([role for role in training.inputs if is_stage(role)])
     given = any(stage.parameter in known for stage in stages)
     measured = any(np.ptp(v) > 0 for role, v in training.inputs.items() if role.startswith("Q_"))
     if given or measured or not stages:

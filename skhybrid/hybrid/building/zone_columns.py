@@ -19,6 +19,7 @@ from ..._table import (
     as_pandas,
     ending_zone,
     is_plant,
+    is_stage,
     listed,
     numeric,
     refuse_exchanged,
@@ -101,7 +102,7 @@ class ZoneColumns:
         ``Q_h_<zone>``, the capacity of a zone's own stage, holds in place of ``Q_h``, that of all zones.
         """
         roles = {column: role for role, column in self.of_zone(zone).items() if column is not None}
-        stages = [role for role in self.columns if role.startswith("u_") and self.owner(role) is not None]
+        stages = [role for role in self.columns if is_stage(role) and self.owner(role) is not None]
         own = {capacity_name(role): roles.get(self.columns[role]) for role in stages}
         shared = {name: value for name, value in given.items() if name not in own}
         return shared | {capacity_name(role): given[name] for name, role in own.items() if role and name in given}

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from ..._table import ZoneTable
+from ..._table import ZoneTable, is_stage
 from ..._warnings import warn_user
 from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ...thermal import Parameter, RCNetwork
@@ -40,7 +40,7 @@ def warn_scale(network: RCNetwork, table: ZoneTable, known: Iterable[str], name:
     parameters = network.parameters(table.inputs)
     up, down = (", ".join(p.name for p in parameters if scaling_of(p) == way) for way in (1.0, -1.0))
     direction = f"{up} together, {down} inversely"
-    stages = [s for s in network.sources(table.inputs) if s.role.startswith("u_") and np.any(table.inputs[s.role])]
+    stages = [s for s in network.sources(table.inputs) if is_stage(s.role) and np.any(table.inputs[s.role])]
     remedy = f"fix one parameter, such as {stages[0].nameplate}" if stages else "fix one of them by known="
     warn_user(
         f"{name}: the scale of the network is not identifiable: {direction} leave every prediction as it is; {remedy}, "
@@ -76,7 +76,7 @@ def unexcited(
 
 
 def _is_idle(table: ZoneTable, role: str, disturbed: bool) -> bool:
-    if disturbed and role.startswith("u_"):
+    if disturbed and is_stage(role):
         return float(np.abs(table.inputs[role]).sum()) * table.step_hours < _FULL_HOURS
     return table.hardly_ran(role) or not np.any(table.inputs[role])
 
