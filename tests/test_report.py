@@ -6,22 +6,39 @@ import base64
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from datetime import date
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from skhybrid.study.report import study_picture, verdict, write_report
+from skhybrid.study import StudyData, StudyResult, write_report
+from skhybrid.study.report import study_picture, verdict
 from skhybrid.study.report.figures import backtest_figure, day_figure, lead_figure, schedule_figure
 from skhybrid.study.report.words import flat
+from skhybrid.study.settings import settings_from
 from skhybrid.study.tariff import Cost
 
 INDEX = pd.date_range("2024-01-01", periods=24, freq="1h", tz="UTC")
 
 
-def _study(**other):
+SCHEDULE = pd.DataFrame(
+    {"gain": 1.5, "ua": -0.1},
+    index=pd.MultiIndex.from_product([("weekday", "weekend"), range(24)], names=["day", "hour"]),
+)
+WEIGHTS = pd.DataFrame({"network": [0.75, 0.5, 0.25], "ARX": [0.25, 0.5, 0.75]})
+
+
+def _model(schedule=SCHEDULE, weights=WEIGHTS):
+    """The model of a study with what it has learned."""
+    return SimpleNamespace(gray_box_=SimpleNamespace(schedule_=schedule), weights_=weights)
+
+
+def _study(name="Zone 7", identification="PeriodicDisturbanceID", **changes):
+    """A study with an identification of some class."""
     frame = pd.DataFrame(
         {
             "origin": INDEX[0],
@@ -29,6 +46,8 @@ def _study(**other):
             "time": INDEX + pd.Timedelta("1h"),
             "y_true": 20.0,
             "y_pred": 20.5,
+            "q_0.1": np.where(np.arange(24) < 6, 20.1, 19.9),
+            "q_0.9": 21.0,
         }
     )
     table = pd.DataFrame(
@@ -45,41 +64,30 @@ def _study(**other):
         {"T_za": 20.0, "Q_hvac": 2.0, "Q_hvac_delivered": 1.5, "T_za_measured": 20.1, "setpoint": 21.0}, index=INDEX
     )
     parameters = pd.DataFrame(
-        {
-            "value": [6.0],
-            "std": [0.1],
-            "unit": ["kW"],
-            "description": ["capacity"],
-            "remark": ["given, not identified"],
-        },
+        {"value": [6.0], "std": [0.1], "unit": ["kW"], "description": ["capacity"], "remark": ["given beforehand"]},
         index=["Q_h"],
     )
-    study = {
-        "title": "Zone 7",
-        "table": table,
-        "frames": {"hybrid": frame, "ARX": frame},
-        "forecast": forecast,
-        "parameters": parameters,
-        "zeta": pd.Series(1.0, index=INDEX),
-        "schedule": pd.DataFrame(
-            {"gain": 1.5, "ua": -0.1},
-            index=pd.MultiIndex.from_product([("weekday", "weekend"), range(24)], names=["day", "hour"]),
-        ),
-        "weights": pd.DataFrame({"network": [0.75, 0.5, 0.25], "ARX": [0.25, 0.5, 0.75]}),
-        "identification": "PeriodicDisturbanceID",
-        "coverage": 0.81,
-        "cards": [("48\u00a0kWh", "heating needed that day")],
-        "spans": {"train": "January"},
-        "settings": {"network": {"name": "2R2C"}, "timezone": None},
-        "notes": ["the scale is not identifiable"],
-    }
-    return study | other
+    rows = pd.DataFrame({"T_oa": 5.0, "Q_hvac": 2.0, "T_za": 20.0}, INDEX)
+    study = StudyResult(
+        settings=settings_from({"name": name, "columns": {role: role for role in rows}, "network": {"name": "2R2C"}}),
+        data=StudyData(rows, rows, INDEX[0], rows, rows, rows["T_za"], held_out=True),
+        model=_model(),
+        frames={"hybrid": frame, "ARX": frame},
+        table=table,
+        forecast=forecast,
+        warnings=["the scale is not identifiable"],
+        identification=type(identification, (), {})(),
+        zeta=pd.Series(1.0, index=INDEX),
+        parameters=parameters,
+        building=parameters.drop(columns="description"),
+    )
+    return replace(study, **changes)
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(path, **_study())
+    write_report(path, _study())
     return path.read_text(encoding="utf-8")
 
 
@@ -122,18 +130,18 @@ def test_it_refers_to_nothing_outside_itself(page):
 
 def test_it_tells_the_numbers(page):
     text = " ".join(_read(page).text)
-    for wanted in ("0.50 K", "1.25 kW", "48\u00a0kWh", "Q_h", "given, not identified", "the scale is not identifiable"):
+    for wanted in ("0.50 K", "1.25 kW", "48\u00a0kWh", "Q_h", "given beforehand", "the scale is not identifiable"):
         assert wanted in text
     for wanted in (
         "Zone 7",
         "train",
-        "January",
+        f"{INDEX[0]} to {INDEX[-1]}",
         "network.name",
         "2R2C",
         "Monday 1 January 2024",
         "last complete day of the log",
         "0 to 2\u00a0h 75\u00a0% 25\u00a0% 2 to 8\u00a0h 50\u00a0% 50\u00a0% 8 to 24\u00a0h",
-        "it contained 81\u00a0% of the",
+        "it contained 75\u00a0% of the",
         "Q_h [kW]",
         "separate identification (PeriodicDisturbanceID)",
     ):
@@ -151,12 +159,10 @@ def test_settings_name_holidays_as_days():
 @pytest.mark.usefixtures("empty_pictures")
 def test_what_it_is_given_is_escaped(tmp_path):
     evil = "<script>alert(1)</script>"
-    study = _study(title=evil, notes=[evil], settings={evil: evil})
-    study["table"] = study["table"].assign(note=evil)
-    study["parameters"] = study["parameters"].assign(remark=evil, unit=evil)
-    study["weights"] = study["weights"].rename(columns={"ARX": evil})
-    study["identification"] = evil
-    write_report(tmp_path / "r.html", **study)
+    study = _study(evil, evil, warnings=[evil], model=_model(weights=WEIGHTS.rename(columns={"ARX": evil})))
+    values = study.parameters.assign(remark=evil, unit=evil)
+    study = replace(study, table=study.table.assign(note=evil), parameters=values, building=values)
+    write_report(tmp_path / "r.html", study)
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "<script" not in page
     assert "&lt;script&gt;" in page
@@ -164,10 +170,10 @@ def test_what_it_is_given_is_escaped(tmp_path):
 
 @pytest.mark.usefixtures("empty_pictures")
 def test_it_does_without_what_is_not_there(tmp_path):
-    nothing = dict.fromkeys(("zeta", "spans", "settings", "schedule", "weights", "identification", "coverage"))
-    study = _study(notes=(), **nothing)
-    study["forecast"], study["cards"] = study["forecast"][["T_za"]], ()
-    write_report(tmp_path / "r.html", **study)
+    study = _study(warnings=[])
+    frames = {name: frame.drop(columns=["q_0.1", "q_0.9"]) for name, frame in study.frames.items()}
+    own = {"identification": study.model.gray_box_, "forecast": study.forecast[["T_za"]], "frames": frames}
+    write_report(tmp_path / "r.html", replace(study, **own))
     text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
     assert "kWh" not in text.replace("kWh/K", "")
     for absent in ("Warnings", "Learned schedules", "contained", "separate identification"):
@@ -177,7 +183,7 @@ def test_it_does_without_what_is_not_there(tmp_path):
 
 def test_the_same_study_gives_the_same_file(tmp_path):
     for name in ("a", "b"):
-        write_report(tmp_path / name, **_study())
+        write_report(tmp_path / name, _study())
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]
 
@@ -185,7 +191,7 @@ def test_the_same_study_gives_the_same_file(tmp_path):
 @pytest.mark.parametrize("columns", [["T_za", "Q_hvac"], ["T_za"]])
 def test_one_picture_of_a_study(tmp_path, columns):
     study = _study()
-    study_picture(tmp_path / "p.png", study["frames"], study["forecast"][columns], title="Zone 7")
+    study_picture(tmp_path / "p.png", study.frames, study.forecast[columns], title="Zone 7")
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -205,7 +211,9 @@ def test_the_verdict_is_what_the_table_says(own, other, words):
 
 @pytest.mark.usefixtures("empty_pictures")
 def test_it_shows_what_the_day_costs(tmp_path):
-    write_report(tmp_path / "r.html", **_study(cards=[Cost(4.218, (3.5, 5.014), "electricity", "EUR").card()]))
+    study = _study()
+    study.next_day_cost = Cost(4.218, (3.5, 5.014), "electricity", "EUR")
+    write_report(tmp_path / "r.html", study)
     text = " ".join(_read((tmp_path / "r.html").read_text(encoding="utf-8")).text)
     assert "4.22\u00a0EUR" in text
     assert "cost of the electricity for it; 80 % interval 3.50 to 5.01" in text
@@ -214,9 +222,9 @@ def test_it_shows_what_the_day_costs(tmp_path):
 def test_lines_of_a_figure_differ_without_colour():
     study = _study()
     names = ["hybrid", *(f"another model with a long name {n}" for n in range(4))]
-    frames = dict.fromkeys(names, study["frames"]["hybrid"])
-    day = study["forecast"].assign(**{"q_0.1": 19.0, "q_0.9": 21.0})
-    for figure in (day_figure(day), backtest_figure(frames), lead_figure(frames), schedule_figure(study["schedule"])):
+    frames = dict.fromkeys(names, study.frames["hybrid"])
+    day = study.forecast.assign(**{"q_0.1": 19.0, "q_0.9": 21.0})
+    for figure in (day_figure(day), backtest_figure(frames), lead_figure(frames), schedule_figure(SCHEDULE)):
         for ax in figure.axes:
             lines = [line for line in ax.lines if not line.get_label().startswith("_")]
             looks = [(str(line._dash_pattern), line.get_marker()) for line in lines]
@@ -239,10 +247,9 @@ def test_it_fits_a_phone_and_its_tables_fit_the_paper(tmp_path):
     """A page of A4 with margins of 14 mm is 688 px wide."""
     study = _study()
     long = "a description of some length, as they are in a study"
-    study["table"] = study["table"].rename(index={"ARX": "black box (ARX), fitted at every origin"}).assign(note=long)
-    study["frames"] = {"hybrid": study["frames"]["hybrid"]}
-    study["parameters"] = study["parameters"].assign(description=long, remark=long)
-    write_report(tmp_path / "phone.html", **study)
+    table = study.table.rename(index={"ARX": "black box (ARX), fitted at every origin"}).assign(note=long)
+    values, frames = study.parameters.assign(description=long, remark=long), {"hybrid": study.frames["hybrid"]}
+    write_report(tmp_path / "phone.html", replace(study, table=table, frames=frames, parameters=values))
     page = (tmp_path / "phone.html").read_text(encoding="utf-8")
     (tmp_path / "paper.html").write_text(page.replace("@media print", "@media screen"), encoding="utf-8")
     (tmp_path / "both.html").write_text(_MEASURE, encoding="utf-8")
@@ -267,7 +274,8 @@ def test_it_fits_a_phone_and_its_tables_fit_the_paper(tmp_path):
 @pytest.mark.parametrize("remark", ["", "given"])
 def test_a_column_of_remarks_is_left_out_where_there_are_none(tmp_path, remark):
     study = _study()
-    write_report(tmp_path / "r.html", **study | {"parameters": study["parameters"].assign(remark=remark)})
+    values = study.parameters.assign(remark=remark)
+    write_report(tmp_path / "r.html", replace(study, parameters=values, building=values))
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert (">remark</th>" in page) == bool(remark)
     assert ">description</th>" in page

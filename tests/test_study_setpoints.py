@@ -14,7 +14,7 @@ from skhybrid.study.compared_models import HYBRID, YESTERDAY, identified_by, mak
 from skhybrid.study.day_energy import day_energy
 from skhybrid.study.load_rules import LAST_WEEK, USUAL, past_loads
 from skhybrid.study.load_rules import YESTERDAY as YESTERDAYS_LOAD
-from skhybrid.study.outputs import format_result, write_outputs, write_page
+from skhybrid.study.outputs import format_result, write_outputs, write_report
 from skhybrid.study.report.figures import held_figure
 from skhybrid.zone import zone_backtest
 from skhybrid.zone.zone_backtest import ZoneBacktest, backtest_zone
@@ -201,7 +201,7 @@ def test_a_card_shows_no_kw_where_the_load_is_stages(log, result, tmp_path):
     held = backtest_zone(settings, split_log(log, settings)).setpoints_known
     assert held.unit == "-"
     assert "its stage by" in held.words
-    write_page(dataclasses.replace(result, setpoints_known=held), tmp_path / "page.html")
+    write_report(tmp_path / "page.html", dataclasses.replace(result, setpoints_known=held))
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "stage RMSE [-]" in page
     assert "error of the heating or cooling load (RMSE)" not in page

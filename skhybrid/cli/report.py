@@ -17,11 +17,10 @@ from ._output import Progress
 def command(log: str, config: Path | None, out: Path, say: Progress, as_json: bool) -> None:
     """Write the report of a study of a log, and nothing else."""
     settings = settings_at(config, several=True)
-    from ..study import run_study
-    from ..study.outputs import write_page
+    from ..study import run_study, write_report
     from ._study import print_result, read_study, refuse_unwritable
 
     refuse_unwritable(out, "file")
     result = run_study(settings, read_study(log, settings, say), say)
-    write_page(result, out)
+    write_report(out, result)
     print_result(result, say, str(out), as_json=as_json)

@@ -3,9 +3,8 @@
 from .compared_models import StudyModel, Yesterday, make_models
 from .log_reading import read_log
 from .log_split import StudyData, split_log
-from .outputs import write_outputs
+from .outputs import write_outputs, write_report
 from .proposal import propose_settings
-from .report import write_report
 from .results import StudyResult
 from .run import run_study
 from .settings import Settings, read_settings

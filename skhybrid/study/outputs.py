@@ -19,10 +19,8 @@ from ..inspection.zone_panels import weeks_and_days_figure
 from ..persistence import save_model
 from .compared_models import HYBRID
 from .identified_building import identified_only
-from .report import study_picture, verdict, write_report
-from .report.building_page import write_building_report
+from .report import study_picture, verdict, write_building_report, write_zone_report
 from .report.figures import SHOWN, save_png
-from .report.html import next_day_cards
 from .results import BuildingResult, StudyResult
 from .scores import side_by_side
 from .verdict import zones_in_words
@@ -123,7 +121,7 @@ def write_outputs(
         write_csv(result.parameters, staged / "parameters.csv", "%.6g")
         (staged / "metrics.json").write_text(metrics_text(result) + "\n", encoding="utf-8")
         save_model(result.model, staged / "model.skops")
-        write_page(result, staged / "report.html", truth)
+        write_report(staged / "report.html", result, truth)
         _draw_picture(result, staged / "forecast.png")
     return [Path(folder) / name for name in NAMES]
 
@@ -172,44 +170,22 @@ def _swap(staged: Path, out: Path) -> None:
         (staged / name).replace(out / name)
 
 
-def write_page(result: StudyResult | BuildingResult, path: str | PathLike[str], truth: pd.Series | None = None) -> None:
-    """Write the report of a study, one HTML page; ``truth`` as in :func:`write_outputs`."""
+def write_report(
+    path: str | PathLike[str], result: StudyResult | BuildingResult, truth: pd.Series | None = None
+) -> None:
+    """Write a study of one zone or of several as one self-contained HTML file, in one step.
+
+    Parameters
+    ----------
+    path : path-like, the file to make or replace
+    result : StudyResult, or that of a study of several zones
+    truth : Series, optional
+        Internal gains [kW] by the stamps of the log of one zone, where they are known.
+    """
     if isinstance(result, BuildingResult):
         write_building_report(path, result)
-        return
-    write_report(
-        path,
-        title=result.settings.name,
-        table=result.table,
-        frames=result.frames,
-        forecast=result.forecast,
-        parameters=identified_only(result.parameters),
-        building=identified_only(result.building),
-        label=HYBRID,
-        zeta=result.zeta,
-        truth=None if truth is None else truth.reindex(result.zeta.index),
-        **_learned(result),
-        coverage=result.coverage,
-        spans=result.data.spans(result.frames[HYBRID]),
-        settings=result.settings.as_dict(),
-        verdicts=result.verdicts,
-        scaled=result.scaled,
-        cards=next_day_cards(result),
-        notes=result.warnings,
-        setpoints_known=result.setpoints_known,
-    )
-
-
-def _learned(result: StudyResult) -> dict[str, Any]:
-    """Arguments of the report that only the schedule model has."""
-    model = result.model
-    if model.gray_box_ is result.identification:
-        return {}
-    return {
-        "schedule": getattr(model.gray_box_, "schedule_", None),
-        "weights": getattr(model, "weights_", None),
-        "identification": type(result.identification).__name__,
-    }
+    else:
+        write_zone_report(path, result, truth)
 
 
 def write_csv(frame: pd.DataFrame, path: Path, form: str = "%.4f") -> None:

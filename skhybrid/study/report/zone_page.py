@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from os import PathLike
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..._table import SETPOINT_ROLES
 from ..compared_models import HYBRID
+from ..identified_building import identified_only
+from ..results import StudyResult
 from ..scores import has_intervals
 from ..setpoints_known import SetpointsKnown
-from ..verdict import Verdict
 from .figures import backtest_figure, day_figure, held_figure, lead_figure, schedule_figure, week_figure
-from .html import html_cards, html_figure, html_table, results_table, verdict_boxes, write_sections
+from .html import html_cards, html_figure, html_table, next_day_cards, results_table, verdict_boxes, write_sections
 from .words import day_words, flat, lead_group_names, number, percent_or_dash, verdict
 
 #: below the comparison of a study's models, with what is to be said of stages
@@ -28,88 +28,35 @@ _TABLE_WORDS = (
 )
 
 
-def write_report(
-    path: str | PathLike[str],
-    *,
-    title: str,
-    table: pd.DataFrame,
-    frames: Mapping[str, pd.DataFrame],
-    forecast: pd.DataFrame,
-    parameters: pd.DataFrame,
-    building: pd.DataFrame | None = None,
-    label: str = "hybrid",
-    zeta: pd.Series | None = None,
-    truth: pd.Series | None = None,
-    schedule: pd.DataFrame | None = None,
-    weights: pd.DataFrame | None = None,
-    identification: str | None = None,
-    coverage: float | None = None,
-    spans: Mapping[str, Any] | None = None,
-    settings: Mapping[str, Any] | None = None,
-    verdicts: Sequence[Verdict] = (),
-    scaled: bool = True,
-    cards: Sequence[tuple[str, str]] = (),
-    notes: Iterable[str] = (),
-    setpoints_known: SetpointsKnown | None = None,
-) -> None:
-    """Write a study as one self-contained HTML file, in one step.
-
-    Parameters
-    ----------
-    path : path-like, the file to make or replace
-    title : str, name of the zone
-    table : DataFrame
-        Index = model, the best first; columns ``rmse``, ``mae`` [K], ``load_rmse`` [kW], ``seconds``, ``note``.
-    frames : mapping of label to DataFrame, back-tests from :func:`skhybrid.model_selection.backtest`
-    forecast : DataFrame, the next day: ``T_za``, ``Q_hvac``, ``setpoint``, and what was measured
-    parameters : DataFrame, index name, with ``value``, ``std``, ``unit``, ``description``, ``remark``
-    building : DataFrame, optional, index quantity, with ``value``, ``std``, ``unit``, ``remark``
-    label : str, the model whose forecast is shown
-    zeta, truth : Series, optional
-        Estimated unmeasured heat and, where they are known, the internal gains [kW] at the same stamps.
-    schedule : DataFrame, optional, index (day, hour), with the learned ``gain`` [kW] and ``ua`` [kW/K]
-    weights : DataFrame, optional, share of each member of the blend (columns) by group of leads (index)
-    identification : str, optional
-        Class of the identification that gave ``parameters`` and ``zeta``, where the model itself did not.
-    coverage : float, optional, share of the test measurements inside the intervals
-    spans, settings : mapping, optional, training and test spans, and settings of the study, to be listed
-    verdicts : sequence of Verdict, on temperature and load
-    scaled : bool, whether the log fixes what a kW is; else no kW are shown at the top
-    cards : sequence of (value, words), further figures of the next day
-    notes : iterable of str, warnings
-    setpoints_known : SetpointsKnown, optional, the back-test in which the heat is not known ahead
-    """
-    held = setpoints_known
+def write_zone_report(path: str | PathLike[str], result: StudyResult, truth: pd.Series | None = None) -> None:
+    """Write a study of one zone as one self-contained HTML file, in one step."""
     sections = [
-        _head(title, table, frames, forecast, label, verdicts, scaled, cards, held),
-        _tomorrow(forecast, (settings or {}).get("load", {}).get("setpoint", "measured") == "measured"),
-        _setpoints_known(held),
-        _accuracy(table, frames, label, coverage, scaled),
-        _learned(schedule, weights, frames[label], label),
-        _week(zeta, truth),
-        _building(parameters, building, identification, label),
+        _head(result),
+        _tomorrow(result.forecast, result.settings.load.get("setpoint", "measured") == "measured"),
+        _setpoints_known(result.setpoints_known),
+        _accuracy(result),
+        _learned(result),
+        _week(result.zeta, None if truth is None else truth.reindex(result.zeta.index)),
+        _building(result),
     ]
-    write_sections(path, title, sections, notes, {**(spans or {}), **flat(settings or {})})
+    listed = {**result.data.spans(result.frames[HYBRID]), **flat(result.settings.as_dict())}
+    write_sections(path, result.settings.name, sections, result.warnings, listed)
 
 
-def _head(
-    title: str,
-    table: pd.DataFrame,
-    frames: Mapping[str, pd.DataFrame],
-    forecast: pd.DataFrame,
-    label: str,
-    verdicts: Sequence[Verdict],
-    scaled: bool,
-    further: Sequence[tuple[str, str]],
-    held: SetpointsKnown | None,
-) -> str:
-    own, sentences, in_kw = table.loc[label], [verdict(table, label)], scaled
+def _is_own(result: StudyResult) -> bool:
+    """Whether the identification that describes the building is that of the model itself."""
+    return result.model.gray_box_ is result.identification
+
+
+def _head(result: StudyResult) -> str:
+    table, forecast, held = result.table, result.forecast, result.setpoints_known
+    own, sentences, in_kw = table.loc[HYBRID], [verdict(table, HYBRID)], result.scaled
     if held is not None:
-        own, in_kw = held.table.loc[label], held.unit == "kW"
+        own, in_kw = held.table.loc[HYBRID], held.unit == "kW"
         sentences = [held.words, f"With the heat known too: {sentences[0]}"]
-    n_origins = frames[label]["origin"].nunique()
+    n_origins = result.frames[HYBRID]["origin"].nunique()
     cards = [
-        (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the {label} model in {n_origins} forecasts"),
+        (f"{own['rmse']:.2f} K", f"day-ahead temperature error (RMSE) of the {HYBRID} model in {n_origins} forecasts"),
         (f"{own['mae']:.2f} K", "mean absolute temperature error"),
     ]
     if in_kw and np.isfinite(own.get("load_rmse", np.nan)):
@@ -117,10 +64,10 @@ def _head(
     low, high = forecast["T_za"].min(), forecast["T_za"].max()
     cards.append((f"{low:.1f}–{high:.1f}\u00a0°C", f"forecast room temperature on {day_words(forecast.index)}"))
     return (
-        f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(title)}</h1>\n'
-        + verdict_boxes(verdicts)
+        f'<p class="soft">skhybrid: day-ahead forecast of a zone</p><h1>{escape(result.settings.name)}</h1>\n'
+        + verdict_boxes(result.verdicts)
         + "".join(f'<p class="verdict">{escape(sentence)}</p>\n' for sentence in sentences)
-        + html_cards([*cards, *further])
+        + html_cards([*cards, *next_day_cards(result)])
     )
 
 
@@ -165,17 +112,16 @@ def _setpoints_known(held: SetpointsKnown | None) -> str:
     )
 
 
-def _accuracy(
-    table: pd.DataFrame, frames: Mapping[str, pd.DataFrame], label: str, coverage: float | None, scaled: bool
-) -> str:
-    ordered = {name: frames[name] for name in [label, *table.index.drop(label)] if name in frames}
-    hours = frames[label]["lead"].max() / pd.Timedelta("1h")
+def _accuracy(result: StudyResult) -> str:
+    table, frames, coverage = result.table, result.frames, result.coverage
+    ordered = {name: frames[name] for name in [HYBRID, *table.index.drop(HYBRID)] if name in frames}
+    hours = frames[HYBRID]["lead"].max() / pd.Timedelta("1h")
     days = "Measured and forecast temperature on the last test days; a dashed line marks the start of each forecast."
     interval = (
         ""
         if coverage is None
         else (
-            f"<p>The 80 % interval of the {escape(label)} model was learned on the training days; it contained "
+            f"<p>The 80 % interval of the {HYBRID} model was learned on the training days; it contained "
             f"{percent_or_dash(coverage)} of the measurements of the test days.</p>\n"
         )
     )
@@ -184,19 +130,21 @@ def _accuracy(
         "<p>Each model was fitted on the training days only. It then forecast the test days "
         f"{hours:g} hours ahead. Each forecast was given the weather and the heating and cooling of those hours, but "
         "no room temperature measured after it started. All models are compared at the same times.</p>\n"
-        + results_table(table, scaled)
-        + _TABLE_WORDS.format("" if scaled else ", whose scale this log does not determine")
+        + results_table(table, result.scaled)
+        + _TABLE_WORDS.format("" if result.scaled else ", whose scale this log does not determine")
         + interval
         + html_figure(backtest_figure(ordered), days)
         + html_figure(lead_figure(ordered), "Error by lead time, for the best models.")
     )
 
 
-def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, frame: pd.DataFrame, label: str) -> str:
-    if schedule is None:
+def _learned(result: StudyResult) -> str:
+    schedule = getattr(result.model.gray_box_, "schedule_", None)
+    weights = getattr(result.model, "weights_", None)
+    if schedule is None or _is_own(result):
         return ""
     words = (
-        f"<p>Schedules that the {escape(label)} model learned from the training days, by hour: unmeasured heat at the "
+        f"<p>Schedules that the {HYBRID} model learned from the training days, by hour: unmeasured heat at the "
         "mean outdoor temperature, and conductance to the outside. Both are what the network of the forecast lacks, "
         "and may be negative: they are no properties of the building. Each forecast begins with updated ones.</p>\n"
     )
@@ -204,15 +152,15 @@ def _learned(schedule: pd.DataFrame | None, weights: pd.DataFrame | None, frame:
     section = f"<h2>Learned schedules</h2>\n{words}{picture}"
     if weights is None:
         return section
-    rows = zip(lead_group_names(frame), *(map(percent_or_dash, weights[name]) for name in weights), strict=True)
+    rows = zip(
+        lead_group_names(result.frames[HYBRID]), *(map(percent_or_dash, weights[name]) for name in weights), strict=True
+    )
     shares = html_table(["hours ahead", *map(str, weights)], rows)
     words = "Share of each model in the forecast after training. The short memory forgets past days faster."
     return f'{section}{shares}<p class="soft">{words}</p>'
 
 
-def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
-    if zeta is None:
-        return ""
+def _week(zeta: pd.Series, truth: pd.Series | None) -> str:
     known = (
         " The dashed line is the true internal gains alone; the estimate also contains ventilation, infiltration and "
         "whatever the simple network leaves out."
@@ -225,21 +173,21 @@ def _week(zeta: pd.Series | None, truth: pd.Series | None) -> str:
     )
 
 
-def _building(parameters: pd.DataFrame, building: pd.DataFrame | None, identification: str | None, label: str) -> str:
+def _building(result: StudyResult) -> str:
     separate = (
         ""
-        if identification is None
+        if _is_own(result)
         else " These values and the unmeasured heat above come from a separate identification "
-        f"({escape(identification)}): the network of the {escape(label)} model is fitted for its forecasts, and "
-        "its parameters do not describe the building."
+        f"({escape(type(result.identification).__name__)}): the network of the {HYBRID} model is fitted for its "
+        "forecasts, and its parameters do not describe the building."
     )
-    described = "" if building is None else _values("quantity", building, ("remark",))
+    described = _values("quantity", identified_only(result.building), ("remark",))
     return (
         "<h2>The building</h2>\n<p>Heat loss of the zone per degree of temperature difference, time constants, and the "
         "window area that the sun heats through. The standard error shows how well the data determine a value; one "
         f"that they do not determine is not shown.{separate}</p>\n{described}"
         "<p>Parameters of the thermal network: capacities store heat, and resistances slow its flow.</p>\n"
-        + _values("parameter", parameters, ("description", "remark"))
+        + _values("parameter", identified_only(result.parameters), ("description", "remark"))
     )
 
 
