@@ -54,7 +54,9 @@ class PlantRun:
                 )
             return self._ideal(table, int(origin[0]), limits, delivered).iloc[-n_ahead:].set_axis(index)
         n_leads = n_ahead + (now is None)
-        found = self.law.paths(self.scheme, table, origin, n_leads, levels, limits, delivered, weather=weather)
+        found = self.law.paths(
+            self.scheme, table, origin, n_leads, levels, limits=limits, delivered=delivered, weather=weather
+        )
         if now is not None:
             found = found.after(now)
         heat, temperature, zeta = found.paths

@@ -124,6 +124,7 @@ class ClosedLoop:
         origins: np.ndarray,
         n_leads: int,
         levels: np.ndarray | None = None,
+        *,
         limits: tuple[float, float] | None = None,
         delivered: np.ndarray | None = None,
         boundary: Boundary = None,
@@ -235,8 +236,8 @@ class ClosedLoop:
         def both(tables: Sequence[ZoneTable], origin: int) -> np.ndarray:
             at = np.array([origin])
             ahead = {role: values[np.searchsorted(origins, at)] for role, values in (boundary or {}).items()}
-            found = (self.paths(once, table, at, n_leads, None, limits, None, ahead).paths for table in tables)
-            return np.array([np.concatenate(paths[:2]) for paths in found])
+            own = (self.paths(once, table, at, n_leads, limits=limits, boundary=ahead) for table in tables)
+            return np.array([np.concatenate(found.paths[:2]) for found in own])
 
         return weather_spreads(weather, table, origins, n_leads, both)
 
