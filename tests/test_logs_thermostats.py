@@ -96,7 +96,7 @@ def test_the_portal_export():
     assert log.frame["Current Temp (F)"].iloc[0] == 67.7
     text = " ".join(log.notes)
     assert "Main Floor" in text
-    assert "'Cool Set Temp (F)' is not in force, because nothing cooled" in text
+    assert "'Cool Set Temp (F)' is not used, because this log shows no cooling" in text
 
 
 @pytest.mark.parametrize("sample", [PORTAL, DONATED])
@@ -185,6 +185,7 @@ def test_a_month_with_blank_stages_is_read_by_the_configuration_of_another(sourc
     assert frame["u_heat"].isna().all()
     assert frame["T_za"].notna().all()
     assert f"u_heat: {len(frame)} rows left missing" in report
+    assert any("this log shows no " in note for note in read_log(tmp_path / "log.csv").notes)  # not that none ran
     assert "u_heat" not in settings_from(tomllib.loads(propose_settings(tmp_path / "log.csv"))).columns
 
 
@@ -272,7 +273,7 @@ def test_the_epa_interval_file_takes_its_offset_from_the_metadata():
     assert log.frame["heat_runtime_stg1"].iloc[6] * log.scale["heat_runtime_stg1"] == pytest.approx(1.0)
     assert log.units["temp_in"] == "degF"
     assert log.frame.iloc[25].isna().all()
-    assert "no cooling ran" in " ".join(log.notes)
+    assert "this log shows no cooling" in " ".join(log.notes)
     assert "mean of its hour" in " ".join(log.notes)
     other = epa_thermostat.read(EPA, utc_offset="+05:30").frame.index[0]
     assert other == pd.Timestamp("2020-12-31 18:30", tz="UTC")

@@ -100,9 +100,9 @@ def read(path: Path, timezone: str | None = None, dayfirst: bool | None = None) 
     notes += more + _tenths(frame, [c for c, unit in units.items() if unit == "degF"])
     roles, scale, plants = _plants(frame, layout)
     temperatures = {role: c for role, c in known.items() if c is not None and frame[c].notna().any()}
-    for role, plant, did in (("T_heat_set", "u_heat", "heated"), ("T_cool_set", "u_cool", "cooled")):
+    for role, plant, what in (("T_heat_set", "u_heat", "heating"), ("T_cool_set", "u_cool", "cooling")):
         if role in temperatures and plant not in roles:
-            notes.append(f"{temperatures.pop(role)!r} is not in force, because nothing {did} in this log.")
+            notes.append(f"{temperatures.pop(role)!r} is not used, because this log shows no {what}.")
     if text:
         notes.append(f"left out, because they hold text: {', '.join(text)}.")
     return RawLog(
@@ -206,7 +206,7 @@ def _plants(frame: pd.DataFrame, layout: _Layout) -> tuple[dict[str, str], dict[
     roles, notes = {}, []
     for whole, columns, running, role, low in zip(_WHOLE, stages, ran, names, lows, strict=True):
         if columns and not running:
-            notes.append(f"{', '.join(columns)} never ran in this log.")
+            notes.append(f"this log shows no run of {', '.join(columns)}.")
         if len(columns) > 1:  # in every log, so that new rows without the second stage, or without any, fit too
             frame[whole], said = full_load(frame[columns], _STEP, low)
             scale[whole] = 1.0 / _STEP

@@ -144,7 +144,7 @@ def _plants(frame: pd.DataFrame, notes: list[str]) -> dict[str, str]:
         elif first in ran:
             roles[f"u_{kind}"] = first
         else:
-            notes.append(f"no {kind}ing ran in this log, so its set-point was never in force.")
+            notes.append(f"this log shows no {kind}ing, so its set-point is not used.")
     both = [c for c in _AUXILIARY if c in frame]
     if len(both) > 1:
         frame[_BOTH] = frame[both].sum(axis=1, min_count=1).clip(upper=_MINUTES)
