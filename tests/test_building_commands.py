@@ -353,7 +353,7 @@ def test_zones_with_set_points_of_their_own_are_forecast(held, tmp_path):
     found = day_ahead(model, rows[:N_KNOWN], weather, ("21,24", "hall:18,26")).frame
     wanted = {"T_heat_set": 18.0, "T_cool_set": 26.0, "T_heat_set_kitchen": 21.0, "T_cool_set_kitchen": 24.0}
     ahead = rows[N_KNOWN : N_KNOWN + 24][["T_oa", "q_sol"]].assign(**wanted)
-    core = model.predictor.forecast(model.history(rows[:N_KNOWN]), ahead, quantiles=(0.1, 0.9))
+    core = model.predictor.forecast(model.readable(rows[:N_KNOWN]).history, ahead, quantiles=(0.1, 0.9))
     for name in ("T_za_hall", "Q_hvac_hall", "Q_hvac_0.9_hall", "T_za_kitchen", "Q_hvac_kitchen"):
         np.testing.assert_allclose(found[name], core[name], atol=1e-6)
     of_log = rows.copy()

@@ -226,9 +226,9 @@ def test_rooms_are_placed_by_who_is_next_to_whom():
 
 
 # ----------------------------------------------------------------------------------------- a zone folder and its server
-def _cheap(zone, frame, weather=None, schedule=None):
+def _cheap(zone, log, weather=None, schedule=None):
     """A forecast that costs nothing: each zone stays as it is."""
-    now = zone.history(frame).iloc[-1]
+    now = log.history.iloc[-1]
     index = pd.date_range(now.name, periods=25, freq="1h")[1:]
     found = {}
     for k, name in enumerate(zone.zones):
@@ -243,7 +243,7 @@ def folder(place, study, log) -> Path:
     made = place / "folder"
     log[: 8 * 24].to_csv(place / "known.csv")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(zone_folder, "day_ahead", _cheap)
+        patch.setattr(zone_folder, "forecast_day", _cheap)
         patch.setattr(ZoneModel, "fit", lambda settings, frame: ZoneModel(load_model(study / "model.skops"), settings))
         assert run("zone", "init", made, "--log", place / "known.csv", "--config", place / "house.toml") == 0
         for day in (10, 11, 12):
@@ -301,7 +301,7 @@ def test_the_server_takes_and_gives_columns_per_zone(folder, log, monkeypatch):
 
     from skhybrid.server.app import make_app
 
-    monkeypatch.setattr(zone_folder, "day_ahead", _cheap)
+    monkeypatch.setattr(zone_folder, "forecast_day", _cheap)
     client = TestClient(make_app(folder), base_url="http://127.0.0.1:8765")
     page = client.get("/").text
     boxes = re.findall(r'class="judged [^"]*"><b>(\w+): ', page)

@@ -413,7 +413,7 @@ def test_a_step_under_way_is_no_row_of_a_study_and_the_first_ahead_of_it_is_fore
     log.to_csv(path)
     assert read_log(path, settings)[0].index[-1] == index[-1] - pd.Timedelta("1h")
     begins = []
-    monkeypatch.setattr(ZoneModel, "history", lambda _, frame: begins.append(frame.index[-1]) or 1 / 0)
+    monkeypatch.setattr(ZoneModel, "readable", lambda _, frame: begins.append(frame.index[-1]) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
         day_ahead(ZoneModel(None, settings), path)
     assert begins == [index[-1]]

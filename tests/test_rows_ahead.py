@@ -330,7 +330,7 @@ def test_a_log_with_one_set_point_is_forecast_with_it(frame, tmp_path):
     given = day_ahead(heated, log[:N], path, Schedule.of_text("6:00=21,22:00=17")).frame
     assert given["Q_hvac_0.1"].lt(given["Q_hvac_0.9"]).any()
     rows = given[["T_oa", "q_sol", "T_heat_set"]]
-    core = heated.predictor.forecast(heated.history(log[:N]), rows, quantiles=(0.1, 0.9))
+    core = heated.predictor.forecast(heated.readable(log[:N]).history, rows, quantiles=(0.1, 0.9))
     np.testing.assert_allclose(given["Q_hvac"], core["Q_hvac"])
     by_clock = {**SETTINGS, "columns": columns, "thermostat": {"heat": {"6:00": 21.0, "22:00": 17.0}}}
     planned = day_ahead(ZoneModel(heated.predictor, settings_from(by_clock)), log[:N], path).frame

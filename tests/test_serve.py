@@ -59,9 +59,9 @@ def until(log, day):
     return rows
 
 
-def _like_the_day_before(zone, frame, weather=None, schedule=None):
+def _like_the_day_before(zone, log, weather=None, schedule=None):
     """A forecast that costs nothing."""
-    now = zone.history(frame).iloc[-1]
+    now = log.history.iloc[-1]
     index = pd.date_range(now.name, periods=25, freq="1h")[1:]
     wave = np.sin(np.arange(24) / 4)
     found = {"T_za": now["T_za"] + wave, "q_0.1": now["T_za"] + wave - 1, "q_0.9": now["T_za"] + wave + 1}
@@ -70,7 +70,7 @@ def _like_the_day_before(zone, frame, weather=None, schedule=None):
 
 @pytest.fixture
 def cheap(monkeypatch):
-    monkeypatch.setattr(zone_folder, "day_ahead", _like_the_day_before)
+    monkeypatch.setattr(zone_folder, "forecast_day", _like_the_day_before)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def made(log, tmp_path_factory):
     )
     zone = ZoneFolder.init(folder, place / "log.csv", config)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(zone_folder, "day_ahead", _like_the_day_before)
+        patch.setattr(zone_folder, "forecast_day", _like_the_day_before)
         for day in (DAYS - 2, DAYS - 1):
             until(log, day).to_csv(place / "log.csv")
             zone.tick(place / "log.csv")

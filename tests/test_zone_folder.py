@@ -17,7 +17,7 @@ import pytest
 from skhybrid import _sqlite
 from skhybrid.cli import main
 from skhybrid.exceptions import ModelFileError
-from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, forecast_archive, zone_folder
+from skhybrid.zone import DayAhead, ZoneFolder, ZoneModel, forecast_archive, readable_log, zone_folder
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::skhybrid.exceptions.ExcitationWarning"),  # few days of heat
@@ -64,16 +64,16 @@ def _names(folder):
     return {path.name for path in folder.path.iterdir()}
 
 
-def _same_as_now(zone, frame, weather=None, schedule=None):
+def _same_as_now(zone, log, weather=None, schedule=None):
     """A forecast that costs nothing."""
-    now = zone.history(frame).iloc[-1]
+    now = log.history.iloc[-1]
     index = pd.date_range(now.name, periods=25, freq="1h")[1:]
     return DayAhead(pd.DataFrame({"T_za": now["T_za"], "Q_hvac": 0.0}, index), {}, ())
 
 
 @pytest.fixture
 def cheap(monkeypatch):
-    monkeypatch.setattr(zone_folder, "day_ahead", _same_as_now)
+    monkeypatch.setattr(zone_folder, "forecast_day", _same_as_now)
 
 
 def tables(folder):
@@ -179,16 +179,24 @@ def test_a_step_under_way_is_forecast_from_and_taken_in_when_it_is_over(right, l
     assert known["Q_hvac"] == pytest.approx(log["Q_hvac"].iloc[begin : begin + 2].mean())
 
 
+def test_a_tick_finds_the_complete_rows_twice(log, zone, cheap, monkeypatch, tmp_path):
+    """Those that the model takes in, and those that the forecast starts from: each costs a pass over the whole log."""
+    passes, found = [], readable_log.up_to_measured
+    monkeypatch.setattr(readable_log, "up_to_measured", lambda *given: passes.append(1) or found(*given))
+    zone.tick(write(log, tmp_path / "log.csv", DAYS))
+    assert len(passes) == 2
+
+
 def test_a_status_says_that_other_set_points_were_in_force(log, zone, cheap, monkeypatch, tmp_path):
     """Errors of a forecast under other set-points are none of the model."""
     told = []
     for first, moved in ((DAYS, 0.1), (DAYS + 1, -3.0125)):
 
-        def at_a_set_point(zone, frame, weather=None, schedule=None, moved=moved):
-            frame = _same_as_now(zone, frame).frame
+        def at_a_set_point(zone, log_read, weather=None, schedule=None, moved=moved):
+            frame = _same_as_now(zone, log_read).frame
             return DayAhead(frame.assign(T_heat_set=log["T_heat_set"].reindex(frame.index) + moved), {}, ())
 
-        monkeypatch.setattr(zone_folder, "day_ahead", at_a_set_point)
+        monkeypatch.setattr(zone_folder, "forecast_day", at_a_set_point)
         for day in (first, first + 1):
             zone.tick(write(log, tmp_path / "log.csv", day))
         told.append([why for one in zone.status()["verdicts"] for why in one["reasons"] if "set-points" in why])
@@ -540,11 +548,11 @@ def test_stages_are_scored_in_their_unit_and_in_kw_where_a_capacity_is_known(log
     (tmp_path / "zone.toml").write_text(f'step = "1h"\n{known}[columns]\n{columns}', encoding="utf-8")
     folder = ZoneFolder.init(tmp_path / "kitchen", source, tmp_path / "zone.toml")
 
-    def half(zone, frame, weather=None, schedule=None):
-        found = _same_as_now(zone, frame).frame.assign(u_heat=0.5, Q_hvac=3.0, T_oa=99.0)
+    def half(zone, log, weather=None, schedule=None):
+        found = _same_as_now(zone, log).frame.assign(u_heat=0.5, Q_hvac=3.0, T_oa=99.0)
         return DayAhead(found.assign(**{"Q_hvac_0.1": -20.0, "Q_hvac_0.9": 20.0}), {}, ())
 
-    monkeypatch.setattr(zone_folder, "day_ahead", half)
+    monkeypatch.setattr(zone_folder, "forecast_day", half)
     for day in (8, 9, 10):
         folder.tick(write(stages, tmp_path / "log.csv", day))
     found, truth = folder.status(), stages["u_heat"].iloc[24 * 8 : 24 * 10]

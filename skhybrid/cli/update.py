@@ -23,10 +23,11 @@ def command(model: Path, log: str, relearn: bool, say: Progress, as_json: bool) 
     zone = ZoneModel.load(model)
     known = zone.known_until
     frame = read_even_log(log, zone.settings).finished
-    n_new = zone.update(frame, relearn=relearn)
+    rows = zone.readable(frame)
+    n_new = zone.take_in(rows, relearn=relearn)
     if n_new or relearn:
         zone.save(model)
-    if (unread := zone.unread(frame)) and not unread.is_step:
+    if (unread := rows.unread) and not unread.is_step:
         say.warn(str(unread))
     elif not (n_new or unread) and frame.index[-1] > on_clock_of(known, frame.index):
         say.warn(f"no row is new: the log goes on to {frame.index[-1]}, but has no temperature after {known}")

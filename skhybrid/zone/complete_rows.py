@@ -21,7 +21,11 @@ def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> p
 
     ``measured`` are the roles of the zones' temperatures.
     """
-    rows = up_to_measured(frame, measured)
+    return complete(up_to_measured(frame, measured), measured)
+
+
+def complete(rows: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame:
+    """Rows with every input, whether the zones' temperatures are ``measured`` there or not."""
     return rows[rows.drop(columns=list(measured)).notna().all(axis=1)]
 
 

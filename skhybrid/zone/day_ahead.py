@@ -29,6 +29,7 @@ from ..study.tariff import energy_cost
 from ..study.unread_rows import BRIDGED
 from ..study.zone_part import each_zone, log_columns
 from .complete_rows import refuse_cut_value, refuse_stuck
+from .readable_log import ReadableLog
 from .rows_ahead import GivenSchedules, Schedules, rows_ahead, schedules_of
 from .wanted_setpoints import idle_setpoints
 from .zone_model import ZoneModel
@@ -93,11 +94,21 @@ def day_ahead(
     ValueError
         If an input ends more than twelve hours before the temperatures, or weather or set-points are missing.
     """
-    settings, schedule = zone.settings, schedules_of(schedule, zone.zones)
-    read = log if isinstance(log, pd.DataFrame) else read_even_log(log, settings)
-    frame = read if isinstance(read, pd.DataFrame) else read.frame
-    history = zone.history(frame)
-    origin, unread = history.index[-1], zone.unread(frame)
+    given = schedules_of(schedule, zone.zones)
+    if isinstance(log, pd.DataFrame):
+        return forecast_day(zone, zone.readable(log), weather, given)
+    read = read_even_log(log, zone.settings)
+    rows = zone.readable(read.frame)
+    found = forecast_day(zone, rows, weather, given)
+    return found._replace(remarks=(*read.filled_after(rows.origin), *found.remarks))
+
+
+def forecast_day(
+    zone: ZoneModel, log: ReadableLog, weather: str | PathLike[str] | None, schedule: Schedules | None
+) -> DayAhead:
+    """As :func:`day_ahead`, from a log that the model can read and set-points by zone."""
+    settings, frame, history = zone.settings, log.frame, log.history
+    origin, unread = log.origin, log.unread
     if unread is not None:
         unread.refuse_long()
     measured = settings.roles_of("T_za")
@@ -121,10 +132,9 @@ def day_ahead(
     out = with_electricity(found.join(shown), settings).rename_axis("time")
     remarks = [
         *half_written,
-        *([] if isinstance(read, pd.DataFrame) else read.filled_after(origin)),
         *_unused(later, settings, schedule, {role: idle[role] for role in held if role in idle}),
         *([] if unread is None or unread.is_step else [str(unread)]),
-        *zone.remarks_on_outages(frame, history),
+        *log.remarks_on_outages(zone.known_until),
         *_remarks(zone, history, ahead, planned),
     ]
     paths = _paths(zone, history, ahead)

@@ -24,7 +24,7 @@ from ..study.settings import Settings
 from ..study.unread_rows import BRIDGED
 from .complete_rows import complete_rows, up_to_measured
 from .corrected_rows import corrected_since
-from .day_ahead import DayAhead, day_ahead
+from .day_ahead import DayAhead, forecast_day
 from .dead_meters import dead_meters, part_without_dead_meters, without_roles
 from .forecast_archive import BEYOND, ForecastArchive, open_archive
 from .other_units import refuse_other_temperatures
@@ -108,7 +108,7 @@ class ZoneFolder:
             if config is not None:
                 write_text(folder.config, Path(config).read_text(encoding="utf-8"))
             zone = ZoneModel.fit(settings, read.finished)
-            origin = zone.history(read.frame).index[-1]
+            origin = zone.readable(read.frame).origin
             archive.add_measured(measured_rows(read.finished, settings, origin), settings.zones)
             keep_log(archive, read.frame, origin, read.held)
             zone.save(folder.model)
@@ -166,9 +166,9 @@ class ZoneFolder:
             if _of_model(settings) == _of_model(zone.settings):
                 refuse_other_temperatures(frame, archive.measured(frame.index[0]), settings, "the archive")
             zone, n_new, why, remarks = _learn(archive, zone, settings, read.finished, refit_after)
-            found = day_ahead(zone, frame, weather, schedule)
-            origin = zone.history(frame).index[-1]
-            if not n_new and zone.unread(frame) is None:
+            rows = zone.readable(frame)
+            found, origin = forecast_day(zone, rows, weather, schedule), rows.origin
+            if not n_new and rows.unread is None:
                 remarks += _repeated(archive, frame, origin)
             remarks += read.filled_after(origin)
             keep_log(archive, frame, origin, read.held)
@@ -210,15 +210,16 @@ class ZoneFolder:
                 archive.keep_clock(pd.DatetimeIndex(given.index).tz, zone.known_until.tz)
             frame, n_ahead = keep_posted(archive, given, settings, held)
             zone, n_new, why, remarks = _learn(archive, zone, settings, frame, refit_after)
-            origin, last = zone.history(frame).index[-1], archive.last_measured()
+            log = zone.readable(frame)
+            origin, last = log.origin, archive.last_measured()
             # a kill between model and archive leaves rows that only the model has taken in
             not_archived = last is None or on_clock_of(last, origin) < origin
             found = None
             try:
                 if n_new or n_ahead or why or not_archived:
-                    found = day_ahead(zone, frame, weather, schedule)
-                elif unread := zone.unread(frame):
-                    remarks.append(str(unread))
+                    found = forecast_day(zone, log, weather, schedule)
+                elif log.unread:
+                    remarks.append(str(log.unread))
             except (ValueError, OSError) as error:
                 remarks.append(f"there is no new forecast: {error}")
             self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
@@ -312,20 +313,21 @@ def _take_in(
     """Advance a model by the new rows where they follow; their number, and why the model should be fitted again."""
     dead = {z: r for z, r in dead_meters(frame, zone.settings).items() if z not in zone.not_learned}
     if dead:
-        return len(zone.new_rows(without_roles(frame, dead))), f"the heat of {listed(dead)} is logged no more"
-    new, step = zone.new_rows(frame), pd.Timedelta(zone.settings.step)
-    why = zone.outage(frame, BRIDGED)
-    if not zone.outage(frame, LONGEST_BRIDGE):
-        zone.update(frame)
+        alive = zone.readable(without_roles(frame, dead))
+        return len(alive.new_rows(zone.known_until)), f"the heat of {listed(dead)} is logged no more"
+    log, known, step = zone.readable(frame), zone.known_until, pd.Timedelta(zone.settings.step)
+    n_new, why = len(log.new_rows(known)), log.outage(known, BRIDGED)
+    if not log.outage(known, LONGEST_BRIDGE):
+        zone.take_in(log)
     if why:
-        return len(new), why
+        return n_new, why
     if (corrected := corrected_since(frame, archive, zone.settings)) is not None:
-        return len(new), f"rows from {corrected} on were corrected in the log"
-    age = zone.history(frame).index[-1] - zone.learned_until
+        return n_new, f"rows from {corrected} on were corrected in the log"
+    age = log.origin - zone.learned_until
     if age > min(refit_after, zone.predictor.training_.n_rows * step):
-        return len(new), f"it last learned {age.days} days ago"
+        return n_new, f"it last learned {age.days} days ago"
     grown = [(name, reason) for name, part in zone.parts().items() for reason in drifted(drift_days(part.predictor))]
-    return len(new), "; ".join(f"{name}: {reason}" if name else reason for name, reason in grown)
+    return n_new, "; ".join(f"{name}: {reason}" if name else reason for name, reason in grown)
 
 
 def _learn(
@@ -344,8 +346,7 @@ def _learn(
             raise ValueError(f"{why}, so the model must be fitted again, but {error}") from error
         return zone, n_new, "", [f"the model should be fitted again, because {why}, but {error}"]
     if changed:
-        rows = fitted.complete(frame).index
-        n_new = int((rows > on_clock_of(known, rows)).sum())
+        n_new = len(fitted.readable(frame).new_rows(known))
     return fitted, n_new, why, []
 
 

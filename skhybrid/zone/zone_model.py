@@ -3,39 +3,33 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from os import PathLike
 from typing import Any, Self
 
-import numpy as np
 import pandas as pd
 
-from .._clock import on_clock_of
 from .._table import SETPOINT_ROLES, is_plant, plant_roles
 from .._time import LONGEST_BRIDGE
 from ..exceptions import TooFewDaysError
 from ..forecasting.quantiles import INTERVAL, quantile_columns
-from ..logs.bridges import bridged, stretches
 from ..persistence import load_model_and_metadata, save_model
 from ..study.compared_models import make_models
 from ..study.log_split import with_facades
 from ..study.settings import Settings, is_scaled, settings_from
 from ..study.spans import NO_ROWS, TRAINING_DAYS
-from ..study.unread_rows import BRIDGED, Unread
 from ..study.zone_loads import of_whole_plant
-from ..study.zone_part import log_columns, measured_of, predictors_of, read_roles, roles_of, settings_of_zone
-from .complete_rows import complete_rows, refuse_cut_value, up_to_measured
-from .dead_meters import not_learned, without_further_temperatures, without_roles
+from ..study.zone_part import measured_of, predictors_of, read_roles, roles_of, settings_of_zone
+from .complete_rows import refuse_cut_value
+from .dead_meters import not_learned
 from .other_units import refuse_other_temperatures, refuse_other_units
+from .readable_log import ReadableLog
 from .training_rows import training_rows
 from .wanted_setpoints import has_plant, wanted_setpoints
 
 _NO_SET_POINTS = "no set-points{} in the log"
 _NEVER_MOVED = "the log is too short, or the plant or set-points{} never moved"
-_ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter
-_HISTORY = pd.Timedelta("21D")  # least history of a forecast: what its schedules, laws and intervals look back on
 
 
 @dataclass
@@ -171,20 +165,30 @@ class ZoneModel:
             If they follow the known rows only after an outage of more than four days; if known temperatures are others
             in the log; if new rows are in another unit, or the last temperature leaps.
         """
+        return self.take_in(self.readable(frame), relearn=relearn)
+
+    def take_in(self, log: ReadableLog, *, relearn: bool = False) -> int:
+        """As :meth:`update`, from a log as :meth:`readable` returns it.
+
+        Parameters
+        ----------
+        log : ReadableLog
+        relearn : bool, as for :meth:`update`
+        """
         known = self.known_rows()
-        refuse_other_temperatures(frame, known, self.settings, "the model")
-        n_new, why = len(self.new_rows(frame)), self.outage(frame, LONGEST_BRIDGE)
+        refuse_other_temperatures(log.frame, known, self.settings, "the model")
+        n_new, why = len(log.new_rows(self.known_until)), log.outage(self.known_until, LONGEST_BRIDGE)
         if why:
             raise ValueError(
                 f"{why}, and it cannot go on from there: fit the model again with skhybrid fit, on rows after that."
             )
         if not n_new and not relearn:
             return 0
-        new = self._following(frame, known) if n_new else self.complete(frame).dropna().iloc[-1:]
+        new = log.following(known, self.known_until) if n_new else log.complete.dropna().iloc[-1:]
         if new.empty:
             raise ValueError(NO_ROWS)
         refuse_other_units(new, known, self.covered(), self.settings)
-        refuse_cut_value(frame, self.settings, new.index[-1])
+        refuse_cut_value(log.frame, self.settings, new.index[-1])
         if relearn:
             self.predictor.partial_fit(new, measured_of(new, self.settings))
         else:
@@ -199,110 +203,19 @@ class ZoneModel:
             found |= {names.get(str(role), str(role)): rows[role] for role in rows}
         return pd.DataFrame(found)
 
-    def outage(self, frame: pd.DataFrame, longest: pd.Timedelta) -> str:
-        """The outage before or among the new rows, if it exceeds ``longest``; empty where there is none.
+    def readable(self, frame: pd.DataFrame) -> ReadableLog:
+        """The rows of a log that the model can read.
 
         Parameters
         ----------
-        frame : DataFrame, one column per role
-        longest : Timedelta
+        frame : DataFrame, one column per role, as :func:`skhybrid.study.read_log` returns
         """
-        rows = self.new_rows(frame).index
-        stamps = pd.DatetimeIndex([on_clock_of(self.known_until, rows), *rows])
-        wide = np.diff(stamps) > longest
-        return f"rows are missing after {stamps[int(np.argmax(wide))]}" if wide.any() else ""
-
-    def _following(self, frame: pd.DataFrame, known: pd.DataFrame) -> pd.DataFrame:
-        """The new rows of a log, with those of short outages, also of one after the last of the ``known`` rows."""
-        rows = self.new_rows(frame)
-        last = known.iloc[-1:].reindex(columns=rows.columns)
-        last.index = pd.DatetimeIndex([on_clock_of(self.known_until, rows.index)])
-        step = pd.Timedelta(self.settings.step)
-        if (rows.index[0] - last.index[0]) % step:
-            return rows  # the predictor refuses them
-        return self._joined([last, *stretches(rows, step)]).iloc[1:]
-
-    def _joined(self, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-        return bridged(parts, pd.Timedelta(self.settings.step), self.settings.roles_of("T_za"), self.settings.setpoints)
-
-    def remarks_on_outages(self, frame: pd.DataFrame, history: pd.DataFrame) -> list[str]:
-        """Remarks on outages that a history bridges, or after which it begins.
-
-        Parameters
-        ----------
-        frame : DataFrame, one column per role
-        history : DataFrame, as :meth:`history` returns
-        """
-        complete = self.complete(frame).index
-        missing = history.index.difference(complete)
-        if len(missing):
-            return [f"no complete rows from {missing[0]} to {missing[-1]}: their inputs are interpolated"]
-        span = len(history) * pd.Timedelta(self.settings.step)
-        is_known = on_clock_of(self.known_until, history.index) == history.index[-1]  # with the rows before
-        if history.index[0] == complete[0] or span >= _ENOUGH or is_known:
-            return []
-        hours = span / pd.Timedelta("1h")
-        return [f"the forecast starts from the last {hours:.3g} h, since rows are missing before {history.index[0]}"]
-
-    def complete(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The rows of a log that have all that the model reads.
-
-        Parameters
-        ----------
-        frame : DataFrame, one column per role
-        """
-        return complete_rows(with_facades(self._read(frame), self.settings), self.settings.roles_of("T_za"))
-
-    def _read(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """A log without what the model does not read: further temperatures, and heat that it was learned without."""
-        return without_roles(without_further_temperatures(frame, self.settings), self.not_learned)
+        return ReadableLog(frame, self.settings, self.not_learned)
 
     @property
     def not_learned(self) -> dict[str, list[str]]:
         """Roles of heat that a zone was learned without, by zone: their meters had no values."""
         return not_learned(self.settings, self.covered())
-
-    def unread(self, frame: pd.DataFrame) -> Unread | None:
-        """The rows at the end of a log that have a temperature but not all inputs; None where there are none.
-
-        Parameters
-        ----------
-        frame : DataFrame, one column per role
-        """
-        measured = self.settings.roles_of("T_za")
-        rows = up_to_measured(self._read(frame), measured).drop(columns=measured)
-        return Unread.of(rows, partial(log_columns, settings=self.settings))
-
-    def new_rows(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The complete rows of a log after those that the model knows.
-
-        Parameters
-        ----------
-        frame : DataFrame, one column per role
-        """
-        rows = self.complete(frame)
-        return rows[rows.index > on_clock_of(self.known_until, rows.index)]
-
-    def history(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The rows of a log that a forecast starts from: the last unbroken ones, a day or more if outages are short.
-
-        Parameters
-        ----------
-        frame : DataFrame, one column per role
-
-        Raises
-        ------
-        ValueError
-            If no row has all inputs and a temperature.
-        """
-        rows = self.complete(frame)
-        if rows.empty:
-            raise ValueError(NO_ROWS)
-        parts = stretches(rows, pd.Timedelta(self.settings.step))
-        rows = parts.pop()
-        while parts and rows.index[-1] - rows.index[0] < _ENOUGH and rows.index[0] - parts[-1].index[-1] <= BRIDGED:
-            rows = self._joined([parts.pop(), rows])
-        return rows[rows.index > rows.index[-1] - _HISTORY]
 
     def forecast(self, history: pd.DataFrame, future: pd.DataFrame) -> pd.DataFrame:
         """The day after a history, with 80 % intervals where the model has learned them.
@@ -311,7 +224,7 @@ class ZoneModel:
 
         Parameters
         ----------
-        history : DataFrame, as :meth:`history` returns
+        history : DataFrame, as :attr:`ReadableLog.history`
         future : DataFrame, the rows ahead with weather, and heat or set-points
 
         Returns
