@@ -14,6 +14,7 @@ import pytest
 
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
+from skhybrid.fleet import model_rows
 from skhybrid.study.settings import settings_from
 from skhybrid.study.thermostat import Schedule
 from skhybrid.study.unread_rows import Unread
@@ -382,6 +383,22 @@ def test_a_short_outage_is_bridged_and_told(frame, earlier, tmp_path):
     assert change < 0.9 * change_alone
     long = day_ahead(earlier, frame[:N].drop(frame.index[N - 40 : N - 9]), path, SCHEDULE)
     assert any("starts from the last 9 h, since rows are missing before" in text for text in long.remarks)
+
+
+def test_what_was_measured_in_an_outage_is_kept(frame, earlier, tmp_path):
+    """The meter of the heat was silent and the weather was not: it had been interpolated too, unlike in a fleet."""
+    log, gap = frame[:N].copy(), slice(N - 14, N - 9)
+    log.iloc[gap, log.columns.get_loc("Q_hvac")] = np.nan
+    wanted = log.assign(Q_hvac=log["Q_hvac"].interpolate(), T_za=log["T_za"].where(log["Q_hvac"].notna()))
+    log = log.drop(frame.index[N - 12])
+    wanted.iloc[N - 12] = (wanted.iloc[N - 13] + wanted.iloc[N - 11]) / 2
+    read, columns = earlier.readable(log), log.columns
+    new = read.following(earlier.known_rows(), earlier.known_until)
+    for found in (read.history, training_rows(log, earlier.settings, 56), new):
+        pd.testing.assert_frame_equal(found[columns], wanted.loc[found.index], check_freq=False, check_names=False)
+    inputs = ["T_oa", "q_sol", "Q_hvac"]
+    of_fleet = model_rows._bridged(log.drop(columns=["T_heat_set", "T_cool_set"]), earlier.predictor)
+    pd.testing.assert_frame_equal(of_fleet[[*inputs, "T_za"]], wanted[[*inputs, "T_za"]], check_freq=False)
 
 
 def test_an_input_that_ends_before_the_temperatures_is_named(frame, zone, tmp_path):

@@ -1,4 +1,4 @@
-"""Rows between outages, and bridges over outages: interpolated inputs, and no temperature."""
+"""Rows between outages, and bridges over outages: inputs that are interpolated, and no temperature."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ def stretches(rows: pd.DataFrame, longest: pd.Timedelta) -> list[pd.DataFrame]:
     return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
 
 
-def bridged(
-    parts: Sequence[pd.DataFrame], step: pd.Timedelta, measured: Sequence[str], held: Sequence[str]
-) -> pd.DataFrame:
-    """Stretches of rows as one: in between the inputs are interpolated, and no temperature is known.
+def bridged(rows: pd.DataFrame, step: pd.Timedelta, measured: Sequence[str], held: Sequence[str]) -> pd.DataFrame:
+    """Rows at every step: where an input was not known it is interpolated, and no temperature is known there.
 
-    ``measured`` are the columns of temperatures that stay missing there, ``held`` those that keep their last value.
+    What was measured in an outage stays, such as the weather while the meter of the heat is silent.  ``measured`` are
+    the columns of temperatures, ``held`` those that keep their last value.
     """
-    if len(parts) == 1:
-        return parts[0]
-    index = pd.date_range(parts[0].index[0], parts[-1].index[-1], freq=step)
-    whole = pd.concat(parts).reindex(index)
+    whole = rows.reindex(pd.date_range(rows.index[0], rows.index[-1], freq=step))
     whole = whole.assign(**{role: whole[role].ffill() for role in held if role in whole})
-    inputs = whole.drop(columns=list(measured)).interpolate("time")
-    return whole.assign(**{str(role): inputs[role] for role in inputs})
+    inputs = whole.drop(columns=list(measured))
+    out = inputs.isna().any(axis=1)
+    if not out.any():
+        return rows
+    filled = inputs.interpolate("time")
+    return whole.assign(
+        **{str(role): filled[role] for role in filled}, **{role: whole[role].mask(out) for role in measured}
+    )

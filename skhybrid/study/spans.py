@@ -78,5 +78,4 @@ def over_outages(rows: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     if not inside or len(stretches(known, LONGEST_BRIDGE)) > 1:
         return rows
     step = even_step(pd.DatetimeIndex(rows.index))
-    whole = bridged(stretches(known, step), step, temperatures, settings.setpoints)
-    return whole.set_axis(rows.index)
+    return bridged(rows, step, temperatures, settings.setpoints).set_axis(rows.index)

@@ -44,9 +44,13 @@ class ReadableLog:
         return up_to_measured(own, self._measured)
 
     @cached_property
+    def _with_facades(self) -> pd.DataFrame:
+        return with_facades(self._rows, self.settings)
+
+    @cached_property
     def complete(self) -> pd.DataFrame:
         """The rows that have all that the model reads, up to the last temperature."""
-        return complete(with_facades(self._rows, self.settings), self._measured)
+        return complete(self._with_facades, self._measured)
 
     @cached_property
     def unread(self) -> Unread | None:
@@ -64,11 +68,14 @@ class ReadableLog:
         """
         if self.complete.empty:
             raise ValueError(NO_ROWS)
-        parts = stretches(self.complete, self._step)
-        rows = parts.pop()
-        while parts and rows.index[-1] - rows.index[0] < _ENOUGH and rows.index[0] - parts[-1].index[-1] <= BRIDGED:
-            rows = self._joined([parts.pop(), rows])
-        return rows[rows.index > rows.index[-1] - _HISTORY]
+        last, *earlier = reversed(stretches(self.complete, self._step))
+        first, end = last.index[0], last.index[-1]
+        for part in earlier:
+            if end - first >= _ENOUGH or first - part.index[-1] > BRIDGED:
+                break
+            first = part.index[0]
+        rows = self._bridged(self._with_facades.loc[first:end])
+        return rows[rows.index > end - _HISTORY]
 
     @property
     def origin(self) -> pd.Timestamp:
@@ -111,7 +118,8 @@ class ReadableLog:
         last.index = pd.DatetimeIndex([on_clock_of(known_until, rows.index)])
         if (rows.index[0] - last.index[0]) % self._step:
             return rows  # the predictor refuses them
-        return self._joined([last, *stretches(rows, self._step)]).iloc[1:]
+        later = self._with_facades.loc[: rows.index[-1]]
+        return self._bridged(pd.concat([last, later[later.index > last.index[0]]])).iloc[1:]
 
     def remarks_on_outages(self, known_until: pd.Timestamp) -> list[str]:
         """Remarks on outages that the history bridges, or after which it begins.
@@ -131,5 +139,5 @@ class ReadableLog:
         hours = span / pd.Timedelta("1h")
         return [f"the forecast starts from the last {hours:.3g} h, since rows are missing before {history[0]}"]
 
-    def _joined(self, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-        return bridged(parts, self._step, self._measured, self.settings.setpoints)
+    def _bridged(self, rows: pd.DataFrame) -> pd.DataFrame:
+        return bridged(rows, self._step, self._measured, self.settings.setpoints)

@@ -13,7 +13,7 @@ from ..logs.log_findings import doubts_on_log
 from ..study.log_split import with_facades
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
-from .complete_rows import complete_rows
+from .complete_rows import complete, up_to_measured
 from .dead_meters import without_dead_meters
 
 _LEAST_DAYS = 3
@@ -40,7 +40,8 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
         warn_user(doubt, SkhybridWarning)
     alive = without_dead_meters(frame, settings)
     refuse_empty(alive, settings)
-    rows = complete_rows(with_facades(alive, settings), rooms)
+    whole = up_to_measured(with_facades(alive, settings), rooms)
+    rows = complete(whole, rooms)
     step, day = pd.Timedelta(settings.step), pd.Timedelta("1D")
     last = rows[rows.index > rows.index[-1] - days * day] if len(rows) else rows
     known, beyond = max(stretches(last, LONGEST_BRIDGE), key=len), "outages of more than four days"
@@ -67,4 +68,4 @@ def training_rows(frame: pd.DataFrame, settings: Settings, days: int) -> pd.Data
             "and no temperature is known.",
             SkhybridWarning,
         )
-    return bridged(parts, step, rooms, settings.setpoints)
+    return bridged(whole.loc[known.index[0] : known.index[-1]], step, rooms, settings.setpoints)
