@@ -85,7 +85,7 @@ def main() -> None:
     means = np.exp(np.log(table[ratios]).groupby(table["outages"], sort=False).mean())
     means.loc["all"] = np.exp(np.log(table[ratios]).mean())
     note = (
-        f"Errors of day-ahead forecasts relative to those of a training of {DAYS} days (home 1: 28) without an outage.  "
+        f"Errors of day-ahead forecasts relative to those of a training of {DAYS} days (home 1: 28) without an outage. "
         "Heat alone out: its meter is silent, and weather and temperature are measured; the weather is used."
     )
     tables = {"Geometric mean of all logs": means, "By log": table.set_index(["log", "outages"])}
