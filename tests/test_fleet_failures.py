@@ -107,6 +107,19 @@ def test_a_command_says_once_what_it_says_of_several_zones(tmp_path, capsys):
     ]
 
 
+def test_a_command_says_what_is_to_be_done_in_the_folder(tmp_path, capsys):
+    """It pointed at the rows ahead of a dead thermometer, at [units], which fleet.toml has none of, and at y."""
+    (tmp_path / "fleet.toml").write_text(CONFIG, encoding="utf-8")
+    hot = ZONES["a"].assign(T_za=ZONES["a"]["T_za"] * 1.8 + 32.0)
+    plans = ZONES["a"].assign(T_za=np.nan, u_heat=ZONES["a"]["u_heat"].where(np.arange(len(ZONES["a"])) < 6 * DAY))
+    put(tmp_path, TRAIN, {"dead": plans, "hot": hot, "other": ZONES["a"].rename(columns=str.lower)})
+    assert main(["fleet", "fit", str(tmp_path)]) == 0
+    told = capsys.readouterr().err
+    assert f"dead: column 'T_za', the measured temperature, is empty in all {7 * DAY} rows; see that it is logged" in told
+    assert "likely degF rather than degC; write it to data in the unit of its role, or check the sensor." in told
+    assert "name it by columns = { T_za = ... } in [estimator] of fleet.toml." in told
+
+
 def test_a_fit_names_the_zones_that_the_fallback_forecasts(tmp_path, capsys):
     (tmp_path / "fleet.toml").write_text(CONFIG, encoding="utf-8")
     put(tmp_path, TRAIN, {zone: X.drop(columns="q_sol") for zone, X in ZONES.items()})

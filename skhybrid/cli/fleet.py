@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -13,6 +14,11 @@ from ._options import DIR, MOST_JOBS, as_command, as_group, lines_of, print_json
 from ._output import Progress, one_line
 
 _MOST_SHOWN, _MOST_NAMED = 20, 5  # lines, and zones in one of them
+#: what messages advise to those who call the package, and what to those who keep the folder of a fleet
+_ADVICE = (
+    (r"convert (?:it|the column) with skhybrid\.preprocessing\.UnitConverter", "write it to data in the unit of its role"),
+    (r"the estimator's columns=\{'T_za': \.\.\.\}, or give y", "columns = { T_za = ... } in [estimator] of fleet.toml"),
+)
 
 
 def _some(context: click.Context, option: click.Parameter, jobs: int) -> int:
@@ -86,7 +92,7 @@ def status(folder: Path, jobs: int, say: Progress, as_json: bool) -> None:
     print(shown.drop(columns="reasons").to_string(index=False, float_format="{:.2f}".format, na_rep="-"))
     for zone, verdict, *_, reasons in shown.itertuples(index=False):
         if verdict != USABLE:
-            print(f"{zone}: {one_line(reasons)}")
+            print(f"{zone}: {_advice(reasons)}")
     if len(table) > _MOST_SHOWN:
         print(f"and {len(table) - _MOST_SHOWN} more")
     print(f"see {made.page}")
@@ -108,6 +114,13 @@ def _told_by_zone() -> AbstractContextManager[None]:
     return warnings_dropped(FleetWarning)
 
 
+def _advice(text: str) -> str:
+    """A message in a line, with what its reader can do to the folder."""
+    for said, shown in _ADVICE:
+        text = re.sub(said, shown, text)
+    return one_line(text)
+
+
 def _show(
     found: dict[str, Any],
     errors: Mapping[Any, str],
@@ -118,7 +131,7 @@ def _show(
     """Facts on stdout; why zones failed, and then warnings, on stderr: what is said of several zones, once."""
     told: dict[str, list[str]] = {}
     for zone, text in [*errors.items(), *((zone, text) for zone, texts in warnings.items() for text in texts)]:
-        told.setdefault(text, []).append(str(zone))
+        told.setdefault(_advice(text), []).append(str(zone))
     for text, zones in list(told.items())[:_MOST_SHOWN]:
         more = f" and {len(zones) - _MOST_NAMED} more" if len(zones) > _MOST_NAMED else ""
         say.warn(f"{', '.join(zones[:_MOST_NAMED])}{more}: {text}")
