@@ -14,6 +14,8 @@ import pandas as pd
 SHORTEST_GAP = pd.Timedelta("3h")
 #: longest outage within a training that is bridged: without its other side, errors are larger (benchmarks/outages.py)
 LONGEST_BRIDGE = pd.Timedelta("4D")
+#: a table shorter than this shows no storage of heat from one day to the next
+FEW_DAYS = pd.Timedelta("2D")
 #: assumed time of row 0 where there are no time stamps [local wall clock], a Monday
 ASSUMED_START = pd.Timestamp("2001-01-01 00:00")
 _HOUR, _DAY = pd.Timedelta("1h"), pd.Timedelta("1D")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
+import warnings
 from itertools import product
 
 import numpy as np
@@ -17,6 +18,7 @@ from sklearn.linear_model import Ridge
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
+from skhybrid import HybridPredictor
 from skhybrid.forecasting import ARXRegressor, BoostedRegressor, DisturbanceForecaster
 
 ROWS_ARE_TIME_STEPS = "rows are consecutive time steps: their order is information, and a part of them has another past"
@@ -400,6 +402,19 @@ def test_baselines_ignore_the_settings_of_networks():
     for (name, value), model in product(wrong.items(), ("ridge", Ridge())):
         with pytest.raises(ValueError, match=f"{name}="):
             DisturbanceForecaster(model, **{name: value}).fit(X, y)
+
+
+@pytest.mark.parametrize("model", [ARXRegressor(), BoostedRegressor(residual_of="arx", max_iter=5)], ids=_name)
+def test_a_few_rows_are_warned_of_once(model):
+    """A fit on a day was silent, and its forecasts were off by several kelvin."""
+    X, y = zone(4)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        clone(model).fit(X[:120], y[:120])
+        HybridPredictor(network="1R1C", intervals=False).fit(X[:120], y[:120])
+        clone(model).fit(X[:192], y[:192])
+    few = [str(w.message) for w in told if "are few" in str(w.message)]
+    assert few == [f"{type(model).__name__}: 30 h of rows are few, so that forecasts are a guess; add days."]
 
 
 def test_boosting_without_a_lead_to_learn_from_repeats_what_it_adds_to():

@@ -10,7 +10,9 @@ import pandas as pd
 
 from .._joining import from_first_measured
 from .._table import ZoneTable, as_pandas, read_table, read_target
-from .._time import rows_per_day
+from .._time import FEW_DAYS, rows_per_day
+from .._warnings import warn_user
+from ..exceptions import ExcitationWarning
 from .features import mode_roles
 
 _INPUTS = re.compile(r"(T_oa|q_sol(_\w+)?|u_\w+|Q_\w+)\Z")
@@ -45,8 +47,17 @@ def read_zone(forecaster: Any, X: Any) -> ZoneTable:
 
 
 def read_training(forecaster: Any, X: Any, y: Any) -> tuple[ZoneTable, np.ndarray]:
-    """Rows that a forecaster of the temperature is fitted on, from a first measured one on, and their temperature."""
+    """Rows that a forecaster of the temperature is fitted on, from a first measured one on, and their temperature.
+
+    It is warned of a few rows, but not within another model, which tells its user itself.
+    """
     table = _read(forecaster, X, reset=True, fewest=3)
+    if table.n_rows * table.step < FEW_DAYS and not isinstance(X, ZoneTable):
+        warn_user(
+            f"{type(forecaster).__name__}: {table.n_rows * table.step_hours:g} h of rows are few, so that forecasts are "
+            "a guess; add days.",
+            ExcitationWarning,
+        )
     T = read_target(y, table, max_missing=forecaster.max_missing, role="T_za")
     return from_first_measured(table, T, rows_per_day(table.step))
 

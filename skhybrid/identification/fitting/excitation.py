@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
-import pandas as pd
 
 from ..._table import ZoneTable, is_stage
+from ..._time import FEW_DAYS
 from ..._warnings import warn_user
 from ...exceptions import ExcitationWarning, ScaleNotIdentifiableWarning
 from ...thermal import Parameter, RCNetwork
@@ -17,7 +17,6 @@ _SCALES = {"kWh/K": 1.0, "m2": 1.0, "kW": 1.0, "K/kW": -1.0}
 #: least heat of a stage that tells its capacity where the model has a disturbance, in hours at full stage: in summers
 #: of make_office, Q_h is within 8 % after 0.4 to 1 h, and 63 % off at its default
 _FULL_HOURS = 0.25
-_FEW_DAYS = pd.Timedelta("2D")  # a table shorter than this shows no storage of heat from one day to the next
 
 
 def scaling_of(p: Parameter) -> float:
@@ -106,7 +105,7 @@ def _warn_little_excited(
         for s in sources
         if s.role not in still and s.parameter not in idle and table.hardly_ran(s.role)
     ]
-    if table.n_rows * table.step < _FEW_DAYS:
+    if table.n_rows * table.step < FEW_DAYS:
         found.append((f"{table.n_rows * table.step_hours:g} h of rows are few", list(network.capacitances.values())))
     for what, names in found:
         if open_names := [p for p in names if p not in known]:
