@@ -115,7 +115,7 @@ def test_a_command_says_what_is_to_be_done_in_the_folder(tmp_path, capsys):
     put(tmp_path, TRAIN, {"dead": plans, "hot": hot, "other": ZONES["a"].rename(columns=str.lower)})
     assert main(["fleet", "fit", str(tmp_path)]) == 0
     told = capsys.readouterr().err
-    assert f"dead: column 'T_za', the measured temperature, is empty in all {7 * DAY} rows; see that it is logged" in told
+    assert f"dead: column 'T_za', the measured temperature, is empty in all {7 * DAY} rows; see that it is" in told
     assert "likely degF rather than degC; write it to data in the unit of its role, or check the sensor." in told
     assert "name it by columns = { T_za = ... } in [estimator] of fleet.toml." in told
 

@@ -16,7 +16,10 @@ from ._output import Progress, one_line
 _MOST_SHOWN, _MOST_NAMED = 20, 5  # lines, and zones in one of them
 #: what messages advise to those who call the package, and what to those who keep the folder of a fleet
 _ADVICE = (
-    (r"convert (?:it|the column) with skhybrid\.preprocessing\.UnitConverter", "write it to data in the unit of its role"),
+    (
+        r"convert (it|the column) with skhybrid\.preprocessing\.UnitConverter",
+        r"write \1 to data in the unit of its role",
+    ),
     (r"the estimator's columns=\{'T_za': \.\.\.\}, or give y", "columns = { T_za = ... } in [estimator] of fleet.toml"),
 )
 

@@ -32,8 +32,8 @@ def rows_to_fit(rows: pd.DataFrame, estimator: Any, last: Any) -> tuple[pd.DataF
         raise ValueError("there are no rows; write those of the zone, or leave it out.")
     if TARGET not in rows and not len(known):  # where the measured rows end, plans begin
         raise ValueError(
-            f"column {target_column(estimator)!r}, the measured temperature, is empty in all {len(X)} rows; see that it "
-            "is logged, or leave the zone out."
+            f"column {target_column(estimator)!r}, the measured temperature, is empty in all {len(X)} rows; see that "
+            "it is logged, or leave the zone out."
         )
     if last is not None and isinstance(X.index, pd.DatetimeIndex):
         chosen = X.index > X.index[-1] - positive_duration(last, "last")

@@ -54,8 +54,8 @@ def read_training(forecaster: Any, X: Any, y: Any) -> tuple[ZoneTable, np.ndarra
     table = _read(forecaster, X, reset=True, fewest=3)
     if table.n_rows * table.step < FEW_DAYS and not isinstance(X, ZoneTable):
         warn_user(
-            f"{type(forecaster).__name__}: {table.n_rows * table.step_hours:g} h of rows are few, so that forecasts are "
-            "a guess; add days.",
+            f"{type(forecaster).__name__}: {table.n_rows * table.step_hours:g} h of rows are few, so that forecasts "
+            "are a guess; add days.",
             ExcitationWarning,
         )
     T = read_target(y, table, max_missing=forecaster.max_missing, role="T_za")
