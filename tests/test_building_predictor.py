@@ -748,6 +748,23 @@ def test_tables_and_targets_of_no_shape_are_refused(two_stages, later):
         two_stages.predict_load(later.iloc[:, 0], 21.0)
 
 
+def test_plans_of_zones_that_set_points_leave_out_are_told(building, tomorrow):
+    """The planned heat of the other zones was taken for 0 in silence."""
+    plan = tomorrow.assign(Q_hvac_hall=0.0)
+    with pytest.warns(PlanWarning) as told:
+        free = building.forecast(None, plan, setpoint={"kitchen": 20.0})
+    assert {str(w.message) for w in told if "leaves out" in str(w.message)} == {
+        "setpoint leaves out zone 'study', so that its plant is off and 'Q_hvac_study' of future not read; give the "
+        "zone None to have it read."
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlanWarning)
+        bare = plan.drop(columns="Q_hvac_study")
+        pd.testing.assert_frame_equal(building.forecast(None, bare, setpoint={"kitchen": 20.0}), free)
+        kept = building.forecast(None, plan, setpoint={"kitchen": 20.0, "study": None})
+    assert (kept["T_za_study"] > free["T_za_study"]).any()
+
+
 def test_set_points_in_a_frame_go_by_the_columns_of_the_zones(building, tomorrow):
     """``T_heat_set_hall`` and ``T_heat_set_study`` were read as the heating and the cooling set-point of all zones."""
     rows = tomorrow.drop(columns=[name for name in tomorrow if name.startswith("Q_hvac")])

@@ -14,6 +14,8 @@ from ..._table import as_numbers, listed
 from ..._warnings import several
 from .zone_columns import MEASURED, setpoints_by_zone
 
+FREE = (None, None)  # set-points of a zone that is left out
+
 
 @dataclass(frozen=True)
 class ArgumentsByZone:
@@ -55,7 +57,7 @@ class ArgumentsByZone:
             return dict.fromkeys(self.zones, setpoint)
         by_zone = self._by_zone(setpoint, "setpoint")
         self.refuse_without_plant("setpoint", by_zone)
-        return dict.fromkeys(self.zones, (None, None)) | by_zone
+        return dict.fromkeys(self.zones, FREE) | by_zone
 
     def limits(self, limits: Any) -> dict[str, Any]:
         """Limits of the plant of each zone, where some are given; a zone that they leave out is not limited."""

@@ -209,7 +209,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         Warns
         -----
         PlanWarning
-            As there.
+            As there, and of heat and set-points in ``future`` of a zone that ``setpoint`` leaves out.
         MeasurementWarning
             Of zones that are not measured in the last hour of the history, where others are.
         SkhybridWarning
@@ -224,6 +224,7 @@ class BaseBuilding(SampleMixin, SummaryMixin, MultiOutputMixin, RegressorMixin, 
         setpoints = wanted or any(model._has_setpoints_only(ahead) for model in self.own_.values())
         if setpoints:
             zones.columns.refuse_shared_plants()
+            zones.warn_of_unread(wanted, ahead)
         alone = known is None and not setpoints and not within
         tables = tables_of_zones(self.own_, self._columns, ahead) if alone else None
         if tables is None:

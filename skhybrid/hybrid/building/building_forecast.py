@@ -11,15 +11,15 @@ import pandas as pd
 
 from ..._joining import read_now
 from ..._last_known import held_paths
-from ..._table import ZoneTable
+from ..._table import SETPOINT_ROLES, ZoneTable, listed
 from ..._time import rows_in
 from ..._warnings import ignore, warn_user, warnings_to
-from ...exceptions import MeasurementWarning
+from ...exceptions import MeasurementWarning, PlanWarning
 from ...forecasting.quantiles import read_quantiles
 from ...forecasting.weather_error import WeatherError
 from ..base import BaseHybrid
 from ..plant_run import Wanted
-from .arguments_by_zone import ArgumentsByZone
+from .arguments_by_zone import FREE, ArgumentsByZone
 from .building_tables import arrays_by_name, of_zone, warn_of_usual, with_neighbour_temperatures, with_next
 from .coupled_zone import CoupledZone
 from .zone_columns import NEXT, ZoneColumns, carried_on
@@ -70,6 +70,18 @@ class FittedZones:
                     f"zone {zone!r} has no temperature from {stamps[-n_rows]} to {stamps[-1]}: it is forecast from "
                     "what was known before and from its neighbours.",
                     MeasurementWarning,
+                )
+
+    def warn_of_unread(self, wanted: Mapping[str, Any], ahead: pd.DataFrame) -> None:
+        """Warn of plans and set-points in rows ahead of zones that the ``wanted`` set-points leave out."""
+        for zone, model in self.own.items():
+            left_out = bool(model._plant) and wanted.get(zone) is FREE
+            names = map(model._column_of, (*model._plant, *SETPOINT_ROLES) if left_out else ())
+            if unread := [name for name in names if name in ahead and ahead[name].any()]:
+                warn_user(
+                    f"setpoint leaves out zone {zone!r}, so that its plant is off and {listed(unread)} of future not "
+                    "read; give the zone None to have it read.",
+                    PlanWarning,
                 )
 
     def with_measured(self, X: Any, T: pd.DataFrame | None = None) -> Any:
