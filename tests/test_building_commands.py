@@ -569,12 +569,17 @@ def test_a_configuration_that_cannot_be_right_is_refused(change, message, tmp_pa
         read_settings(tmp_path / "house.toml")
 
 
-def test_set_points_of_one_zone_are_the_last_given():
+def test_set_points_are_given_once_for_each_zone():
+    """``--setpoint 21 --setpoint 24``, heating and cooling for some, heated to 24 in silence."""
     assert schedules_of(()) is None
     assert schedules_of((), ["hall"]) is None
     with pytest.raises(ValueError, match="names the zone 'hall', but the model is of one zone: leave the name out"):
         schedules_of(("20", "hall:21,24"))
-    assert schedules_of(("20", "6:00=21,22:00=17;24")).heat == {360: 21.0, 1320: 17.0}
+    with pytest.raises(ValueError, match="--setpoint is given twice; give heating and cooling in one, such as 21,24"):
+        schedules_of(("21", "24"))
+    with pytest.raises(ValueError, match="--setpoint is given twice for 'hall'; give"):
+        schedules_of(("hall:21", "20", "hall:24"), ["hall", "study"])
+    assert schedules_of(("6:00=21,22:00=17;24",)).heat == {360: 21.0, 1320: 17.0}
     both = schedules_of(("hall:6:00=21,22:00=17", "20,26"), ["hall", "study"])
     assert both["hall"].heat == {360: 21.0, 1320: 17.0}
     assert both[""].cool == {0: 26.0}

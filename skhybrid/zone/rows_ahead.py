@@ -31,10 +31,10 @@ class RowsAhead(NamedTuple):
 
 
 def schedules_of(given: GivenSchedules | None, zones: Sequence[str] = ()) -> Schedules | None:
-    """Set-points from text: of one zone the last one; of several ``21,24`` for all, ``hall:21,24`` for one.
+    """Set-points from text: ``21,24``; of several zones that is for all of them, and ``hall:21,24`` for one.
 
     Of several zones they may also be a mapping of zone to text.  Schedules that are read already stay as they are.  A
-    ValueError names what cannot be read, or an unknown zone.
+    ValueError names what cannot be read, an unknown zone, or a zone with two texts.
     """
     if given is None or isinstance(given, Schedule):
         return given
@@ -48,6 +48,9 @@ def schedules_of(given: GivenSchedules | None, zones: Sequence[str] = ()) -> Sch
         if zone and zone not in zones:
             known = f"has {listed(zones)}" if zones else "is of one zone: leave the name out"
             raise ValueError(f"--setpoint names the zone {zone!r}, but the model {known}.")
+        if zone in found:
+            of = f" for {zone!r}" if zone else ""
+            raise ValueError(f"--setpoint is given twice{of}; give heating and cooling in one, such as 21,24.")
         found[zone] = one if isinstance(one, Schedule) else Schedule.of_text(one)
     return (found or None) if zones else found.get("")
 
