@@ -387,6 +387,8 @@ def test_numbered_zones_of_modelica(outdoor, room, heat):
         ("WMZ Energie [MWh]", "Q_heat"),
         ("OSA Temp", "T_oa"),
         ("Wunschtemperatur Zone 1", "T_heat_set"),  # it was the room's
+        ("Soll Heizen", "T_heat_set"),  # it had no role, as the one below
+        ("Kühlen Soll (°C)", "T_cool_set"),
         ("Température séjour", "T_za"),
     ],
 )

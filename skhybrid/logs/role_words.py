@@ -23,7 +23,8 @@ SET = (
 SET_POINT = (
     r"set ?po?i?n?t|\b(sp|spt|stpt|setp)\b|sollwert|consigne|consigna|setpunt|\bset (heat|cool)\b|"
     r"\b(heat|cool)(ing)? set\b|borvarde|settpunkt|asetus|tavoite|"
-    r"\b(heat|cool)(ing)? target|\btarget (heat|cool)|berekend.*(verwarm|koel)"
+    r"\b(heat|cool)(ing)? target|\btarget (heat|cool)|berekend.*(verwarm|koel)|"
+    r"\bsoll (heizen|kuhlen)\b|\b(heizen|kuhlen) soll\b"
 )
 # the set-point that the controller follows at the time, and others
 IN_FORCE = r"\b(eff|effective|active|actual|current|aktuel|wirksam)"
