@@ -1,6 +1,7 @@
 """``FacadeIrradiance``: against pvlib by hand, symmetry of the sun's day, energy, night, time zones, pipelines."""
 
 import re
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skhybrid import GrayBoxRC, persistence
 from skhybrid.datasets import load_small_office
+from skhybrid.exceptions import SkhybridWarning
 from skhybrid.preprocessing import FacadeIrradiance, UnitConverter
 from skhybrid.study import log_split
 
@@ -160,6 +162,19 @@ def test_nights_are_dark_and_never_missing(sky):
     # a cloudless March day: the south side gets most, the north side only scattered light
     total = out[FACADES].sum()
     assert total["q_sol_south"] > 1.3 * total["q_sol_east"] > 2.6 * total["q_sol_north"]
+
+
+@pytest.mark.parametrize("place", [CHICAGO | {"longitude": 87.92}, CHICAGO | {"timezone": "Asia/Tokyo"}])
+def test_light_while_the_sun_is_far_below_the_horizon_is_told(place):
+    """With the sign of the longitude forgotten, all facades got the same light in silence."""
+    office = load_small_office().X["2018-12-01":"2018-12-07"]
+    with pytest.warns(SkhybridWarning, match=r"% of the irradiance was logged while the sun at latitude .* time zone"):
+        FacadeIrradiance(**place).fit_transform(office.tz_localize(None) if "timezone" in place else office)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SkhybridWarning)
+        for offset in (0.0, 0.01):  # of a sensor, at night too
+            FacadeIrradiance(**CHICAGO).fit_transform(office.assign(q_sol=office["q_sol"] + offset))
+            FacadeIrradiance(**CHICAGO).fit_transform(office.resample("3h").mean())
 
 
 def test_missing_light_stays_missing_in_its_row_only(sky):

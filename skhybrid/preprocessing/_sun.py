@@ -9,8 +9,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from .._warnings import percent, warn_user
+from ..exceptions import SkhybridWarning
+
 LOWEST_SUN = 87.0  # largest zenith angle [deg] at which direct irradiance is computed from global and diffuse one
 _W_PER_KW = 1000.0
+#: zenith angle [deg] from which no light comes within an hour, light [kW/m2] that no twilight and no offset of a sensor
+#: is, and the share of all such light that shows another place or time zone
+_DARK, _BRIGHT, _MOST_DARK = 100.0, 0.05, 0.01
 
 
 class Place(NamedTuple):
@@ -47,6 +53,7 @@ def on_planes(
         return {name: np.zeros(0) for name in azimuths}
     sun = get_solarposition(stamps, place.latitude, place.longitude, method="ephemeris")
     zenith, azimuth = sun["zenith"].to_numpy(), sun["azimuth"].to_numpy()
+    _warn_of_dark(ghi, zenith, place)
     light = split(ghi, dni, dhi, zenith, stamps.day_of_year.to_numpy())
     from_sky, from_ground = pane_diffuse() if place.glazing else (1.0, 1.0)
     # a vertical plane sees half of an isotropic sky, and half of the ground
@@ -58,6 +65,17 @@ def on_planes(
         through = np.asarray(physical(incidence)) if place.glazing else 1.0
         planes[name] = scattered + light.direct * facing_sun * through
     return planes
+
+
+def _warn_of_dark(ghi: np.ndarray, zenith: np.ndarray, place: Place) -> None:
+    """Warn of light (n,) while the sun is far below the horizon: its place or its clock is another one."""
+    light = np.where(ghi > _BRIGHT, ghi, 0.0)
+    if (share := float(light[zenith > _DARK].sum() / max(light.sum(), _BRIGHT))) > _MOST_DARK:
+        warn_user(
+            f"{percent(share)} of the irradiance was logged while the sun at latitude {place.latitude:g} and longitude "
+            f"{place.longitude:g} was far below the horizon: look at their signs (east is positive) and the time zone.",
+            SkhybridWarning,
+        )
 
 
 def split(
