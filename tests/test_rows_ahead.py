@@ -385,19 +385,21 @@ def test_a_short_outage_is_bridged_and_told(frame, earlier, tmp_path):
     assert any("starts from the last 9 h, since rows are missing before" in text for text in long.remarks)
 
 
-def test_what_was_measured_in_an_outage_is_kept(frame, earlier, tmp_path):
-    """The meter of the heat was silent and the weather was not: it had been interpolated too, unlike in a fleet."""
-    log, gap = frame[:N].copy(), slice(N - 14, N - 9)
-    log.iloc[gap, log.columns.get_loc("Q_hvac")] = np.nan
-    wanted = log.assign(Q_hvac=log["Q_hvac"].interpolate(), T_za=log["T_za"].where(log["Q_hvac"].notna()))
-    log = log.drop(frame.index[N - 12])
-    wanted.iloc[N - 12] = (wanted.iloc[N - 13] + wanted.iloc[N - 11]) / 2
-    read, columns = earlier.readable(log), log.columns
-    new = read.following(earlier.known_rows(), earlier.known_until)
-    for found in (read.history, training_rows(log, earlier.settings, 56), new):
-        pd.testing.assert_frame_equal(found[columns], wanted.loc[found.index], check_freq=False, check_names=False)
-    inputs = ["T_oa", "q_sol", "Q_hvac"]
-    of_fleet = model_rows._bridged(log.drop(columns=["T_heat_set", "T_cool_set"]), earlier.predictor)
+@pytest.mark.parametrize("silent", ["Q_hvac", "q_sol"])
+def test_heat_is_kept_in_an_outage_of_the_weather_and_not_the_reverse(frame, earlier, silent):
+    """As in a fleet; either way a row without all inputs has no temperature."""
+    log, inputs, held = frame[:N].copy(), ["T_oa", "q_sol", "Q_hvac"], ["T_heat_set", "T_cool_set"]
+    gap, gone = log.index[N - 14 : N - 9], log.index[N - 12]
+    wanted = log.copy()
+    wanted.loc[gap, [*(inputs if silent == "Q_hvac" else [silent]), "T_za"]] = np.nan
+    wanted.loc[gone] = np.nan
+    wanted = wanted.assign(**wanted[inputs].interpolate(), **wanted[held].ffill())
+    log.loc[gap, silent] = np.nan
+    log = log.drop(gone)
+    new = earlier.readable(log).following(earlier.known_rows(), earlier.known_until)
+    for found in (earlier.readable(log).history, training_rows(log, earlier.settings, 56), new):
+        pd.testing.assert_frame_equal(found[log.columns], wanted.loc[found.index], check_freq=False, check_names=False)
+    of_fleet = model_rows._bridged(log.drop(columns=held), earlier.predictor)
     pd.testing.assert_frame_equal(of_fleet[[*inputs, "T_za"]], wanted[[*inputs, "T_za"]], check_freq=False)
 
 

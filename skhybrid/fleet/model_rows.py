@@ -12,6 +12,7 @@ from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..hybrid.parts import is_read
+from ..logs.bridges import with_known_heat
 from ..preprocessing import GapFiller
 from ..study.unread_rows import Unread
 from .zone_rows import TARGET, read_rows
@@ -111,9 +112,10 @@ def row_after_outage(stamps: pd.Index, least: pd.Timedelta) -> int:
 def _bridged(rows: pd.DataFrame, model: Any) -> pd.DataFrame:
     """Rows with bridges over outages: inputs are interpolated there, and no temperature is known."""
     whole = _restored(rows, LONGEST_BRIDGE)
+    measured, roles = [c for c in (TARGET, target_column(model)) if c in whole], input_roles(whole, model)
+    inputs = list(roles)
+    whole[inputs] = with_known_heat(whole[inputs].set_axis(list(roles.values()), axis=1)).to_numpy()
     filled = _filled(whole, model, LONGEST_BRIDGE)
-    measured = [column for column in (TARGET, target_column(model)) if column in whole]
-    inputs = list(input_roles(whole, model))
     out = (whole[inputs].isna() & filled[inputs].notna()).any(axis=1)
     filled.loc[out, measured] = np.nan
     return filled
