@@ -17,8 +17,8 @@ from skhybrid import HybridPredictor
 from skhybrid._table import is_plant
 from skhybrid.datasets import make_office
 from skhybrid.exceptions import SkhybridWarning
-from skhybrid.logs.bridges import stretches
 from skhybrid.model_selection import backtest, score_backtest
+from skhybrid.preprocessing.bridges import stretches
 from skhybrid.study.settings import settings_from
 from skhybrid.zone.complete_rows import complete_rows
 from skhybrid.zone.training_rows import training_rows

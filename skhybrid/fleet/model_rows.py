@@ -12,8 +12,8 @@ from .._time import LONGEST_BRIDGE, SHORTEST_GAP, positive_duration
 from .._warnings import warn_user
 from ..exceptions import SkhybridWarning
 from ..hybrid.parts import is_read
-from ..logs.bridges import with_known_heat
 from ..preprocessing import GapFiller
+from ..preprocessing.bridges import with_known_heat
 from ..study.unread_rows import Unread
 from .zone_rows import TARGET, read_rows
 

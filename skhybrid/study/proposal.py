@@ -11,9 +11,9 @@ from .._last_known import up_to_last_known
 from .._table import SETPOINT_ROLES
 from .._time import LONGEST_BRIDGE, SHORTEST_GAP, wall_clock
 from ..logs import LogReport, read_log, to_left_label
-from ..logs.bridges import stretches
 from ..logs.log_findings import is_local
 from ..logs.setpoint_modes import MODE
+from ..preprocessing.bridges import stretches
 from ..thermal.declaration import capacity_name
 from .settings import SCHEDULE, as_toml
 

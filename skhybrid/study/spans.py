@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from .._time import LONGEST_BRIDGE, even_step
-from ..logs.bridges import bridged, stretches
+from ..preprocessing.bridges import bridged, stretches
 from .settings import Settings
 
 TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have

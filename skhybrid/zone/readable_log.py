@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from .._clock import on_clock_of
-from ..logs.bridges import bridged, stretches
+from ..preprocessing.bridges import bridged, stretches
 from ..study.log_split import with_facades
 from ..study.settings import Settings
 from ..study.spans import NO_ROWS

@@ -8,8 +8,8 @@ from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
-from ..logs.bridges import bridged, stretches
 from ..logs.log_findings import doubts_on_log
+from ..preprocessing.bridges import bridged, stretches
 from ..study.log_split import with_facades
 from ..study.settings import Settings
 from ..study.zone_part import log_columns

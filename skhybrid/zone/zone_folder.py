@@ -16,7 +16,7 @@ from .._files import remove_leftovers, write_text
 from .._table import is_plant, listed
 from .._time import LONGEST_BRIDGE
 from ..exceptions import ModelFileError
-from ..logs.bridges import stretches
+from ..preprocessing.bridges import stretches
 from ..study import propose_settings, read_settings
 from ..study.doubts import beyond_training, drift_days, drifted
 from ..study.log_reading import EvenLog, read_even_log
