@@ -330,7 +330,7 @@ MOMENTS = {
 
 def _tick_until(moment, path, source):
     MOMENTS[moment]()
-    zone_folder.day_ahead = _same_as_now
+    zone_folder.forecast_day = _same_as_now
     ZoneFolder(path).tick(source)
 
 
