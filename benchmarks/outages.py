@@ -45,7 +45,7 @@ def error(train: pd.DataFrame, test: pd.DataFrame) -> float:
 
 
 def rows_out(train: pd.DataFrame, n_outages: int, length: str, rng: np.random.Generator) -> np.ndarray:
-    """Whether a row is in an outage (n,), one in each of as many equal parts."""
+    """True for each row (n,) of an outage; one is in each of as many equal parts."""
     out, n = np.zeros(len(train), dtype=bool), round(pd.Timedelta(length) / (train.index[1] - train.index[0]))
     for k in range(n_outages):
         at = int((k + rng.random()) * 0.9 * len(train) / n_outages)
@@ -69,11 +69,11 @@ def main() -> None:
         n_train = min(DAYS, len(frame) // day * 2 // 3) * day
         train, test = frame[roles][:n_train], frame[roles][n_train : n_train + TEST_DAYS * day]
         settings = settings_from({"columns": {role: role for role in roles}, "step": str(step)})
+        of_heat = list(filter(is_plant, roles))
+        of_weather = [role for role in roles if role not in ("T_za", *of_heat)]
         whole = error(train, test)
         for n_outages, length in OUTAGES:
             out = rows_out(train, n_outages, length, rng)
-            of_heat = list(filter(is_plant, roles))
-            of_weather = [role for role in roles if role not in ("T_za", *of_heat)]
             holed, no_heat, no_weather = (blank(train, out, some) for some in (roles, of_heat, of_weather))
             longest = max(stretches(complete_rows(holed), step), key=len)
             one = {

@@ -30,6 +30,10 @@ SCHEDULE = pd.DataFrame(
     index=pd.MultiIndex.from_product([("weekday", "weekend"), range(24)], names=["day", "hour"]),
 )
 WEIGHTS = pd.DataFrame({"network": [0.75, 0.5, 0.25], "ARX": [0.25, 0.5, 0.75]})
+PARAMETERS = pd.DataFrame(
+    {"value": [6.0], "std": [0.1], "unit": ["kW"], "description": ["capacity"], "remark": ["given beforehand"]},
+    index=["Q_h"],
+)
 
 
 def _model(schedule=SCHEDULE, weights=WEIGHTS):
@@ -63,10 +67,6 @@ def _study(name="Zone 7", identification="PeriodicDisturbanceID", **changes):
     forecast = pd.DataFrame(
         {"T_za": 20.0, "Q_hvac": 2.0, "Q_hvac_delivered": 1.5, "T_za_measured": 20.1, "setpoint": 21.0}, index=INDEX
     )
-    parameters = pd.DataFrame(
-        {"value": [6.0], "std": [0.1], "unit": ["kW"], "description": ["capacity"], "remark": ["given beforehand"]},
-        index=["Q_h"],
-    )
     rows = pd.DataFrame({"T_oa": 5.0, "Q_hvac": 2.0, "T_za": 20.0}, INDEX)
     study = StudyResult(
         settings=settings_from({"name": name, "columns": {role: role for role in rows}, "network": {"name": "2R2C"}}),
@@ -78,8 +78,8 @@ def _study(name="Zone 7", identification="PeriodicDisturbanceID", **changes):
         warnings=["the scale is not identifiable"],
         identification=type(identification, (), {})(),
         zeta=pd.Series(1.0, index=INDEX),
-        parameters=parameters,
-        building=parameters.drop(columns="description"),
+        parameters=PARAMETERS,
+        building=PARAMETERS.drop(columns="description"),
     )
     return replace(study, **changes)
 

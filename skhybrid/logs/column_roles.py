@@ -114,7 +114,7 @@ class ColumnRoles:
 
     def _is_blank_input(self, name: str, unit: str | None) -> bool:
         """Whether a column may have a role, other than a model's temperatures, but has no value in this log."""
-        return guess_role(name, unit).role not in (None, "T_za", "T_oa") and bool(self.raw.frame[name].isna().all())
+        return bool(self.raw.frame[name].isna().all()) and guess_role(name, unit).role not in (None, "T_za", "T_oa")
 
     def _channel(
         self, name: str, guess: Guess, stated: str | None, units: Mapping[str, str], scale: Mapping[str, float]

@@ -1,4 +1,4 @@
-"""Rows between outages, and bridges over outages: inputs that are interpolated, and no temperature."""
+"""Complete rows, those between outages, and bridges over outages: inputs that are interpolated, and no temperature."""
 
 from __future__ import annotations
 
@@ -15,6 +15,11 @@ def stretches(rows: pd.DataFrame, longest: pd.Timedelta) -> list[pd.DataFrame]:
     """The rows between distances of more than the ``longest``, in their order; a step is the least."""
     breaks = np.flatnonzero(rows.index.to_series().diff() > longest)
     return [rows.iloc[a:b] for a, b in pairwise([0, *breaks, len(rows)])]
+
+
+def complete(rows: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame:
+    """Rows with every input, whether the zones' temperatures are ``measured`` there or not."""
+    return rows[rows.drop(columns=list(measured)).notna().all(axis=1)]
 
 
 def bridged(rows: pd.DataFrame, step: pd.Timedelta, measured: Sequence[str], held: Sequence[str]) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from .._time import LONGEST_BRIDGE, even_step
-from ..preprocessing.bridges import bridged, stretches
+from ..preprocessing.bridges import bridged, complete, stretches
 from .settings import Settings
 
 TRAINING_DAYS = 56  # at the end of a log: longer ones bring seasons that tomorrow does not have
@@ -73,7 +73,7 @@ def _wall_time(stamp: Any, timezone: Any) -> pd.Timestamp:
 def over_outages(rows: pd.DataFrame, settings: Settings) -> pd.DataFrame:
     """Training rows with bridges over outages of the inputs; longer ones stay missing, for the models to refuse."""
     temperatures = settings.roles_of("T_za")
-    known = rows[rows.drop(columns=temperatures).notna().all(axis=1)]
+    known = complete(rows, temperatures)
     inside = len(known) > 1 and known.index[0] == rows.index[0] and known.index[-1] == rows.index[-1]
     if not inside or len(stretches(known, LONGEST_BRIDGE)) > 1:
         return rows

@@ -9,6 +9,7 @@ import pandas as pd
 from .._last_known import up_to_last_known
 from .._table import SETPOINT_ROLES, listed
 from ..logs.standstills import room_standstills, without_standstills
+from ..preprocessing.bridges import complete
 from ..study.log_reading import SETPOINT
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
@@ -22,11 +23,6 @@ def complete_rows(frame: pd.DataFrame, measured: Sequence[str] = ("T_za",)) -> p
     ``measured`` are the roles of the zones' temperatures.
     """
     return complete(up_to_measured(frame, measured), measured)
-
-
-def complete(rows: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame:
-    """Rows with every input, whether the zones' temperatures are ``measured`` there or not."""
-    return rows[rows.drop(columns=list(measured)).notna().all(axis=1)]
 
 
 def up_to_measured(frame: pd.DataFrame, measured: Sequence[str]) -> pd.DataFrame:

@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 
 from .._clock import on_clock_of
-from ..preprocessing.bridges import bridged, stretches
+from ..preprocessing.bridges import bridged, complete, stretches
 from ..study.log_split import with_facades
 from ..study.settings import Settings
 from ..study.spans import NO_ROWS
 from ..study.unread_rows import BRIDGED, Unread
 from ..study.zone_part import log_columns
-from .complete_rows import complete, up_to_measured
+from .complete_rows import up_to_measured
 from .dead_meters import without_further_temperatures, without_roles
 
 _ENOUGH = pd.Timedelta("1D")  # history from which on an earlier outage does not matter

@@ -9,11 +9,11 @@ from .._time import LONGEST_BRIDGE
 from .._warnings import several, warn_user
 from ..exceptions import SkhybridWarning
 from ..logs.log_findings import doubts_on_log
-from ..preprocessing.bridges import bridged, stretches
+from ..preprocessing.bridges import bridged, complete, stretches
 from ..study.log_split import with_facades
 from ..study.settings import Settings
 from ..study.zone_part import log_columns
-from .complete_rows import complete, up_to_measured
+from .complete_rows import up_to_measured
 from .dead_meters import without_dead_meters
 
 _LEAST_DAYS = 3

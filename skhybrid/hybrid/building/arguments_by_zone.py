@@ -14,7 +14,8 @@ from ..._table import as_numbers, listed
 from ..._warnings import several
 from .zone_columns import MEASURED, setpoints_by_zone
 
-FREE = (None, None)  # set-points of a zone that is left out
+#: those of a zone that set-points leave out, which is this very object, or that has no plant
+NO_SETPOINTS = (None, None)
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class ArgumentsByZone:
             return dict.fromkeys(self.zones, setpoint)
         by_zone = self._by_zone(setpoint, "setpoint")
         self.refuse_without_plant("setpoint", by_zone)
-        return dict.fromkeys(self.zones, FREE) | by_zone
+        return dict.fromkeys(self.zones, NO_SETPOINTS) | by_zone
 
     def limits(self, limits: Any) -> dict[str, Any]:
         """Limits of the plant of each zone, where some are given; a zone that they leave out is not limited."""

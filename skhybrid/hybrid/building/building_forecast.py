@@ -19,7 +19,7 @@ from ...forecasting.quantiles import read_quantiles
 from ...forecasting.weather_error import WeatherError
 from ..base import BaseHybrid
 from ..plant_run import Wanted
-from .arguments_by_zone import FREE, ArgumentsByZone
+from .arguments_by_zone import NO_SETPOINTS, ArgumentsByZone
 from .building_tables import arrays_by_name, of_zone, warn_of_usual, with_neighbour_temperatures, with_next
 from .coupled_zone import CoupledZone
 from .zone_columns import NEXT, ZoneColumns, carried_on
@@ -75,7 +75,7 @@ class FittedZones:
     def warn_of_unread(self, wanted: Mapping[str, Any], ahead: pd.DataFrame) -> None:
         """Warn of plans and set-points in rows ahead of zones that the ``wanted`` set-points leave out."""
         for zone, model in self.own.items():
-            left_out = bool(model._plant) and wanted.get(zone) is FREE
+            left_out = bool(model._plant) and wanted.get(zone) is NO_SETPOINTS
             names = map(model._column_of, (*model._plant, *SETPOINT_ROLES) if left_out else ())
             if unread := [name for name in names if name in ahead and ahead[name].any()]:
                 warn_user(

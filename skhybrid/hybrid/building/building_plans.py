@@ -17,6 +17,7 @@ from ...exceptions import PlanWarning, UnitWarning
 from ...forecasting.weather_error import WeatherError
 from ..base import BaseHybrid
 from ..thermostat_law.closed_loop_paths import ClosedLoopPaths
+from .arguments_by_zone import NO_SETPOINTS
 from .building_forecast import FittedZones
 from .building_tables import arrays_by_name, of_zone, warn_of_usual, with_neighbour_temperatures, with_next
 from .coupled_zone import CoupledZone
@@ -24,7 +25,6 @@ from .zone_columns import NEXT
 
 _SPANS = 12  # parts of the rows in which zones that share a plant are settled, one after the other
 _ROUNDING = 1e-9  # of heat [kW]
-_FREE = (None, None)  # set-points of a zone without a plant
 _Key = tuple[str, bool]  # a zone, and whether its predictor is the one with neighbours
 
 
@@ -82,7 +82,7 @@ def _loads(
     def of(model: BaseHybrid, zone: str, T: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
         under, key = with_next(rows, T) if T else rows, (zone, bool(T))
         if not model._plant:
-            free = arrays_by_name(model._held(under, _FREE))
+            free = arrays_by_name(model._held(under, NO_SETPOINTS))
             return {name: free[name] for name in ("T_za", "zeta")}
         load = arrays_by_name(model.predict_load(under, wanted.get(zone), limits[key]))
         heat[key] = load[heat_column(load)]
