@@ -416,6 +416,11 @@ def test_rows_of_one_stamp_are_one_row_and_unknown_columns_are_named(log, client
     assert kept["q_sol"] == pytest.approx(row["q_sol"], rel=1e-14)
 
 
+def test_a_code_for_no_value_is_named_in_the_answer(log, client):
+    found = client.post("/rows", json=as_json(log.iloc[24 * DAYS : 24 * DAYS + 2].assign(T_za=[-9999.0, 20.0]))).json()
+    assert "posted T_za: 1 value such as -9999 taken as missing." in found["remarks"]
+
+
 BAD = {
     "not JSON": (b"{", "application/json", 422, "the rows cannot be read: the body: invalid JSON"),
     "no list": (b'{"time": "2018-09-27T00:00:00-06:00"}', "application/json", 422, "input should be a valid array"),

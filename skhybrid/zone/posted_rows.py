@@ -47,7 +47,8 @@ def read_posted(
 
     ``known`` are those of the log, which a few rows do not show; without a change they need no value.  ``plain``: a
     CSV with commas and ``time``, whatever the log is.  Of several values of a stamp the last counts.  A ValueError says
-    what cannot be read by the settings, or which value is beyond physics; a warning, which column was not read.
+    what cannot be read by the settings, or which value is beyond physics; a warning, which column was not read, or
+    which value was taken as missing.
     """
     if plain:
         settings = replace(settings, time_column="time", sep=",", decimal=".", dayfirst=None, format="CSV", log={})
@@ -59,6 +60,8 @@ def read_posted(
     unread = raw.frame.columns.difference([channel.name for channel in log.channels])
     if plain and len(unread):
         warn_user(f"the posted {listed(unread)} was not read; the columns are those of zone.toml.", SkhybridWarning)
+    for remark in log.remarks:
+        warn_user(f"posted {remark}.", SkhybridWarning)
     held = log.held if known is None else list(known)
     if held and settings.label == "right":
         raise ValueError(

@@ -225,20 +225,15 @@ class ZoneFolder:
             self._keep(archive, zone, frame, origin, found, changed=bool(n_new or why))
         return Tick(found, n_new, why, (*remarks, *([] if found is None else found.remarks)))
 
-    def status(self, model: ZoneModel | None = None) -> dict[str, Any]:
+    def status(self) -> dict[str, Any]:
         """Report the last row, drift, verdicts and errors of past forecasts, as plain values; of several zones by zone.
-
-        Parameters
-        ----------
-        model : ZoneModel, optional
-            That of the folder, where it is loaded already.
 
         Raises
         ------
         FileNotFoundError, OSError
             If there is no zone, or its archive cannot be read.
         """
-        zone = self.load() if model is None else model
+        zone = self.load()
         with open_archive(self.archive) as archive:
             return status_of(archive, zone)
 
