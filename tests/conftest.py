@@ -10,28 +10,6 @@ import pytest
 matplotlib.use("Agg")
 
 
-def pytest_configure(config):
-    """Let one of the processes that share a cache compile a kernel, while the others wait for it and then load it."""
-    if not (hasattr(config, "workerinput") and hasattr(config, "cache")):
-        return
-    from filelock import FileLock
-    from numba.core.caching import NullCache
-    from numba.core.compiler_lock import global_compiler_lock
-    from numba.core.dispatcher import Dispatcher
-
-    folder, compile_alone = config.cache.mkdir("kernels"), Dispatcher.compile
-
-    def compile_in_turn(self, sig):
-        if isinstance(self._cache, NullCache):
-            return compile_alone(self, sig)
-        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}.lock"
-        # the lock of this process's threads comes first: in the other order two of them could wait for each other
-        with global_compiler_lock, FileLock(folder / name, is_singleton=True):
-            return compile_alone(self, sig)
-
-    Dispatcher.compile = compile_in_turn
-
-
 @pytest.fixture
 def write(tmp_path):
     """A function that writes a text to a file of a temporary folder and returns its path."""

@@ -549,6 +549,10 @@ def test_other_rows_or_new_ones_are_fitted_again(tmp_path, monkeypatch):
 
 
 # -------------------------------------------------------------------------------------------------------------- engines
+CLUSTERS = [(clusters.processes, 2), (clusters.dask, None), (clusters.ray, None)]
+ENGINES = pytest.mark.parametrize(("engine", "n_jobs"), CLUSTERS)
+
+
 def test_zones_in_threads_keep_their_own_warnings():
     """``warnings.catch_warnings`` gave those of one to the other, and left its own filters where the two overlap."""
     both = threading.Barrier(2)
@@ -565,15 +569,9 @@ def test_zones_in_threads_keep_their_own_warnings():
     assert warnings.filters == filters
 
 
-@pytest.fixture(scope="module")
-def sequential():
-    fleet = ZoneFleet(ARX).fit(rows(TRAIN))
-    return fleet.forecast(rows(NEW), future(), quantiles=(0.1, 0.9))
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("engine", "n_jobs"), [(clusters.processes, 2), (clusters.dask, None), (clusters.ray, None)])
-def test_every_engine_gives_the_same_and_a_worker_that_dies_costs_only_its_zone(sequential, tmp_path, engine, n_jobs):
+@ENGINES
+def test_a_worker_that_dies_costs_only_its_zone(tmp_path, engine, n_jobs):
     def die_at_b(zone, where):  # in here, so that a worker gets it whole and need not import these tests
         with open(os.path.join(where, zone), "a", encoding="utf-8") as file:
             file.write(".")
@@ -582,14 +580,26 @@ def test_every_engine_gives_the_same_and_a_worker_that_dies_costs_only_its_zone(
         return zone
 
     calls = {zone: (die_at_b, (zone, str(tmp_path))) for zone in "abc"}
-    with engine():  # both in one cluster, as some take a minute to start
-        fleet = ZoneFleet(ARX, store=tmp_path / "store", n_jobs=n_jobs).fit(rows(TRAIN))
-        same = fleet.forecast(rows(NEW), future(), quantiles=(0.1, 0.9))
+    with engine():
         found = {outcome.zone: outcome for outcome in dispatch.run(calls, n_jobs)}
-    pd.testing.assert_frame_equal(same, sequential, check_exact=True)
     assert {zone for zone, outcome in found.items() if outcome.value == zone} == set("ac")
     assert found["b"].error.startswith("the worker died at this zone, twice")
     assert (tmp_path / "b").read_text(encoding="utf-8") == ".."
+
+
+@pytest.fixture(scope="module")
+def sequential():
+    fleet = ZoneFleet(ARX).fit(rows(TRAIN))
+    return fleet.forecast(rows(NEW), future(), quantiles=(0.1, 0.9))
+
+
+@pytest.mark.slow
+@ENGINES
+def test_every_engine_gives_the_same(sequential, tmp_path, engine, n_jobs):
+    with engine():
+        fleet = ZoneFleet(ARX, store=tmp_path, n_jobs=n_jobs).fit(rows(TRAIN))
+        found = fleet.forecast(rows(NEW), future(), quantiles=(0.1, 0.9))
+    pd.testing.assert_frame_equal(found, sequential, check_exact=True)
 
 
 # ------------------------------------------------------------------------------------------------------------- watching
