@@ -14,7 +14,7 @@ from ..._table import as_numbers, listed
 from ..._warnings import several
 from .zone_columns import MEASURED, setpoints_by_zone
 
-#: those of a zone that set-points leave out, which is this very object, or that has no plant
+#: of a zone without a plant, or one that is left out: ``is`` tells the latter from a zone that was given (None, None)
 NO_SETPOINTS = (None, None)
 
 
