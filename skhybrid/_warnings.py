@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from types import FrameType
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import finalize
 
 from .exceptions import SkhybridWarning
 
@@ -40,8 +40,8 @@ _IN_CONFIGURATION = (
     (r"fit with purpose='plan'; ", ""),
     (r"(?<!-)\bsetpoint=(?:None)?", "--setpoint"),
 )
-#: what was said of objects of which it is said once
-_said: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
+#: what was said of objects of which it is said once, by their identity: two that are equal are not one
+_said: dict[int, set[str]] = {}
 #: packages between the user and this one: what fits an estimator, and what runs jobs
 _BETWEEN = frozenset({"concurrent", "contextlib", "joblib", "multiprocessing", "sklearn", "skorch", "threading"})
 
@@ -173,9 +173,12 @@ def warn_once(message: str, category: type[SkhybridWarning], of: Any) -> None:
 
     Python's own memory of what was shown at a line is lost whenever any library catches warnings.
     """
-    if message not in _said.setdefault(of, set()) and not issubclass(category, _dropped.get()):
+    if id(of) not in _said:
+        _said[id(of)] = set()
+        finalize(of, _said.pop, id(of)).atexit = False
+    if message not in _said[id(of)] and not issubclass(category, _dropped.get()):
         warn_user(message, category)
-        _said[of].add(message)
+        _said[id(of)].add(message)
 
 
 def _named(*zones: str) -> str:

@@ -270,6 +270,14 @@ def test_an_error_of_the_weather_that_no_input_has_is_told_once(office):
         assert len(told) == 1
 
 
+def test_two_equal_errors_of_the_weather_are_told_of_apart(office):
+    errors, roles = [WeatherError("low"), WeatherError("low")], ["u_heat", "u_cool", "T_za"]
+    table = read_table(ARXRegressor().fit(office.X[roles], office.y), office.X[roles], reset=False)
+    for error in errors:
+        with pytest.warns(SkhybridWarning, match="weather_error= does nothing"):
+            error.forecast(table, 96, N_LEADS, 0)
+
+
 def test_other_regressors_are_refused(office, models):
     X, y = _rows(office)
     with pytest.raises(ValueError, match="weather_error needs"):

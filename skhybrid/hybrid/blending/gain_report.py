@@ -67,7 +67,8 @@ def disagreement(fit: LeadFit, members: Sequence[Member], gains: pd.DataFrame, r
     lead, last = gains.index[-1], gains.iloc[-1]
     own = members[0].names[0]
     others = [name for member in members[1:] if not member.is_rule for name in member.names]
-    worst = max(others, key=lambda name: abs(np.log(max(last[name], 1e-9) / last[own])))
+    apart = [abs(np.log(max(gain, 1e-9) / last[own])) for gain in last[others]]
+    worst = others[int(np.argmax(apart))]
     if 1.0 / _DISAGREE < last[worst] / last[own] < _DISAGREE:
         return None
     return (
