@@ -1186,18 +1186,27 @@ def test_a_log_that_changes_its_step(write, label):
         (" TIME\tTAIR\t\n h\tC\t\n", " {h:+.16E}\t{v:+.16E}\t\n", "h"),  # of TRNSYS
         ("time,TRooAir\n", "{s:.1f},{v:.4f}\n", "s"),  # of Modelica
         ("Time,Zone db T(C)\n", "{d:.6f},{v:.4f}\n", "d"),  # of ESP-r
+        ("Time (min),Troom\n", "{m:.0f},{v:.4f}\n", "min"),
     ],
 )
 def test_the_time_of_a_simulation_counts_from_the_year_that_is_given(write, header, row, unit):
     stamps = pd.date_range("2018-09-24", periods=300, freq="15min", name="time")
     hours = (stamps - pd.Timestamp("2018-01-01")) / pd.Timedelta("1h")
     values = 20.0 + np.sin(np.arange(300) / 9.0)
-    rows = (row.format(h=h, s=3600.0 * h, d=1.0 + h / 24.0, v=v) for h, v in zip(hours, values, strict=True))
+    rows = (row.format(h=h, s=3600 * h, m=60 * h, d=1 + h / 24, v=v) for h, v in zip(hours, values, strict=True))
     path = write(header + "".join(rows))
     log = read_log(path, year=2018)
     assert (log.frame.index == stamps).all()
     np.testing.assert_allclose(log.frame.iloc[:, 0], values, atol=1e-4)
     assert any(f"are read as {unit} of the year 2017; give year =" in note for note in read_log(path).notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "step"), [("Time [min]", "1h"), ("time [s]", "60s"), ("Time (h)", "60h"), ("time", "60s")]
+)
+def test_the_unit_in_the_name_of_a_time_counts(write, name, step):
+    path = write(f"{name};T_room\n" + "".join(f"{60 * i};{20 + i % 7 / 10}\n" for i in range(50)))
+    assert read_log(path).frame.index[1] - read_log(path).frame.index[0] == pd.Timedelta(step)
 
 
 @pytest.mark.parametrize("column", ["index,T\n{k},20.5\n", "time,T\n{m},20.5\n", "time,T\n{k}7.5,20.5\n"])

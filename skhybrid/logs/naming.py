@@ -1,4 +1,4 @@
-"""Roles and units that the names of a log's columns suggest, in the languages of Europe's buildings."""
+"""Roles and units that the names of a log's columns suggest, in many languages."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from ..preprocessing._units import UNITS
 from . import role_words as said
 from .unit_names import ENERGY, IRRADIATION, is_foreign, is_unit, strange_unit, unit_or_energy, unit_text
 
-#: letters that are no others with an accent, and Japanese and Chinese words
+#: letters that are no others with an accent
+_LETTERS = {"ß": "ss", "ø": "o", "ł": "l", "æ": "ae", "ı": "i"}
+#: Chinese, Japanese and Korean words, and beginnings of Cyrillic and Greek ones, of which the rest is left out
 _SCRIPTS = {
-    "ß": "ss",
-    "ø": "o",
-    "ł": "l",
-    "æ": "ae",
-    "室温": " room temp ",
-    "室内": " room ",
-    "室外": " outdoor ",
-    "外気温": " outdoor temp ",
-    "外気": " outdoor ",
-    "温度": " temp ",
-    "設定": " set ",
-    "设定": " set ",
-    "日射": " solar ",
-    "暖房": " heating ",
-    "冷房": " cooling ",
-    "電力": " electricity ",
+    "room temp": "室温",
+    "room": "室内|房间|실내|комнат|помещен|внутрен|кімнат|εσωτερικ",
+    "outdoor": "室外|外気|실외|외기|наружн|улиц|уличн|внешн|зовнішн|външн|εξωτερικ",
+    "temp": "温度|気?温|온도|температур|θερμοκρασ",
+    "set": "設定|设定|설정|уставк|заданн|задани",
+    "solar": "日射|太阳辐射|太阳|辐射|일사|солнечн|сонячн|ηλιακ",
+    "heating": "暖房|制热|供热|供暖|采暖|加热|난방|отоплен|опален|нагрев|θερμανσ|θέρμανσ",
+    "cooling": "冷房|制冷|供冷|냉방|охлажден|охолодж|ψυξ|ψύξ",
+    "valve": "阀|밸브|клапан",
+    "power": "功率|출력|мощност|потужн",
+    "electricity": "電力|电力|전력|электр|електр",
+    "humid": "湿度|습도|влажн|волог|υγρασ",
+    "supply": "供水|送风|給水|подач",
+    "return": "回水|回风|обратн",
 }
+_WORD_OF_SCRIPT = [(re.compile(texts, re.IGNORECASE), f" {word} ") for word, texts in _SCRIPTS.items()]
 #: spellings of times that a plant ran
 _TIMES = {**dict.fromkeys(("s", "sec", "seconds"), "s"), **dict.fromkeys(("min", "minutes"), "min")}
 _OF_INTERVAL = r"\b(?:avg|mean|last|first)"  # a function of the values of a row, such as avg(temp)
@@ -136,8 +137,10 @@ def plain(name: str) -> str:
     )
     text = re.sub(r"(?i)(?<=set)(?=(heat|cool|hea|coo)\b)|(?<=\bair)(?=mean)", " ", text)
     text = re.sub(r"(?i)(?<=htg|clg|znt|eat|ool)(?=sp\b|setp)", " ", text)
-    for script, word in _SCRIPTS.items():
-        text = text.replace(script, word)
+    for letter, letters in _LETTERS.items():
+        text = text.replace(letter, letters)
+    for script, word in _WORD_OF_SCRIPT:
+        text = script.sub(word, text)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     text = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     words = " ".join(re.sub(r"[^0-9A-Za-z]+", " ", text).lower().split())

@@ -6,12 +6,13 @@ ROOM = (
     r"ambiente)\b|raum|innen|zimmer|wohn|binnen|kamer|interieur|ruimte|sejour|piece|ambiance|ambiant(?!.*ext)|salon|"
     r"interno|habitacion|internal air|\bt (zon|roo)\b|\bzon t\b|"
     r"intern[ao]\b|soggiorno|stanza|\bsala\b|chambre|wewnetrzn|pokoj|pomieszcz|mistnost|rumtemp|"
-    r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp|huone|sisal|sisail|keittio"
+    r"rumstemp|romtemp|inomhus|innetemp|indetemp|stuetemp|huone|sisal|sisail|keittio|"
+    r"\bbelso|\bszoba|\bic sicak|\boda s"
 )
 OUT = (
     r"\b(out|oa|osa|oat|amb|ambient|ext|weather|meteo|wetter|drybulb|air ext)\b|outdoor|outside|dry bul|aussen|"
     r"draussen|temperature 2 ?m\b|\bt2m\b|buiten|exter|dehors|estern|umgebung|ambient|"
-    r"zewnetrzn|venkov|utomhus|\bute ?temp|udetemp|\bulko"
+    r"zewnetrzn|venk[ou]|utomhus|\bute ?temp|udetemp|\bulko|\bkulso|\bdis sicak"
 )
 OUTDOORS = r"outdoor|outside|aussen|buiten"  # also beside the name of a room or zone
 SET = (
@@ -53,7 +54,7 @@ HEAT = (
     r"wae?rme|warmte|"
     r"htg|\bhhwv?\b|chaleur|calore?\b|kessel|chaudiere|caldaia|caldera|"
     r"grzew|grzej|grzan|topen|topny|vytap|\bhea\b|cieplo|ciepla\b|varme|aquec|lamm[io]|"
-    r"(?<!ulko)(?<!sisa)(?<!huone)lampo(?!til)|patteri"
+    r"(?<!ulko)(?<!sisa)(?<!huone)lampo(?!til)|patteri|\bfutes|\bisitma"
 )
 COOL = (
     r"cool|\bcold\b|kuhl|kuehl|kalte|kaelte|koel|climati(?!zz?a[cz])|chill(?!\b)|"
@@ -66,7 +67,8 @@ VESSEL = (
     r"\b(con|cond\w*|eva|evap\w*|coil?s?|hx|exchanger|tank|buffer|storage|panel|collector|duct|pipe|ahu|fcu|hrv|mvhr)\b"
 )
 TEMPERATURE = (
-    r"temp|teplot|lampotil|(ulko|sisa|huone)lampo|dry ?bulb|\b(tmp|znt)\b|\boat?\b|\bt\b|\bt\d|grad\b|thermostat"
+    r"temp|teplot|homersekl|sicaklik|lampotil|(ulko|sisa|huone)lampo|dry ?bulb|\b(tmp|znt)\b|\boat?\b|\bt\b|\bt\d|"
+    r"grad\b|thermostat"
 )
 STAGE = (
     r"stage|stg|\bcmd\b|command|\brun|runtime|valve|ventil|duty|\bon\b|status|\bstate\b|level|demand|signal|stufe|klep|"
@@ -92,7 +94,7 @@ METER = (
 COUNTS = r"\bhours?\b|betriebsst|stundenz|\b(draai)?uren\b|\bheures\b|starts?\b"
 SUN = (
     r"\bghi\b|solar|irrad|radiation|strahlung|sonne|zonne|straling|rayonn|soleil|pyrano|zareni|\bsun\b|insolation|"
-    r"q sol|sateily|auringon|radia[cz]|promieniow|naslonecz|stralning|h ?glo ?hor"
+    r"\b[qgi] ?sol\b|sateily|auringon|radia[cz]|promieniow|naslonecz|stralning|h ?glo ?hor"
 )
 #: where the sun is and how long it shines, shades, and other radiation
 NO_IRRADIANCE = (

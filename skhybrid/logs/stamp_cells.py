@@ -142,7 +142,7 @@ def _kind(cells: pd.Series, name: str) -> str | None:
     text = text[text != ""].head(100)
     if are_serials(list(text)):
         return "serial"
-    if is_elapsed_name(name) and elapsed_unit(list(text)):
+    if is_elapsed_name(name) and elapsed_unit(list(text), name):
         return "elapsed"
     for kind, fits in (
         ("date", _IS_DATE.fullmatch), ("time", _IS_TIME.fullmatch), ("stamp", is_digits), ("epoch", is_epoch),

@@ -17,8 +17,10 @@ _SERIAL = r"[2-6]\d{4}(?:[.,]\d+)?"  # of 1954 to 2091
 is_epoch, is_digits, is_serial = (re.compile(form).fullmatch for form in (_EPOCH, _DIGITS, _SERIAL))
 _EPOCH_UNITS = ((1e11, "s", 1e9), (1e14, "ms", 1e6), (1e17, "us", 1e3), (np.inf, "ns", 1.0))  # limit, unit, nanoseconds
 _ELAPSED_UNITS = (("s", 1.0, np.inf), ("h", 3600.0, 1.0), ("d", 86400.0, 1.0))  # seconds, longest step in the unit
+_NAMED_UNITS = {"s": ("s", 1.0), "m": ("min", 60.0), "h": ("h", 3600.0), "d": ("d", 86400.0)}
 _LONGEST = 2.0 * 366.0 * 86400.0  # seconds of a simulation
 _IS_ELAPSED_NAME = re.compile(r"(?:#\s*)?(?:time|zeit|tijd)\s*(?:[(\[].*[)\]])?", re.IGNORECASE)
+_UNIT_OF_TIME = re.compile(r"[(\[]\s*(s(ec(onds?)?)?|min(utes?)?|h((ou)?rs?)?|d(ays?)?)\s*[)\]]\s*$", re.IGNORECASE)
 _EXCEL = "1899-12-30"  # the day 0 of Excel
 _UNEVEN = 0.1  # share of the steps, and part of a step, by which those of a simulation may differ
 _SAMPLE = 1000  # rows that show what all are
@@ -33,13 +35,19 @@ def are_serials(cells: Sequence[str]) -> bool:
     return bool((np.abs(steps) <= 1.0).mean() > 0.9 and (steps != 0.0).any())
 
 
-def elapsed_unit(cells: Sequence[str]) -> tuple[str, float] | None:
-    """The unit of the time of a simulation in even steps, and its seconds; None where cells are no such time."""
+def elapsed_unit(cells: Sequence[str], name: str) -> tuple[str, float] | None:
+    """The unit of the time of a simulation in even steps, and its seconds; None where cells are no such time.
+
+    A unit in the name of the column counts, and without one what makes steps of whole minutes.
+    """
     values = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce").to_numpy(dtype=np.float64)
     steps = np.diff(values)
     step = np.median(steps) if len(steps) > 1 else np.nan
     if not (step > 0.0 and values.min() >= 0.0 and (np.abs(steps - step) < _UNEVEN * step).mean() > 1.0 - _UNEVEN):
         return None
+    if named := _UNIT_OF_TIME.search(name):
+        unit, seconds = _NAMED_UNITS[named[1][0].lower()]
+        return (unit, seconds) if values.max() * seconds <= _LONGEST else None
     for unit, seconds, longest in _ELAPSED_UNITS:
         minutes = step * seconds / 60.0
         whole = minutes > 1.0 - _UNEVEN and abs(minutes - round(minutes)) < _UNEVEN / 10.0
@@ -55,7 +63,7 @@ def is_elapsed_name(name: str) -> bool:
 
 def stamps_of_elapsed(cells: pd.Series, year: int, where: str) -> tuple[pd.DatetimeIndex, list[str]] | None:
     """Stamps of the seconds, hours or days since a year began, and a remark; None where the cells are others."""
-    if (found := elapsed_unit(list(cells.iloc[:_SAMPLE]))) is None:
+    if (found := elapsed_unit(list(cells.iloc[:_SAMPLE]), str(cells.name))) is None:
         return None
     unit, seconds = found
     numbers = _numbers(cells, where)

@@ -119,9 +119,8 @@ def _below_names(rows: Sequence[Sequence[str]], width: int) -> tuple[int, int, i
         places = [row.index(parts[0])] if parts else [j for j, cell in enumerate(row) if is_stamp_name(cell)]
         for place in places:
             below = [row[place] for row in rows[i + 1 :] if len(row) > place]
-            elapsed = (
-                not parts and is_elapsed_name(row[place]) and elapsed_unit([one for one in below if _is_number(one)])
-            )
+            numbers = [one for one in below if _is_number(one)]
+            elapsed = not parts and is_elapsed_name(row[place]) and elapsed_unit(numbers, row[place])
             fits = is_year if parts else _is_number if elapsed else is_serial
             at = [k for k in range(i + 1, len(rows)) if len(rows[k]) > place and fits(rows[k][place])]
             if 2 * len(at) > len(rows) - i and (parts or elapsed or are_serials([rows[k][place] for k in at])):
