@@ -6,7 +6,8 @@ FUZZ_TABLES ?= 100000
 FUZZ_SECONDS ?= 1800
 
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install -c constraints.txt
+# modules are compiled when they are first imported: pip would compile all of them, one after the other
+PIP := $(BIN)/python -m pip install --no-compile -c constraints.txt
 BENCHMARKS := $(sort $(filter-out benchmarks/_% benchmarks/make_%,$(wildcard benchmarks/*.py)))
 # the workers of a test or a benchmark share the cores; BLAS must not take them too
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from .._arguments import check_integer
+from .._table import listed
 from .._warnings import several
 from .cell_numbers import NumberColumn, columns_judged, number_in, quality_columns, without_bad
 from .log_findings import stamps_going_back
@@ -63,8 +64,9 @@ class Choice:
             return channels
         for name in self.columns:
             if name not in channels:
-                known = ", ".join(map(repr, channels))
-                raise ValueError(f"columns= names {name!r}, which is not in {where}; its channels are {known}.")
+                raise ValueError(
+                    f"columns= names {name!r}, which is not in {where}; its channels are {listed(channels)}."
+                )
         return [name for name in channels if name in set(self.columns)]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._table import is_history, is_instant, is_plant, is_set_point, numeric
+from .._table import is_history, is_instant, is_plant, is_set_point, listed, numeric
 from .._time import SHORTEST_GAP, duration_from_zero, positive_duration, spell
 from .._warnings import several
 from ..preprocessing._gaps import fill_gaps, stamp_hours
@@ -172,7 +172,7 @@ def _check(frame: pd.DataFrame, held: Collection[str]) -> None:
         raise ValueError(f"held={held!r} is one text; give a list of columns.")
     for name in held:
         if name not in frame:
-            raise ValueError(f"held= names {name!r}, which is not among the columns: {', '.join(map(repr, frame))}.")
+            raise ValueError(f"held= names {name!r}, which is not among the columns: {listed(frame)}.")
 
 
 def usual_step(frame: pd.DataFrame) -> pd.Timedelta:

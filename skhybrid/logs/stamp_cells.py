@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from .._table import listed
 from .stamp_numbers import (
     ANY,
     are_serials,
@@ -92,8 +93,7 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
         for name in wanted:
             if name not in names:
                 raise ValueError(
-                    f"time_column= names {name!r}, which is not in {where}; its columns are "
-                    f"{', '.join(map(repr, names))}."
+                    f"time_column= names {name!r}, which is not in {where}; its columns are {listed(names)}."
                 )
         return wanted
     times = [name for name in names if _IS_TIME.fullmatch(str(name))]
@@ -123,9 +123,7 @@ def find_stamp_columns(sample: pd.DataFrame, chosen: str | Sequence[str] | None,
         found = [name for name in among if held[name] == kind]
         if found:
             return (found[0],)
-    raise ValueError(
-        f"{where} has no column of time stamps among {', '.join(map(repr, names))}; pass its name as time_column=."
-    )
+    raise ValueError(f"{where} has no column of time stamps among {listed(names)}; pass its name as time_column=.")
 
 
 def holds_stamps(cells: pd.Series, name: str) -> bool:
@@ -259,14 +257,17 @@ def _plain_block(cells: pd.Series, late: np.ndarray) -> pd.Series | None:
         (r"^(\d{1,2})\.\s*(?=[^\W\d])", r"\1 "),
     ):
         text = text.str.replace(old, new, regex=True)
-    for old, new in _MONTHS.items():
-        if text.iloc[0] and text.str.contains(old, case=False, regex=False).any():
-            text = text.str.replace(rf"(?i)\b{old}\b\.?", new, regex=True)
+    if text.str.contains("|".join(_MONTHS), case=False, regex=True).any():
+        for old, new in _MONTHS.items():
+            if text.str.contains(old, case=False, regex=False).any():
+                text = text.str.replace(rf"(?i)\b{old}\b\.?", new, regex=True)
     return text.str.replace(r"([^\W\d]{3,})\.", r"\1", regex=True)
 
 
 def _year_first_by_order(text: pd.Series) -> bool:
     """Whether the last of three numbers of two digits, as in 24-01-31, changes most often."""
+    if re.match(_SHORT_YEAR, text.iloc[0].strip()) is None:
+        return False
     numbers = text.str.strip().str.extract(_SHORT_YEAR)[[0, 2, 3]]
     changes = (numbers != numbers.shift()).sum().to_numpy()
     return bool(numbers.notna().all(axis=None) and changes[2] > changes[:2].max())

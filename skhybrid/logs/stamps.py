@@ -13,10 +13,14 @@ from .._arguments import check_bool
 
 YEARS = (1700, 2250)  # another year is a slip of the pen, and its nanoseconds overflow
 _OFFSET = r":\d{2}(?:[.,]\d+)?\s*([zZ]|[+-]\d{2}(?::?\d{2})?)\s*$"
+_HAS_OFFSET = re.sub(r"\((?!\?)", "(?:", _OFFSET)  # without groups, of which pandas warns
 _BLOCK = 50_000  # rows
 _TELLING = 2000  # rows of a log that tell how its dates are written
 _NUMBERED = r"^(\d{1,2})[-/.](\d{1,2})[-/.]\d{2,4}"
 _YEAR_FIRST = r"\d{4}[-/.]"
+_HALF_DAYS = re.compile(
+    r"(\d{1,2}|\d{4})([-/.])(\d{1,2}|[A-Z][a-z]{2})\2(\d{4}|\d{1,2}) \d{1,2}:\d{2}(:\d{2})?( ?[AP]M)?", re.ASCII
+)
 _ZONE_BY_NAME = "has time stamps with a zone by name; give an offset from UTC, or none."
 
 
@@ -33,9 +37,8 @@ def parse_stamps(
     zoned = np.zeros(len(text), dtype=bool)
     offsets: set[str] = set()
     for rows in blocks(len(text)):
-        found = text.iloc[rows].str.strip().str.extract(_OFFSET)[0]
-        zoned[rows] = found.notna().to_numpy()
-        offsets.update(found.dropna())
+        zoned[rows] = ends = text.iloc[rows].str.contains(_HAS_OFFSET, regex=True).to_numpy(dtype=bool)
+        offsets.update(text.iloc[rows][ends].str.strip().str.extract(_OFFSET)[0])
     if zoned.any() and not zoned.all():
         row = int(np.argmin(zoned))
         raise ValueError(
@@ -75,8 +78,14 @@ def line(row: int) -> int:
 
 def numbered_dates(text: pd.Series) -> pd.DataFrame:
     """First and second number of dates such as 31/01/2024, one row per different pair, in the order of the log."""
-    pairs = [text.iloc[rows].str.strip().str.extract(_NUMBERED).drop_duplicates() for rows in blocks(len(text))]
+    pairs = [_numbered(text.iloc[rows].str.strip()).drop_duplicates() for rows in blocks(len(text))]
     return pd.concat(pairs).drop_duplicates().astype(np.float64)
+
+
+def _numbered(text: pd.Series) -> pd.DataFrame:
+    """First and second number of each date; of the first row alone where no date has them, which is found sooner."""
+    has_any = re.match(_NUMBERED, text.iloc[0]) is not None or text.str.match(_NUMBERED).any()
+    return (text if has_any else text.iloc[:1]).str.extract(_NUMBERED)
 
 
 def read_day_first(cells: pd.Series, stamps: pd.DatetimeIndex) -> bool | None:
@@ -118,9 +127,11 @@ def _parse(text: pd.Series, utc: bool, day_first: bool, form: str, where: str) -
     if _has_named_zone(form):  # pandas before 3 drops the name
         raise ValueError(f"{where} {_ZONE_BY_NAME}")
     cells = text.reset_index(drop=True)  # rows of a file may come again
-    guess = guess_datetime_format(form, dayfirst=day_first)
-    parsed = _to_stamps(cells, utc, guess or "mixed", day_first, where)
-    again = parsed.isna().to_numpy() & ~_contradicts(text, day_first)
+    guess = guess_datetime_format(form, dayfirst=day_first) or _format_of(form, day_first) or "mixed"
+    parsed = _to_stamps(cells, utc, guess, day_first, where)
+    again = parsed.isna().to_numpy()
+    if again.any():
+        again = again & ~_contradicts(text, day_first)
     if again.any():  # some loggers omit the time at midnight, or seconds that are zero
         other = _to_stamps(cells[again], utc, "mixed", day_first, where)
         parsed = parsed.where(~again, other)
@@ -139,6 +150,17 @@ def _parse(text: pd.Series, utc: bool, day_first: bool, form: str, where: str) -
             f"{stamps[row].year}; write it as 2024-01-31 13:45."
         )
     return stamps
+
+
+def _format_of(stamp: str, day_first: bool) -> str | None:
+    """The format of a stamp with AM or PM, or a year of two digits, which pandas would guess anew in each row."""
+    if (found := _HALF_DAYS.fullmatch(stamp)) is None:
+        return None
+    first, by, second, last, seconds, half = found.groups()
+    year = "%Y" if len(first + last) > 4 else "%y"
+    month, order = ("%b" if second.isalpha() else "%m"), day_first or second.isalpha()
+    date = (year, month, "%d") if len(first) == 4 else ("%d", month, year) if order else (month, "%d", year)
+    return f"{by.join(date)} {'%I' if half else '%H'}:%M{':%S' * bool(seconds)}{f'{half[:-2]}%p' if half else ''}"
 
 
 def as_written(stamp: pd.Timestamp, written: object) -> pd.Timestamp:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._arguments import as_mapping
-from .._table import is_instant, role_of
+from .._table import is_instant, listed, role_of
 from ..preprocessing._units import conversion_of, convert
 from .even_steps import CONTIGUOUS, own_steps, typical_step, usual_step
 from .named_zones import zoned_stamps
@@ -88,7 +88,7 @@ def read_zone_csv(
         frame = frame[::-1]
     for role, unit in units.items():
         if role not in frame:
-            raise ValueError(f"units= names {role!r}, which is not among the columns: {', '.join(map(repr, frame))}.")
+            raise ValueError(f"units= names {role!r}, which is not among the columns: {listed(frame)}.")
         frame[role] = convert(frame[role].to_numpy(), conversion_of(unit, role))
     frame = frame.sort_index(kind="stable")
     return to_left_label(frame) if label == "right" else frame

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from ..._table import listed
 from ..assembly import Choice, assemble_long, columns_beside
 from ..paired_columns import is_value_name
 from ..raw_log import RawLog
@@ -63,7 +64,7 @@ def chosen_columns(names: Sequence[str], point: str | None, value: str | None, w
         name = given or usual
         if name is None or name not in names:
             said = f"has no column {name!r}" if name else f"has no column that is surely the {kind}"
-            raise ValueError(f"{where} {said} among {', '.join(map(repr, names))}; pass {kind}_column=.")
+            raise ValueError(f"{where} {said} among {listed(names)}; pass {kind}_column=.")
         both.append(name)
     return both[0], both[1]
 
