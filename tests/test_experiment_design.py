@@ -357,6 +357,33 @@ def test_an_identification_without_a_gain_state_brings_its_network():
     pd.testing.assert_frame_equal(by_fit.table, plan_experiment("2R2C", dict(fit.theta_), hours=[12], **SETTINGS).table)
 
 
+def test_a_fitted_identification_reads_the_irradiance_of_its_training():
+    """Another facade in the weather is left alone, and so is the sun where none was in the training."""
+    office = make_office(3, random_state=0)
+    settings = {k: v for k, v in SETTINGS.items() if k != "known"} | {"hours": [12]}
+    fit = GrayBoxRC(known={"Q_h": 6.0}, n_starts=1).fit(office.X, office.y)
+    more = plan_experiment(fit, **settings | {"weather": WEATHER.assign(q_sol_south=WEATHER["q_sol"])})
+    pd.testing.assert_frame_equal(more.table, plan_experiment(fit, **settings).table)
+    dark = GrayBoxRC(known={"Q_h": 6.0}, n_starts=1, columns={"q_sol": None}).fit(office.X, office.y)
+    assert "A_win" not in plan_experiment(dark, **settings).table
+
+
+def test_a_plan_from_measured_heat_is_that_with_a_capacity():
+    office = make_office(3, random_state=0)
+    heat = office.X.assign(Q_hvac=6.0 * (office.X["u_heat"] - office.X["u_cool"])).drop(columns=["u_heat", "u_cool"])
+    fit = GrayBoxRC(n_starts=1).fit(heat, office.y)
+    with pytest.raises(ValueError, match="add it to theta, also where the heat was measured"):
+        plan_experiment(fit, hours=[12], **SETTINGS)
+    plan = plan_experiment(fit, {**fit.theta_, "Q_h": 6.0}, hours=[12], **SETTINGS)
+    assert np.isfinite(plan.table.loc[("prbs", 12.0), "C_za"]).all()
+
+
+def test_set_points_of_a_frame_go_by_name():
+    named = pd.DataFrame({"T_cool_set": PRBS + 0.5, "T_heat_set": PRBS - 0.5})
+    by_name = plan_experiment("2R2C", THETA, hours=[12], **{**SETTINGS, "perturbations": {"prbs": named}})
+    pd.testing.assert_frame_equal(by_name.table, plan_experiment("2R2C", THETA, hours=[12], **SETTINGS).table)
+
+
 def test_a_stage_with_capacities_of_its_own_heats_as_one_that_is_shared():
     """A radiator that heats the air and a floor by 4 and 2 kW, declared as capacities and as a share of 6 kW."""
     known = {name: value for name, value in THETA.items() if name[0] != "Q"}

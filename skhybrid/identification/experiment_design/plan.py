@@ -14,7 +14,7 @@ from ..._arguments import as_mapping, check_integer, draw_seed, is_number
 from ..._calendar import clock_hour
 from ..._holidays import NO_HOLIDAYS
 from ..._ranges import check_range
-from ..._table import as_numbers, float_columns
+from ..._table import SETPOINT_ROLES, as_numbers, float_columns
 from ..._threads import one_blas_thread
 from ..._time import refuse_other_stamps, rows_of, wall_clock
 from ..._warnings import percent
@@ -23,7 +23,7 @@ from ..fitting.excitation import scaling_of
 from ..gain_model import DAY_TYPES
 from ..state_space import checked_theta
 from .information import FilterInformation, relative_errors
-from .zone import CLASSES, STAGES, Calendar, GainStatistics, Zone, draw_gain, planned_stages, run_thermostat
+from .zone import CLASSES, STAGES, Calendar, GainStatistics, Zone, draw_gain, planned_roles, run_thermostat
 
 HALF_BAND = 0.5  # half the distance of heating and cooling set-point around a perturbed temperature [K] (paper 2.1)
 _NONE = "none"
@@ -128,8 +128,8 @@ def plan_experiment(
         ``T_oa`` [degC], ``q_sol`` [kW/m2] and what else the network needs, at the step of the simulation; its rows are
         the log that will be identified, the unperturbed days included.
     perturbations : mapping of name to array-like
-        Wanted temperature [degC] of every step, shape (n,), held within 0.5 K; or heating and cooling set-point, shape
-        (n, 2).  Repeated where shorter than the hours asked for.  See :func:`skhybrid.datasets.make_prbs`.
+        Wanted temperature [degC] of every step, (n,), held within 0.5 K; or heating and cooling set-point, (n, 2), of
+        a DataFrame by name.  Repeated where shorter than the hours asked for; :func:`skhybrid.datasets.make_prbs`.
     known : iterable of str, optional
         Parameters that the identification will be given, such as ``["Q_h"]``; one of them must fix the network's scale.
     hours : float or sequence of float
@@ -220,8 +220,7 @@ def _zone(
     gain = _fitted_gain(network) if gain is None else gain
     if not isinstance(gain, GainStatistics | None):
         raise ValueError(f"gain={gain!r} must be a GainStatistics, or None for that of the synthetic office.")
-    solar = [c for c in getattr(weather, "columns", ()) if str(c).startswith("q_sol")]
-    roles = (*net.boundaries, *((solar or ["q_sol"]) if net.solar else ()), *planned_stages(net, theta))
+    roles = planned_roles(net, theta, getattr(network, "filtered_network_", None), weather)
     values = checked_theta(net, theta, roles)
     for what, names in (("theta", theta.keys()), ("known=", known)):
         if strange := sorted(map(str, set(names) - set(values))):
@@ -285,7 +284,7 @@ def _usual_setpoints(setpoints: Any, index: pd.Index, log: _Log) -> np.ndarray:
     if isinstance(setpoints, pd.Series | pd.DataFrame):
         refuse_other_stamps(setpoints, index, "setpoints", "weather")
     if isinstance(setpoints, pd.DataFrame):
-        wanted = as_numbers(setpoints.reindex(columns=["T_heat_set", "T_cool_set"]), "setpoints")[: len(log.time)]
+        wanted = as_numbers(setpoints.reindex(columns=list(SETPOINT_ROLES)), "setpoints")[: len(log.time)]
     else:
         wanted = np.tile(as_numbers(setpoints, "setpoints").reshape(1, -1), (len(log.time), 1))
     if wanted.shape != (len(log.time), 2) or not np.isfinite(wanted).all() or (wanted[:, 0] > wanted[:, 1]).any():
@@ -313,6 +312,8 @@ def _allowed(when: Any, index: pd.Index, log: _Log) -> np.ndarray:
 
 def _levels(name: str, wanted: Any) -> np.ndarray:
     """Heating and cooling set-points of a perturbation, (n, 2)."""
+    if isinstance(wanted, pd.DataFrame) and set(wanted) == set(SETPOINT_ROLES):
+        wanted = wanted[list(SETPOINT_ROLES)]
     levels = as_numbers(wanted, f"perturbation {name!r}")
     if levels.ndim == 1 and len(levels):
         levels = levels[:, None] + np.array([-HALF_BAND, HALF_BAND])
@@ -387,13 +388,12 @@ def _make_plan(cases: Sequence[_Case], free: tuple[str, ...], errors: np.ndarray
     table["worst"] = [free[i] for i in errors.argmax(axis=1)]
     table["worst_error"] = 100.0 * worst
     if enough := [i for i in range(len(cases)) if worst[i] <= target]:
-        best = min(enough, key=lambda i: (cases[i].hours, worst[i]))
-        chosen = (cases[best].name, cases[best].hours)
+        chosen = cases[min(enough, key=lambda i: (cases[i].hours, worst[i]))][:2]
         return ExperimentPlan(table, target, chosen, chosen, ())
     finite = np.where(np.isfinite(errors), errors, 0.0)  # of two that leave one unmoved, the better for the rest
     best = min(range(len(cases)), key=lambda i: (worst[i], finite[i].sum()))
     above = [i for i in np.argsort(-errors[best], kind="stable") if errors[best, i] > target]
-    return ExperimentPlan(table, target, None, (cases[best].name, cases[best].hours), tuple(free[i] for i in above))
+    return ExperimentPlan(table, target, None, cases[best][:2], tuple(free[i] for i in above))
 
 
 def _percent(value: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
@@ -126,9 +126,18 @@ def planned_stages(network: RCNetwork, theta: Mapping[str, float]) -> list[str]:
         wanted = ", ".join(name for names in capacities.values() for name in names)
         raise ValueError(
             f"theta has no capacity of u_heat or u_cool ({wanted or f'network {network.name} reads neither'}) [kW]: "
-            "without heating or cooling no set-point can be held."
+            "without heating or cooling no set-point can be held; add it to theta, also where the heat was measured."
         )
     return stages
+
+
+def planned_roles(network: RCNetwork, theta: Mapping[str, float], fitted: Any, weather: Any) -> tuple[str, ...]:
+    """Roles of the log: boundaries, the sun (as in the training of a ``fitted`` network, else the weather), stages."""
+    here = getattr(weather, "columns", ()) if fitted is None else fitted.roles
+    sun = [str(column) for column in here if str(column).startswith("q_sol")]
+    if not sun and fitted is None and network.solar:
+        sun = ["q_sol"]
+    return (*network.boundaries, *(sun if network.solar else ()), *planned_stages(network, theta))
 
 
 class Run(NamedTuple):
