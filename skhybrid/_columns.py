@@ -158,7 +158,12 @@ def columns_by_position(n_columns: int, columns: Mapping[str, Any] | None) -> di
 
 
 def as_pandas(data: Any, label: str = "X") -> Any:
-    """A frame or series of polars, pyarrow and others as one of pandas, whose columns have names; else as it is."""
+    """A frame or series of polars, pyarrow and others as one of pandas, whose columns have names; else as it is.
+
+    A series as X, such as ``X.loc[stamp]``, is refused.
+    """
+    if label == "X" and isinstance(data, pd.Series):
+        raise ValueError("X is a Series; give a DataFrame: one row as X.loc[[stamp]], one column as X[[name]].")
     if isinstance(data, pd.DataFrame | pd.Series) or not hasattr(data, "to_pandas"):
         return data
     try:
@@ -214,12 +219,14 @@ def refuse_huge(values: np.ndarray, label: str) -> None:
 
 
 def unmasked(values: Any, label: str) -> Any:
-    """Values, NaN where a mask hides them; refused where they are None, times, a mapping or records."""
+    """Values, NaN where a mask hides them; refused where they are None, times, mappings, records or uncomputed."""
     if values is None:
         raise ValueError(f"{label} is None; give a DataFrame or an array.")
     _refuse_times(values, label)
+    if isinstance(values, list | tuple) and any(isinstance(row, Mapping) for row in values):
+        raise ValueError(f"{label} is a {type(values).__name__} of mappings; make it a table with pd.DataFrame.")
     maps = isinstance(values, Mapping) and not sparse.issparse(values)  # scikit-learn refuses what is sparse
-    if maps or getattr(getattr(values, "dtype", None), "names", None):
+    if maps or getattr(getattr(values, "dtype", None), "names", None) or hasattr(values, "collect"):
         raise ValueError(f"{label} is a {type(values).__name__}; give a DataFrame or an array.")
     if not isinstance(values, np.ma.MaskedArray):
         return values

@@ -178,7 +178,7 @@ def refuse_disorder(index: pd.Index) -> None:
         if _looks_like_time(index):
             raise ValueError(
                 f"the index begins with {index[0]!r}, which looks like a time stamp but is not one; convert it "
-                "with pd.to_datetime (periods with .to_timestamp())."
+                "with pd.to_datetime (periods with .to_timestamp(); to durations add the first stamp)."
             )
         return  # labels without a meaning in time: the rows are taken in their order
     if index.hasnans:

@@ -744,7 +744,7 @@ def test_tables_and_targets_of_no_shape_are_refused(two_stages, later):
         two_stages.update(later, 21.0)
     with pytest.raises(ValueError, match=r"X is not numeric .*convert it to float first"):
         two_stages.predict_load("X", 21.0)
-    with pytest.raises(ValueError, match="Expected a 2-dimensional container"):
+    with pytest.raises(ValueError, match="X is a Series; give a DataFrame"):
         two_stages.predict_load(later.iloc[:, 0], 21.0)
 
 

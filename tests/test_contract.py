@@ -180,6 +180,29 @@ class Unconvertible:
         raise ModuleNotFoundError("pa.Table requires 'pyarrow' module to be installed\nsee the manual")
 
 
+def test_a_frame_without_an_index_is_told_how_to_get_one(office):
+    """The hybrid said X.set_index, which no frame of another library has."""
+    pa = pytest.importorskip("pyarrow")
+    given = pa.table(office.X.reset_index(names="when"))
+    with pytest.raises(ValueError, match=r"give X.to_pandas\(\).set_index\('when'\)"):
+        HybridPredictor().fit(given, office.y.to_numpy())
+
+
+class Uncomputed:
+    """A frame of another library that is not computed yet, such as a LazyFrame of polars."""
+
+    def collect(self):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("model", [GrayBoxRC(), ARXRegressor(), HybridPredictor()])
+def test_rows_as_mappings_and_frames_that_are_not_computed_are_refused(model, office):
+    with pytest.raises(ValueError, match=r"^X is a Uncomputed; give a DataFrame or an array\.$"):
+        model.fit(Uncomputed(), office.y)
+    with pytest.raises(ValueError, match=r"^X is a list of mappings; make it a table with pd\.DataFrame\.$"):
+        model.fit(office.X.to_dict("records"), office.y)
+
+
 @pytest.mark.parametrize("model", [GrayBoxRC(), ARXRegressor(), HybridPredictor(), GapFiller(), BuildingPredictor()])
 def test_a_frame_that_cannot_be_converted_is_refused(model, office):
     words = r"X is a \w+ Unconvertible that cannot be converted to pandas \(pa.Table requires 'pyarrow' module to"
@@ -809,6 +832,15 @@ def test_columns_of_true_and_false_are_stages(office, role, kind):
 def test_no_table_is_refused_in_one_sentence(office):
     with pytest.raises(ValueError, match=r"^X is None; give a DataFrame or an array\.$"):
         gray_box(office).predict(None)
+
+
+def test_a_row_that_is_a_series_is_refused_in_one_sentence(office, recwarn):
+    """As ``X.loc[stamp]`` is in a loop; scikit-learn's own message comes with a warning of feature names."""
+    model = gray_box(office)
+    for call in (model.update, model.predict, lambda X: model.fit(X, office.y)):
+        with pytest.raises(ValueError, match=r"^X is a Series; .* one row as X.loc\[\[stamp\]\]"):
+            call(office.X.iloc[-1])
+    assert not [one for one in recwarn if "feature names" in str(one.message)]
 
 
 @pytest.mark.parametrize("text", ["21", ["21", "22"], [21.0, "22"], np.array(["21"])])

@@ -66,7 +66,7 @@ FOUND = {
     Call("compare_models", Table(spoilt=(Spoilt("q_sol", "-1e300", "every seventh"),))): "no model could be fitted",
     Call("DesignMatrixSearchCV, ARXRegressor.score", target="some 1e300"): "y holds numbers beyond 1e100",
     Call("skhybrid check", Table(container="dict")): "time stamp",
-    Call("InputDisturbanceID.simulate_states", _WORDS_WITH_NA): "X is not numeric | 2-dimensional",
+    Call("InputDisturbanceID.simulate_states", _WORDS_WITH_NA): "X is a Series",
     Call("DesignMatrixSearchCV, ARXRegressor.fit", Table(96, container="series")): "every candidate failed",
     Call("GrayBoxRC.drive", arguments=(("origins", "empty"),)): "0 origins",
     Call("GrayBoxRC.drive", arguments=(("origins", "twice"),)): "2 origins",
@@ -93,7 +93,7 @@ FOUND = {
         "Complex data not supported"
     ),
     Call("Pipeline.fit", Table(spoilt=(Spoilt(change="words", where="every seventh"),), container="series")): (
-        "X is not numeric"
+        "X is a Series"
     ),
     Call("backtest", target="some inf"): "y contains inf in",
     Call("backtest", arguments=(("start", "word"),)): "is not a time stamp",

@@ -41,9 +41,9 @@ def preprocessed(step: Any, X: Any, past: Sequence[Any]) -> Any:
 
     The columns ``past`` are measurements: they may be absent, and what is missing in them stays missing.
     """
-    X = as_pandas(X)
     if step is None:
         return X
+    X = as_pandas(X)
     if not isinstance(X, pd.DataFrame):
         if hasattr(X, "inputs"):
             raise ValueError("a table that was read before cannot go through preprocess=; pass the DataFrame itself.")
