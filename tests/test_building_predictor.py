@@ -102,6 +102,17 @@ def test_zones_whose_temperatures_have_nothing_in_common_are_no_neighbours():
     assert found_neighbours(T) == {"a": ("b",), "b": ("a",), "c": ()}
 
 
+def test_a_target_without_stamps_or_as_text_finds_the_same_neighbours():
+    """Rows of y without stamps, as polars has them, made all zones neighbours; text was a TypeError of pandas."""
+    X = make_house(9, sampling_time="30min", random_state=0).X
+    y = X[[name for name in X if name.startswith("T_za_")]]
+    model = BuildingPredictor()
+    expected = model.fit(X[:-48], y[:-48]).predict(X[-48:])
+    assert any(len(zone.neighbours) < y.shape[1] - 1 for zone in model.coupled_.values())
+    for given in (y.reset_index(drop=True), y.map(repr).astype("string")):
+        pd.testing.assert_frame_equal(model.fit(X[:-48], given[:-48]).predict(X[-48:]), expected)
+
+
 def test_the_last_known_temperature_of_each_zone_is_kept():
     zones = FittedZones(ZoneColumns(("a", "b"), {}), {}, {}, {"a": np.nan, "b": 19.0})
     measured = pd.DataFrame({"a": [20.0, 21.0, np.nan], "b": np.nan})

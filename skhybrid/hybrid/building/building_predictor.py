@@ -127,7 +127,7 @@ class BuildingPredictor(BaseBuilding):
         self._columns.refuse_exchanged(X, T)
         self._columns.warn_of_no_zone()
         self.zones_ = list(self._columns.zones)
-        neighbours = self._neighbours(T, takes_two_stages(template), isinstance(X, pd.DataFrame))
+        neighbours = self._neighbours(T, takes_two_stages(template), X)
         self.coupled_, self._last = {}, dict.fromkeys(self.zones_, np.nan)
         self.own_ = self._work_by_zone({zone: (self._fit_zone, template, X, T[zone]) for zone in self.zones_})
         coupled = {zone: others for zone, others in neighbours.items() if others}
@@ -152,14 +152,16 @@ class BuildingPredictor(BaseBuilding):
             warn_of_zone(zone, told)
         return {zone: found for zone, (found, _) in zip(works, made, strict=True)}
 
-    def _neighbours(self, T: pd.DataFrame, by_itself: bool, named: bool) -> dict[str, tuple[str, ...]]:
+    def _neighbours(self, T: pd.DataFrame, by_itself: bool, X: Any) -> dict[str, tuple[str, ...]]:
         if self.adjacency is not None:
             found = neighbours_of(self.zones_, self.adjacency)
             if by_itself and any(found.values()):
                 raise ValueError("adjacency does nothing with the two-stage scheme; leave it out.")
             refuse_same(T, found)
             return found
-        return {} if by_itself or not named or len(self.zones_) == 1 else found_neighbours(T)
+        if by_itself or not isinstance(X, pd.DataFrame) or len(self.zones_) == 1:
+            return {}
+        return found_neighbours(T.set_axis(X.index) if len(X) == len(T) else T)  # the rows of T may have no stamps
 
     def _fit_zone(
         self,

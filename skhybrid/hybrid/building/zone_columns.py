@@ -188,7 +188,8 @@ def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
         raise ValueError("This estimator requires y to be passed, but the target y is None.")
     y = as_pandas(y, "y")
     if isinstance(y, pd.DataFrame):
-        return y.set_axis([str(c).removeprefix(MEASURED) for c in y.columns], axis=1)
+        by_place = {j: _unless_bools(y.iloc[:, j]) for j in range(y.shape[1])}  # a name may come twice
+        return pd.DataFrame(by_place, y.index).set_axis([str(c).removeprefix(MEASURED) for c in y.columns], axis=1)
     if isinstance(y, pd.Series):
         return y.to_frame("zone" if y.name in (None, "T_za") else str(y.name).removeprefix(MEASURED))
     values = as_numbers(np.asanyarray(y), "y")
@@ -201,6 +202,11 @@ def read_temperatures(y: Any, X: Any) -> pd.DataFrame:
     index = X.index if isinstance(X, pd.DataFrame) and len(X) == len(values) else None
     names = [str(c).removeprefix(MEASURED) for c in here] or [f"zone_{j}" for j in range(values.shape[1])]
     return pd.DataFrame(values, index, names)
+
+
+def _unless_bools(column: pd.Series) -> Any:
+    """A column of a target as float64; True and False, which a zone's predictor refuses, as they are."""
+    return column if column.dtype == bool else numeric(column, f"column {column.name!r} of y")
 
 
 def with_temperatures(X: Any, T: pd.DataFrame, columns: Mapping[str, Any] | None) -> Any:
