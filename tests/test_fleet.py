@@ -315,6 +315,22 @@ def test_a_fallback_takes_over(tmp_path):
     assert fleet.status()["reasons"].str.contains("the fallback forecasts it, because too hard").all()
 
 
+def test_tables_of_other_libraries_and_stamps_in_a_column_are_those_of_pandas():
+    pa = pytest.importorskip("pyarrow")
+    expected = ZoneFleet(ARX).fit(rows(TRAIN)).predict(rows(AHEAD))
+    by_column = [rows(which).rename_axis("time").reset_index() for which in (TRAIN, AHEAD)]
+    pairs = [[(zone, pa.table(X[which])) for zone, X in ZONES.items()] for which in (TRAIN, AHEAD)]
+    for train, ahead in (by_column, map(pa.table, by_column), pairs):
+        pd.testing.assert_frame_equal(ZoneFleet(ARX).fit(train).predict(ahead), expected, check_names=False)
+
+
+def test_a_column_that_comes_twice_is_named():
+    """The message was one of pandas, of a mismatch of lengths."""
+    twice = pd.concat([rows(TRAIN), rows(TRAIN)[["T_oa"]]], axis=1)
+    with pytest.raises(ValueError, match="the first a: column 'T_oa' appears twice in X; keep one of them"):
+        ZoneFleet(ARX).fit(twice)
+
+
 @pytest.mark.parametrize(
     ("X", "said"),
     [

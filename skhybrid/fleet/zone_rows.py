@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from .._files import named_in_errors
-from .._table import refuse_order
+from .._table import as_pandas, refuse_order, refuse_shape
 
 _NUMBER = re.compile(r"(\d+)")
 TARGET = "__y__"  # column of a target that was given beside the table
@@ -64,7 +64,7 @@ def zone_files(X: Any, y: Any, key: str) -> Iterator[ZoneFiles]:
 
 
 def _tables(X: Any, y: Any, key: str) -> Iterator[tuple[Any, pd.DataFrame]]:
-    if isinstance(X, pd.DataFrame):
+    if isinstance(X := as_pandas(X), pd.DataFrame):
         yield from _of_long(X if y is None else _with_target(X, y), key)
         return
     if not isinstance(X, Iterable):
@@ -72,12 +72,11 @@ def _tables(X: Any, y: Any, key: str) -> Iterator[tuple[Any, pd.DataFrame]]:
     if y is not None:
         raise ValueError("y of several tables is their column T_za; leave y out.")
     for item in X.items() if isinstance(X, Mapping) else X:
-        if isinstance(item, pd.DataFrame):
-            yield from _of_long(item, key)
-        elif isinstance(item, tuple) and len(item) == 2 and isinstance(item[1], pd.DataFrame):
-            yield item[0], item[1].drop(columns=key, errors="ignore")
-        else:
+        paired = isinstance(item, tuple) and len(item) == 2
+        rows = as_pandas(item[1] if paired else item)
+        if not isinstance(rows, pd.DataFrame):
             raise ValueError(f"X holds a {type(item).__name__}; give tables, or pairs of a zone and its table.")
+        yield from [(item[0], rows.drop(columns=key, errors="ignore"))] if paired else _of_long(rows, key)
 
 
 def _with_target(X: pd.DataFrame, y: Any) -> pd.DataFrame:
@@ -145,7 +144,9 @@ def read_rows(path: str | PathLike[str]) -> pd.DataFrame:
     """
     where = Path(path)
     if where.suffix == ".pickle":  # a temporary file of this process
-        return pd.read_pickle(where)
+        rows = pd.read_pickle(where)
+        refuse_shape(rows, 0)
+        return rows
     files = [where]
     if where.is_dir():
         files = [file for file in where.rglob("*.parquet") if not _is_hidden(file.relative_to(where))]
