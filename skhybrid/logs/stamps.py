@@ -37,8 +37,9 @@ def parse_stamps(
     zoned = np.zeros(len(text), dtype=bool)
     offsets: set[str] = set()
     for rows in blocks(len(text)):
-        zoned[rows] = ends = text.iloc[rows].str.contains(_HAS_OFFSET, regex=True).to_numpy(dtype=bool)
-        offsets.update(text.iloc[rows][ends].str.strip().str.extract(_OFFSET)[0])
+        part = text.iloc[rows].str.strip()
+        zoned[rows] = ends = part.str.contains(_HAS_OFFSET, regex=True).to_numpy(dtype=bool)
+        offsets.update(part[ends].str.extract(_OFFSET)[0])
     if zoned.any() and not zoned.all():
         row = int(np.argmin(zoned))
         raise ValueError(
