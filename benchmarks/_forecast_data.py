@@ -7,7 +7,7 @@ use the time between training and test.  No origin lies before ``start``.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import lru_cache, partial
 from pathlib import Path
@@ -27,6 +27,15 @@ SEASONS = {
     "winter": ("2018-02-01", "2018-03-14", "2018-03-22", "2018-05-15"),
     "summer": ("2018-06-01", "2018-07-12", "2018-07-20", "2018-09-12"),
 }
+#: days on which nobody works in the small office, by run; its users know them ahead
+DAYS_OFF = {
+    "irregular": ("2018-01-01", "2018-07-04", "2018-11-22", "2018-12-24", "2018-12-25", "2018-12-31"),
+    "regular": (
+        "2018-01-01", "2018-01-15", "2018-02-19", "2018-05-28", "2018-07-04", "2018-09-03", "2018-10-08", "2018-11-22",
+        "2018-12-25",
+    ),
+}  # fmt: skip
+KNOWN = ", calendar known"
 _BUILDING_COLUMNS = {
     "T_oa": "T_out_degC",
     "q_sol": "ghi_kW_m2",
@@ -59,6 +68,7 @@ class DataSet:
     known: Mapping[str, float] = field(default_factory=dict)  # capacity that an identification is given
     capacity: Mapping[str, float] = field(default_factory=dict)  # true capacities of stages [kW]
     truth: Truth | None = None
+    holidays: tuple[str, ...] | None = None  # given to every model that takes them
 
     def delivered(self) -> pd.Series | None:
         """Heat delivered in the later rows [kW]; None if only a stage was logged."""
@@ -89,6 +99,8 @@ def data_sets(buildings: Sequence[Path] = ()) -> dict[str, Callable[[int], DataS
             name = f"office {season}, {control} control"
             found[name] = public.pop(name, partial(_office, season, file))
     found["office autumn, regular occupancy"] = partial(_office, "autumn", "regular")
+    for name in [name for name in found if "winter" not in name]:  # no day off lies in training or test of winter
+        found[name + KNOWN] = partial(_with_calendar, found[name], "regular" if "regular" in name else "irregular")
     found |= public
     for folder in buildings:
         found |= _fresh(folder)
@@ -142,6 +154,11 @@ def _office(season: str, file: str, seed: int) -> DataSet:
     training_run = office_run("irregular" if file == "shifted" else file)
     test_run = office_run(file) if file == "shifted" else training_run
     return split(name, training_run, test_run, SEASONS[season], "7h", site=CHICAGO)
+
+
+def _with_calendar(load: Callable[[int], DataSet], people: str, seed: int) -> DataSet:
+    data = load(seed)
+    return replace(data, name=data.name + KNOWN, holidays=DAYS_OFF[people])
 
 
 def read_home(number: int) -> pd.DataFrame:

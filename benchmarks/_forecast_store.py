@@ -76,10 +76,10 @@ def assess(data: DataSet, name: str, spec: Model, seed: int, tag: str) -> Run:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if name not in _WARM and spec.group != "networks":
-            _warm(spec.make(data, seed), train)
+            _warm(_made(spec, data, seed), train)
             _WARM.add(name)
         begun = time.process_time()
-        model = spec.make(data, seed).fit(train, train["T_za"])
+        model = _made(spec, data, seed).fit(train, train["T_za"])
         fitted = time.process_time()
         frame = backtest(model, later, later["T_za"], origin_step=data.origin_step, start=data.start)
         seconds = time.process_time() - fitted
@@ -97,6 +97,15 @@ def assess(data: DataSet, name: str, spec: Model, seed: int, tag: str) -> Run:
         "date": str(datetime.date.today()),
     }
     return Run(facts, temperature, load)
+
+
+def _made(spec: Model, data: DataSet, seed: int) -> Any:
+    """A model, with the days off of the data set where it takes them."""
+    model = spec.make(data, seed)
+    last = model[-1] if isinstance(model, Pipeline) else model
+    if data.holidays is not None and hasattr(last, "holidays"):
+        last.set_params(holidays=data.holidays)
+    return model
 
 
 def _warm(model: Any, train: pd.DataFrame) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from _forecast_data import data_sets, group_of
+from _forecast_data import KNOWN, data_sets, group_of
 from _forecast_models import AIR_ORACLE, ARX, COMPETITORS, GRAY_BOXES, HYBRID, MODELS, ORACLE, REFITTED
 from _forecast_ratios import Ratio, geometric_mean, ratio
 from _forecast_store import Errors, Run, read_runs
@@ -22,7 +22,8 @@ NOTE = (
     "standard deviation over seeds (of the data in `make_office`, of the network's start elsewhere).  Brackets: 90 % "
     "interval of a paired bootstrap by blocks of three days of origins.  Load: the heat that would have held the "
     "measured temperature, within what the plant ever gave, against the heat delivered; origins 25 h apart.  *Alone*: "
-    "no disturbance is forecast.  Bounds of gray boxes are the paper's, moved with the size of the plant.  *Oracle*: "
+    "no disturbance is forecast.  *Calendar known*: models that take holidays have the days on which nobody worked; in "
+    "winter there is none.  Bounds of gray boxes are the paper's, moved with the size of the plant.  *Oracle*: "
     "true network and state, hour-of-week mean of the true gains of the training weeks (with air: outdoor air by its "
     "conductance, which the change of season does not spoil).  Competitors have the default's "
     "inputs; each lead is compared with the best one at it.  ``forecast.csv`` counts the seeds of each row.  Times are "
@@ -195,6 +196,16 @@ def beside_the_best(runs: Runs) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("data")
 
 
+def worth_of_calendar(runs: Runs) -> pd.DataFrame:
+    """Error of models that know the days off relative to their error without them."""
+    rows: dict[str, dict[str, str]] = {}
+    for (data, model), mine in runs.items():
+        without = runs.get((data.removesuffix(KNOWN), model))
+        if data.endswith(KNOWN) and without is not None and (value := mean_rmse(mine) / mean_rmse(without)) != 1.0:
+            rows.setdefault(model, {})[data.removesuffix(KNOWN)] = f"{value:.2f}"
+    return pd.DataFrame.from_dict(rows, orient="index").fillna("").rename_axis("model")
+
+
 def times(runs: Runs) -> pd.DataFrame:
     """Seconds of a fit and milliseconds of a forecast, medians and worst over the data sets."""
     facts = pd.DataFrame([r.facts for mine in runs.values() for r in mine]).groupby("model")
@@ -213,7 +224,8 @@ def write_results(store: Path, folder: Path = RESULTS) -> list[Path]:
         return []
     table = summary(runs)
     groups = {
-        "small office": lambda data: data.startswith("office"),
+        "small office": lambda data: data.startswith("office") and not data.endswith(KNOWN),
+        "small office" + KNOWN: lambda data: data.endswith(KNOWN),
         "homes and the paper's office": lambda data: data.startswith(("dutch", "make_office")),
     }
     for further in dict.fromkeys(group_of(data) for data, _ in runs if group_of(data)):
@@ -227,8 +239,10 @@ def write_results(store: Path, folder: Path = RESULTS) -> list[Path]:
     for label, keep in groups.items():
         if any(keep(data) for data, _ in runs):
             tables |= _group_tables(runs, label, keep)
+    if len(worth := worth_of_calendar(runs)):
+        tables["Error with the calendar relative to that without it"] = worth
     tables["RMSE by hour ahead [K], geometric mean of all data sets but further buildings"] = by_lead(
-        runs, lambda data: not group_of(data)
+        runs, lambda data: not group_of(data) and not data.endswith(KNOWN)
     )
     tables["Times"] = times(runs)
     folder.mkdir(parents=True, exist_ok=True)
