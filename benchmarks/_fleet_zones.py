@@ -19,6 +19,16 @@ _BOILER = 8.0  # assumed capacity of a home's boiler, whose log has its signal o
 #: first day of training in the fleet, by turns
 STARTS = ("2018-01-08", "2018-05-07", "2018-09-03")
 EP_DATES, HOME_DATES = ("2018-02-19", "2018-10-22"), ("2021-12-08", "2021-12-20")
+#: beginnings of the names of buildings, each a model of which all variants are left out together
+MODELS = (
+    "apartment", "medium_office", "primary_school", "restaurant", "retail", "small_office",
+    "strip_mall", "warehouse",
+)  # fmt: skip
+#: whole buildings that joined the fleet last
+HELD = (
+    "strip_mall_las_vegas", "restaurant_sterling", "warehouse_denver", "medium_office_2019_oklahoma",
+    "apartment_2019_chicago", "retail_2019_tampa",
+)  # fmt: skip
 _HOME_STARTS = {1: "2021-11-24", 2: "2021-11-01", 3: "2021-11-01"}
 
 
@@ -91,8 +101,7 @@ def zones(folder: Path) -> list[Zone]:
 
 
 def _of_folder(folder: Path) -> list[Zone]:
-    found = []
-    whole = ("apartment_newark", "medium_office_san_francisco", "primary_school_phoenix", "retail_colorado_springs")
+    dev = ("apartment_newark", "medium_office_san_francisco", "primary_school_phoenix", "retail_colorado_springs")
     rooms = {
         "apartment_newark": ("m_n1_apartment",),
         "medium_office_san_francisco": ("core_mid", "perimeter_mid_zn_1", "perimeter_mid_zn_3"),
@@ -100,17 +109,15 @@ def _of_folder(folder: Path) -> list[Zone]:
         "small_office_chicago": ("core_zn", "perimeter_zn_1", "perimeter_zn_2", "perimeter_zn_3"),
     }
     new = {"m_n1_apartment", "core_mid", "perimeter_mid_zn_3", "front_retail", "perimeter_zn_1"}
-    files = [("dev", name, "", True) for name in (*whole, "small_office_2019_fresno")]
+    files = [("dev", name, "", True) for name in (*dev, "small_office_2019_fresno")]
     files += [("steps", name, room, room in new) for name, of in rooms.items() for room in of]
+    files += [("held", name, "", True) for name in HELD]
+    found = []
     for k, (group, name, room, is_new) in enumerate(files):
         path = folder / group / f"{name}_{room}{'_' * bool(room)}irregular.csv"
         load = partial(_energyplus, path, "T_in_degC", "q_hvac_kW", "right")
-        building = (
-            "small_office"
-            if name.startswith("small")
-            else name.rsplit("_", 2 if "san" in name or "col" in name else 1)[0]
-        )
-        found.append(Zone(f"{name} {room}".strip(), building, load, STARTS[k % 3], dates=EP_DATES if is_new else ()))
+        model = next(model for model in MODELS if name.startswith(model))
+        found.append(Zone(f"{name} {room}".strip(), model, load, STARTS[k % 3], dates=EP_DATES if is_new else ()))
     return found
 
 
