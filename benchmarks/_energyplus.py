@@ -20,6 +20,11 @@ STEPS_PER_HOUR = 4
 N_STEPS = 365 * 24 * STEPS_PER_HOUR
 #: the year of the label; its 1 January is a Monday.
 YEAR = 2018
+#: days of that year on which the schedules of the offices are those of a holiday
+DAYS_OFF = (
+    "2018-01-01", "2018-01-15", "2018-02-19", "2018-05-28", "2018-07-04", "2018-09-03", "2018-10-08", "2018-11-22",
+    "2018-12-25",
+)  # fmt: skip
 #: kinds of internal gain whose schedules an occupancy may replace.
 GAINS = ("People", "Lights", "ElectricEquipment", "GasEquipment")
 #: kind of gain -> field of its schedule; and the field of its zone.

@@ -13,6 +13,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import pandas as pd
+from _energyplus import DAYS_OFF as OF_SCHEDULES
 from _reference_data import made_buildings, reference
 
 from skhybrid.datasets import load_benchmark, load_dutch_home, read_zone_csv
@@ -30,11 +31,8 @@ SEASONS = {
 #: days on which nobody works in the small office, by run; its users know them ahead
 DAYS_OFF = {
     "irregular": ("2018-01-01", "2018-07-04", "2018-11-22", "2018-12-24", "2018-12-25", "2018-12-31"),
-    "regular": (
-        "2018-01-01", "2018-01-15", "2018-02-19", "2018-05-28", "2018-07-04", "2018-09-03", "2018-10-08", "2018-11-22",
-        "2018-12-25",
-    ),
-}  # fmt: skip
+    "regular": OF_SCHEDULES,
+}
 KNOWN = ", calendar known"
 _BUILDING_COLUMNS = {
     "T_oa": "T_out_degC",

@@ -42,7 +42,7 @@ from _controllers import (
     rule,
     tune,
 )
-from _energyplus import N_STEPS, YEAR
+from _energyplus import DAYS_OFF, N_STEPS, YEAR
 from _report import RESULTS
 
 from skhybrid import ARXRegressor, GrayBoxRC, HybridPredictor, OutputDisturbanceID
@@ -59,8 +59,6 @@ TESTED = (
 SEEDS, FORTNIGHTS = (0, 1), (0, 1, 2)
 LOGS = ("plain", "excited")
 LEADS = {"15 min": 1, "1 h": 4, "4 h": 16, "12 h": 48, "24 h": 96}
-#: of the year; schedules of the buildings follow these holidays
-HOLIDAYS = [f"{YEAR}-{day}" for day in ("01-01", "01-15", "02-19", "05-28", "07-04")]
 LEAD_IN, TUNED_ON = pd.Timedelta("7D"), 21  # before a run's first day, and days of training on which rules are tuned
 INPUTS = ["T_oa", "q_sol", "Q_hvac", "T_za"]
 GAINS_KNOWN = "MPC, gains known"
@@ -76,7 +74,7 @@ class Maker(NamedTuple):
 
 
 def _hybrid(**settings) -> Callable[[], Any]:
-    return lambda: HybridPredictor(holidays=HOLIDAYS, intervals=False, random_state=0, **settings)
+    return lambda: HybridPredictor(holidays=DAYS_OFF, intervals=False, random_state=0, **settings)
 
 
 def _network(model) -> Forecaster:
@@ -88,7 +86,7 @@ def _held(model) -> Forecaster:
 
 
 def _multi_step() -> ARXRegressor:
-    return ARXRegressor(objective="multi_step", holidays=HOLIDAYS)
+    return ARXRegressor(objective="multi_step", holidays=DAYS_OFF)
 
 
 STARTS = {"n_starts": 4, "random_state": 0}

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from _energyplus import DAYS_OFF
 from _office_rooms import OFFICES, on_floors
 from _reference_data import reference
 from _report import write_table
@@ -49,6 +50,7 @@ LEADS = {"1 h": 4, "6 h": 24, "12 h": 48, "24 h": 96}
 N_SAMPLES, N_BOOTSTRAP = 100, 2000
 OFFICES_AS_THEY_ARE = "Offices as they are, heat known"
 ROOMS_APART = "Offices with people and set-points of each room's own, heat known"
+CALENDARS = {"": None, ", calendar known": DAYS_OFF}  # of the offices, whose people keep these days off
 HEAT_AND_T = {"T_za": "T_{}_degC", "Q_hvac": "Q_{}_kW"}
 CONTROLS = {"irregular": "same", "shifted": "new"}  # runs of an office, and how the control of the test is
 
@@ -193,7 +195,7 @@ def by_the_hour(coupling: str) -> dict[str, Any]:
     return out
 
 
-def office(path: Path) -> dict[str, Any]:
+def office(path: Path, holidays: tuple[str, ...] | None) -> dict[str, Any]:
     """Errors [K] in an office of ``make_buildings.py``, under the control of its training and under another one."""
     about = pd.read_csv(path.parent / "meta.csv").set_index(["name", "season"]).loc[path.name, "autumn"]
     logs = {control: _rooms_of(path.with_name(f"{path.name}_{control}.csv"), about) for control in CONTROLS}
@@ -205,7 +207,8 @@ def office(path: Path) -> dict[str, Any]:
 
     train = part(logs["irregular"], *days[:2])
     begun = time.process_time()
-    model = BuildingPredictor(HybridPredictor(intervals=False), adjacency=on_floors(rooms))
+    zone = HybridPredictor(intervals=False, holidays=holidays)
+    model = BuildingPredictor(zone, adjacency=on_floors(rooms))
     model.fit(train, train[[f"T_za_{room}" for room in rooms]])
     out: dict[str, Any] = {"rooms": len(rooms), "fit [s]": time.process_time() - begun}
     for control, log in logs.items():
@@ -254,19 +257,26 @@ def kept(name: str, run: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 def offices(folder: Path) -> dict[str, pd.DataFrame]:
     """Tables of errors in the offices of a folder: as they are, and with people and set-points of each room's own."""
-    rows: dict[str, dict[str, Any]] = {}
-    for name in dict.fromkeys(pd.read_csv(folder / "meta.csv")["name"]):
-        found = kept(f"office_{name}", lambda name=name: office(folder / name))
-        for control, how in CONTROLS.items():
-            both = {what: np.array(found[f"{control} {what}"]) for what in ("by itself", "with neighbours")}
-            ratios = both["with neighbours"] / both["by itself"]
-            row = {"rooms": found["rooms"], "fit [s]": found["fit [s]"]}
-            row |= {f"{what} [K]": float(values.mean()) for what, values in both.items()}
-            row["ratio"] = row["with neighbours [K]"] / row["by itself [K]"]
-            rows[f"{name}, {how} control"] = row | {"ratios of rooms": f"{ratios.min():.2f} to {ratios.max():.2f}"}
-    table = pd.DataFrame(rows).T.rename_axis("office").infer_objects()
-    apart = table.index.str.startswith(tuple(one.name for one in OFFICES if one.doors is not None))
-    return {OFFICES_AS_THEY_ARE: table[~apart], ROOMS_APART: table[apart]}
+    out = {}
+    for label, holidays in CALENDARS.items():
+        rows: dict[str, dict[str, Any]] = {}
+        for name in dict.fromkeys(pd.read_csv(folder / "meta.csv")["name"]):
+            found = kept(f"office_{name}{label}", lambda name=name, holidays=holidays: office(folder / name, holidays))
+            rows |= {f"{name}, {how} control": row_of_office(found, control) for control, how in CONTROLS.items()}
+        table = pd.DataFrame(rows).T.rename_axis("office").infer_objects()
+        apart = table.index.str.startswith(tuple(one.name for one in OFFICES if one.doors is not None))
+        out |= {OFFICES_AS_THEY_ARE + label: table[~apart], ROOMS_APART + label: table[apart]}
+    return out
+
+
+def row_of_office(found: dict[str, Any], control: str) -> dict[str, Any]:
+    """Errors of an office under a control, and their ratio."""
+    both = {what: np.array(found[f"{control} {what}"]) for what in ("by itself", "with neighbours")}
+    ratios = both["with neighbours"] / both["by itself"]
+    row = {"rooms": found["rooms"], "fit [s]": found["fit [s]"]}
+    row |= {f"{what} [K]": float(values.mean()) for what, values in both.items()}
+    row["ratio"] = row["with neighbours [K]"] / row["by itself [K]"]
+    return row | {"ratios of rooms": f"{ratios.min():.2f} to {ratios.max():.2f}"}
 
 
 def tables(couplings: list[str]) -> dict[str, pd.DataFrame]:
@@ -329,8 +339,9 @@ def main() -> None:
         "errors, mean over rooms; rooms: lowest to highest ratio of one room.  Neighbours by the floor plan, or found "
         "in the data (ratio, found).  'neighbours / outdoors': sum of the conductances to neighbours relative to that "
         "outdoors.  The prior shares of the blend were chosen on these rooms, of one seed of gains, and on the first "
-        "office.  Offices with people and set-points of each room's own were looked at once: open: 0.25 m3/s of air "
-        "(0.3 kW/K) between the core and each other room and a fifth of it in the ring; closed: partitions of the "
+        "office.  Calendar known: the models have the days on which nobody works.  Offices with people and set-points "
+        "of each room's own were looked at once without a calendar, and once with it: open: 0.25 m3/s of air (0.3 "
+        "kW/K) between the core and each other room and a fifth of it in the ring; closed: partitions of the "
         "model alone.  Energy scores compare joint samples of a day with the same paths of each "
         "room in any order (independent).  A fit with floor plan and intervals took "
         f"{min(seconds):.0f} to {max(seconds):.0f} s of processor time.",
