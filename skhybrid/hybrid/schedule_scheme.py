@@ -25,6 +25,7 @@ from ..schedule import (
     loads,
     plant_heat,
     scheduled_linear_network,
+    warn_of_days_off,
 )
 from ..thermal import RCNetwork
 from .blending.blend import GROUP_NAMES, by_lead, faded, lead_groups, moments
@@ -82,6 +83,7 @@ class ScheduleScheme(Scheme):
         self._learn(measured, like._others if isinstance(like, ScheduleScheme) else ())
         if like is None:  # else the other has warned of the zone's heat
             warn_of_gain(self._physics.fit_, self.rows.training, self.known, lambda: self.gain_)
+            warn_of_days_off(self._physics.fit_, self.rows.training)
         return self
 
     def _learn(self, measured: ZoneTable, like: Sequence[Member] = ()) -> None:

@@ -1,11 +1,12 @@
 """Schedule model: an RC network with schedules of gain and conductance, fitted on forecast errors at all leads.
 
 Reading order: ``channels`` (inputs with a coefficient), ``segment`` (rows), ``filter_model`` (matrices), ``responses``
-(simulation and filter), ``constrained_ridge`` and ``lead_problem`` (objective), ``fit``; online, ``online_network`` and
-``rolling_network``; then ``schedule_loads`` and ``scheduled_network`` (a fit in the user's terms).  The equations are
-in ``docs/explanation/schedule_model.rst``.
+(simulation and filter), ``constrained_ridge`` and ``lead_problem`` (objective), ``fit`` and ``days_off``; online,
+``online_network`` and ``rolling_network``; then ``schedule_loads`` and ``scheduled_network`` (a fit in the user's
+terms).  The equations are in ``docs/explanation/schedule_model.rst``.
 """
 
+from .days_off import warn_of_days_off
 from .fit import LeadFit, fit_leads
 from .gain_error import LITTLE_ERROR, days_to_determine, step_gain, step_gain_error
 from .network_prior import NetworkPrior, NetworkSums
@@ -41,4 +42,5 @@ __all__ = [
     "scheduled_linear_network",
     "step_gain",
     "step_gain_error",
+    "warn_of_days_off",
 ]

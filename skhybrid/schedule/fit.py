@@ -304,7 +304,7 @@ def weighted(
     The ``usual`` variance (L,) [K2] counts as that of ``n_usual`` more errors, and holds where none is measured.
     """
     root = problem.root_weights(problem.scored)
-    errors = _forecast_errors(root, at.designs[0].reshape(*root.shape, -1), at.solution.coef)
+    errors = forecast_errors(root, at.designs[0].reshape(*root.shape, -1), at.solution.coef)
     known = np.isfinite(errors).sum(axis=0) + n_usual
     squares = np.nansum(errors**2, axis=0) + n_usual * usual
     variance = np.where(known > 0, squares / np.where(known > 0, known, 1.0), usual)
@@ -374,12 +374,12 @@ def _evaluated_by_blocks(problem: LeadProblem, psi: np.ndarray, blocks: np.ndarr
     grams, by_origin = block_grams(E, scored.sample, blocks), E.reshape(*errors.shape, -1)
     for b, (_, others) in enumerate(grams):
         own = slice(*np.searchsorted(blocks, [b, b + 1]))
-        errors[own] = _forecast_errors(root[own], by_origin[own], problem.solve(others).coef)
+        errors[own] = forecast_errors(root[own], by_origin[own], problem.solve(others).coef)
     products = np.sum([own for own, _ in grams], axis=0) + problem.pull_gram(psi)
     return problem.solved(psi, products, (E,)), errors
 
 
-def _forecast_errors(root: np.ndarray, design: np.ndarray, coef: np.ndarray) -> np.ndarray:
+def forecast_errors(root: np.ndarray, design: np.ndarray, coef: np.ndarray) -> np.ndarray:
     """(O, L) errors [K] of a design (O, L, J + 1) of root weights under coefficients; NaN without a measurement."""
     e = design[..., -1] - design[..., :-1] @ coef
     return np.where(root > 0, e / np.where(root > 0, root, 1.0), np.nan)
