@@ -119,7 +119,7 @@ def energy_scores(building: BuildingPredictor, later: pd.DataFrame, origins: np.
         model.update(later[done : origin + 1])
         done = origin + 1
         future = later[done : done + N_LEADS]
-        drawn = model.sample(None, future, N_SAMPLES, random_state=0)
+        drawn = model.sample(None, future, N_SAMPLES, random_state=0).to_numpy().reshape(N_SAMPLES, N_LEADS, len(ROOMS))
         apart = np.stack([rng.permuted(drawn[..., j], axis=0) for j in range(len(ROOMS))], axis=-1)
         truth = temperatures(future).to_numpy()
         both = (drawn, apart)
