@@ -12,7 +12,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from _forecast_data import group_of
+from _forecast_data import KNOWN, group_of
 from _forecast_models import AIR_ORACLE, ARX, HYBRID, ORACLE, REFITTED
 from _forecast_store import HOURS
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
@@ -40,7 +40,7 @@ _FRAME = ("ridge", ARX, REFITTED, HYBRID)
 
 def draw(runs: dict[tuple[str, str], list[Any]], path: Path) -> Path:
     """Write the figure, complete or not at all."""
-    datas = [d for d in dict.fromkeys(data for data, _ in runs) if not group_of(d)]
+    datas = [d for d in dict.fromkeys(data for data, _ in runs) if not (group_of(d) or d.endswith(KNOWN))]
     axes = grid_or_new(None, len(datas), 4, (3.3, 2.5))
     for ax, data in zip(axes, datas, strict=True):
         _panel(ax, {model: mine for (name, model), mine in runs.items() if name == data}, data)

@@ -22,7 +22,7 @@ def office():
 
 
 def told(fit):
-    """What fit says of days."""
+    """Warnings of a fit about days."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         fit()

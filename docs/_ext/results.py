@@ -54,6 +54,23 @@ def errors() -> pd.DataFrame:
     return table("forecast", f"RMSE [K], {_SMALL_OFFICE}").join(table("forecast", f"RMSE [K], {_OTHERS}"))
 
 
+KNOWN = ", calendar known"
+
+
+def calendar_known() -> pd.DataFrame:
+    """Error of the default, and its ratio to the best competitor, without and with the days off of the office."""
+    known = table("forecast", f"RMSE [K], {_SMALL_OFFICE}{KNOWN}").loc["hybrid, full"]
+    logs, ratio = known.index.str.removesuffix(KNOWN), ratios()["to best competitor"]
+    return pd.DataFrame(
+        {
+            "RMSE [K]": errors().loc["hybrid, full", logs],
+            "with the calendar [K]": known.to_numpy(),
+            "ratio to the best competitor": ratio[logs],
+            "ratio with the calendar": ratio[known.index].to_numpy(),
+        }
+    ).rename_axis("log")
+
+
 def competitors() -> pd.DataFrame:
     """RMSE [K] of the default and its competitors, one row per log."""
     names = ["hybrid, full", "ARX", "ARX re-fitted", "ARX, multi-step", "ARX, multi-step, re-fitted"]
