@@ -67,6 +67,13 @@ def test_a_training_without_a_weekend_has_none(office):
     assert told(lambda: model().fit(rows, rows["T_za"])) == []
 
 
+def test_a_training_too_short_to_leave_days_out_has_none(office):
+    rows = office.X["2023-11-25":"2023-11-27"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        assert told(lambda: model().fit(rows, rows["T_za"])) == []
+
+
 def test_a_building_says_it_once_with_its_zones(office):
     zones = {"a": office.X, "b": office.X + np.where(office.X.columns == "T_za", 0.5, 0.0)}
     X = pd.concat(

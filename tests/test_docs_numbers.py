@@ -141,8 +141,8 @@ def forecast() -> Iterator[str]:
     with_calendar = missed.index.str.endswith(results.KNOWN)
     known = missed.groupby(missed.index.str.removesuffix(results.KNOWN)).last()  # rows with the calendar come later
     yield (
-        f"(it is {100 * home - 100:.0f} % worse than ARX re-fitted), and the third on {missed[~with_calendar].sum()} of "
-        f"the {sum(~with_calendar)} logs, on {known.sum()} if the models know the calendar."
+        f"(it is {100 * home - 100:.0f} % worse than ARX re-fitted), and the third on {missed[~with_calendar].sum()} "
+        f"of the {sum(~with_calendar)} logs, on {known.sum()} if the models know the calendar."
     )
     arx, refitted = held_buildings()
     yield (

@@ -43,7 +43,7 @@ def days_like_weekends(fit: LeadFit, training: ZoneTable) -> list[str]:
     if not (fit.plan.calendar and isinstance(training.index, pd.DatetimeIndex)):
         return []
     weekend, sample = training.weekend, fit.sample
-    if weekend.all() or not weekend.any():
+    if weekend.all() or not weekend.any() or np.isnan(fit.left_out).all():
         return []
     dates, day = np.unique(wall_clock(training.time).to_numpy().astype("M8[D]"), return_inverse=True)
     targets, inside = sample.targets(training.n_rows)
