@@ -38,10 +38,11 @@ def test_days_on_which_an_office_was_closed_are_named(office):
     assert text.startswith("2023-11-23 and 2023-11-24 were used like a weekend; if the building was closed, holidays=")
 
 
-@pytest.mark.parametrize("given", [CLOSED, "US"])
-def test_a_day_that_holidays_name_is_not(office, given):
-    text = told(lambda: model(holidays=given).fit(office.X, office.y))
-    assert text == [] if given is CLOSED else text[0].startswith("2023-11-24 was used")
+def test_a_day_that_holidays_name_is_not(office):
+    assert told(lambda: model(holidays=CLOSED).fit(office.X, office.y)) == []
+    (text,) = told(lambda: model(holidays="US").fit(office.X, office.y))  # Thanksgiving, and not the day after
+    assert "2023-11-24" in text
+    assert "2023-11-23" not in text
 
 
 def test_a_local_day_is_named_in_any_time_zone(office):

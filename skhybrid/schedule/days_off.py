@@ -17,7 +17,7 @@ from .fit import LeadFit, forecast_errors
 from .segment import Segment
 
 _LARGE = 5.0  # mean squared error of forecasts of such a day, relative to that of a usual day
-_LEFT = 0.3  # share of it that is left if the day counts as one of a weekend
+_LEFT = 0.4  # share of it that is left if the day counts as one of a weekend
 _SUNDAY = 6
 
 
