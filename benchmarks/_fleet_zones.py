@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from _buildings import BUILDINGS
 from _reference_data import SHARED, reference
 
 from skhybrid.datasets import load_dutch_home, make_house, make_office, read_zone_csv
@@ -20,15 +21,11 @@ _BOILER = 8.0  # assumed capacity of a home's boiler, whose log has its signal o
 STARTS = ("2018-01-08", "2018-05-07", "2018-09-03")
 EP_DATES, HOME_DATES = ("2018-02-19", "2018-10-22"), ("2021-12-08", "2021-12-20")
 #: beginnings of the names of buildings, each a model of which all variants are left out together
-MODELS = (
-    "apartment", "medium_office", "primary_school", "restaurant", "retail", "small_office",
-    "strip_mall", "warehouse",
+_MODELS = (
+    "apartment", "medium_office", "primary_school", "restaurant", "retail", "small_office", "strip_mall", "warehouse",
 )  # fmt: skip
 #: whole buildings that joined the fleet last
-HELD = (
-    "strip_mall_las_vegas", "restaurant_sterling", "warehouse_denver", "medium_office_2019_oklahoma",
-    "apartment_2019_chicago", "retail_2019_tampa",
-)  # fmt: skip
+HELD = tuple(building.name for building in BUILDINGS if building.held_out)
 _HOME_STARTS = {1: "2021-11-24", 2: "2021-11-01", 3: "2021-11-01"}
 
 
@@ -116,7 +113,7 @@ def _of_folder(folder: Path) -> list[Zone]:
     for k, (group, name, room, is_new) in enumerate(files):
         path = folder / group / f"{name}_{room}{'_' * bool(room)}irregular.csv"
         load = partial(_energyplus, path, "T_in_degC", "q_hvac_kW", "right")
-        model = next(model for model in MODELS if name.startswith(model))
+        model = next(model for model in _MODELS if name.startswith(model))
         found.append(Zone(f"{name} {room}".strip(), model, load, STARTS[k % 3], dates=EP_DATES if is_new else ()))
     return found
 

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from _energyplus import DAYS_OFF
+from _forecast_data import KNOWN
 from _office_rooms import OFFICES, on_floors
 from _reference_data import reference
 from _report import write_table
@@ -50,7 +51,7 @@ LEADS = {"1 h": 4, "6 h": 24, "12 h": 48, "24 h": 96}
 N_SAMPLES, N_BOOTSTRAP = 100, 2000
 OFFICES_AS_THEY_ARE = "Offices as they are, heat known"
 ROOMS_APART = "Offices with people and set-points of each room's own, heat known"
-CALENDARS = {"": None, ", calendar known": DAYS_OFF}  # of the offices, whose people keep these days off
+CALENDARS = {"": None, KNOWN: DAYS_OFF}  # of the offices, whose people keep these days off
 HEAT_AND_T = {"T_za": "T_{}_degC", "Q_hvac": "Q_{}_kW"}
 CONTROLS = {"irregular": "same", "shifted": "new"}  # runs of an office, and how the control of the test is
 

@@ -19,7 +19,7 @@ _HOW = "give a country or state such as 'US' or 'DE-BY', or a list of dates such
 
 @dataclass(frozen=True)
 class Holidays:
-    """The holidays of a country or state, or given dates; by default none."""
+    """The holidays of a country or state, and given dates; by default none."""
 
     place: str | None = None  # as the ``holidays`` package names it
     dates: tuple[str, ...] = ()  # such as "2018-12-25"
@@ -55,10 +55,9 @@ def _day_of_week(stamps: pd.DatetimeIndex, holidays: Holidays) -> np.ndarray:
 @lru_cache(maxsize=256)
 def _dates_between(holidays: Holidays, first: int, last: int) -> np.ndarray:
     """Dates (m,) of all holidays in some years, in order, and one that never comes."""
-    if holidays.place is None:
-        found = [np.array(holidays.dates, dtype="M8[D]")]
-    else:
-        found = [_holidays_of(holidays.place, year) for year in range(first, last + 1)]
+    found = [np.array(holidays.dates, dtype="M8[D]")]
+    if holidays.place is not None:
+        found += [_holidays_of(holidays.place, year) for year in range(first, last + 1)]
     return np.unique(np.concatenate([*found, [np.datetime64("9999-12-31")]]))
 
 

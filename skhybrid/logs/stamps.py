@@ -37,7 +37,7 @@ def parse_stamps(
     zoned = np.zeros(len(text), dtype=bool)
     offsets: set[str] = set()
     for rows in blocks(len(text)):
-        part = text.iloc[rows].str.strip()
+        part = text.iloc[rows]
         zoned[rows] = ends = part.str.contains(_HAS_OFFSET, regex=True).to_numpy(dtype=bool)
         offsets.update(part[ends].str.extract(_OFFSET)[0])
     if zoned.any() and not zoned.all():

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from .._holidays import Holidays
 from .._table import ZoneTable
 from .._time import wall_clock
 from .._warnings import warn_user
@@ -18,7 +17,6 @@ from .segment import Segment
 
 _LARGE = 5.0  # mean squared error of forecasts of such a day, relative to that of a usual day
 _LEFT = 0.4  # share of it that is left if the day counts as one of a weekend
-_SUNDAY = 6
 
 
 def warn_of_days_off(fit: LeadFit, training: ZoneTable) -> None:
@@ -47,18 +45,18 @@ def days_like_weekends(fit: LeadFit, training: ZoneTable) -> list[str]:
         return []
     dates, day = np.unique(wall_clock(training.time).to_numpy().astype("M8[D]"), return_inverse=True)
     targets, inside = sample.targets(training.n_rows)
-    squares = _by_day(fit.left_out**2, np.where(inside, day[targets], -1), len(dates))
+    target_day = np.where(inside, day[targets], -1)
+    squares = _by_day(fit.left_out**2, target_day, len(dates))
     working = ~np.isin(np.arange(len(dates)), day[weekend])
     suspect = np.flatnonzero(working & (squares > _LARGE * np.nanmedian(squares)))
     if not len(suspect):
         return []
-    near = np.isin(day[targets], suspect).any(axis=1)
+    near = np.isin(target_day, suspect).any(axis=1)
     chosen = ForecastSample(np.ascontiguousarray(sample.origins[near]), sample.leads)
-    place = np.where(inside, day[targets], -1)[near]
-    off = np.union1d(suspect, day[training.day_of_week == _SUNDAY])
-    turned = training.replace(holidays=Holidays(dates=tuple(dates[off].astype(str))))
+    named = (*training.holidays.dates, *dates[suspect].astype(str).tolist())
+    turned = training.replace(holidays=replace(training.holidays, dates=named))
     segments = fit.segment, fit.make_segment(turned, training.history["T_za"])
-    as_is, as_weekend = (_by_day(_errors(fit, s, chosen) ** 2, place, len(dates))[suspect] for s in segments)
+    as_is, as_weekend = (_by_day(_errors(fit, s, chosen) ** 2, target_day[near], len(dates))[suspect] for s in segments)
     return dates[suspect[as_weekend < _LEFT * as_is]].astype(str).tolist()
 
 
